@@ -6,17 +6,23 @@
 use freeplay_laws::{Baseline, LawError, Placed, Prediction, Start};
 use nalgebra::{DMatrix, DVectorView};
 
-use crate::numbers::{ROUNDING, SHARES_OF_A_STEP, TURNS};
 use crate::residual::Kind;
 
 /// What is tried between two stops beside the middle.
 const BEGINNINGS: [f64; 4] = [-1.0, -0.5, 0.5, 1.0];
 /// What is tried in a bearing first.
 const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
-/// The longest step from a place to a better one, of 1 + |w|.
+/// How far a place is moved to see what that changes, and the longest step from one to a better one, both of 1 + |w|.
+const NUDGE: f64 = 0.02;
 const LONGEST: f64 = 0.5;
 /// How far out w goes: to 0.999 of the clearance.
 const OUTERMOST: f64 = 22.0;
+const MOST_STEPS: usize = 8;
+/// Shares of a step that are tried where more is left behind the whole one.
+const SHARES_OF_A_STEP: [f64; 3] = [1.0, 0.3, 0.1];
+/// Share of the squares by which a step has to be better to be followed by another.
+const WORTH_A_STEP: f64 = 1e-5;
+
 /// Share of the squares that another beginning has to take away.
 const LEAST_LESS: f64 = 0.05;
 
@@ -131,8 +137,7 @@ impl InBearing {
     /// The place so many of these nudges away, no farther than one step.
     fn towards(self, nudges: [f64; 2]) -> Self {
         let scale = 1.0 + square(&self.0).sqrt();
-        let way =
-            [0, 1].map(|i| if self.0[i] > 0.0 { -nudges[i] } else { nudges[i] } * ROUNDING.sqrt() * scale);
+        let way = [0, 1].map(|i| if self.0[i] > 0.0 { -nudges[i] } else { nudges[i] } * NUDGE * scale);
         let shorter = (LONGEST * scale / square(&way).sqrt()).min(1.0);
         let there = [0, 1].map(|i| self.0[i] + shorter * way[i]);
         let inwards = (OUTERMOST / square(&there).sqrt()).min(1.0);
@@ -162,7 +167,7 @@ pub(crate) fn within<T, E>(
         }
     }
     let Some((mut least, mut place, mut here)) = best else { return Ok(None) };
-    for _ in 0..TURNS {
+    for _ in 0..MOST_STEPS {
         let [first, second] = place.nudged().map(&at);
         let (Some(first), Some(second)) = (first?, second?) else { break };
         let Some(nudges) = step(&here, [&first, &second]) else { break };
@@ -176,7 +181,7 @@ pub(crate) fn within<T, E>(
                 break;
             }
         }
-        if least > (1.0 - ROUNDING.sqrt()) * before {
+        if least > (1.0 - WORTH_A_STEP) * before {
             break;
         }
     }

@@ -11,12 +11,14 @@ use crate::error::ResidualError;
 use crate::long::most_rows;
 use crate::motion::{Settings, Treatment};
 use crate::notes::{self, MotionTally};
-use crate::numbers::FINEST;
 use crate::residual::{Kind, Residuals, check_joints, residuals};
 use crate::tally::ChannelTally;
 
 /// The schema of [`Comparison`] as JSON.
 pub const SCHEMA: &str = "freeplay.compare/1";
+
+/// A channel that varies by less than this share of the largest of its unit is not worth judging.
+const NEGLIGIBLE: f64 = 1e-6;
 
 /// How far a model is from a recording: `freeplay compare --format json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -91,7 +93,7 @@ impl Comparison {
         self.channels
             .iter()
             .filter(|channel| !any_torque || is_torque(channel))
-            .filter(|channel| channel.std_measured > FINEST * greatest(channel.unit))
+            .filter(|channel| channel.std_measured > NEGLIGIBLE * greatest(channel.unit))
             .filter_map(|channel| Some((channel, channel.nrmse_std?)))
             .max_by(|(_, a), (_, b)| a.total_cmp(b))
             .map(|(channel, _)| channel)

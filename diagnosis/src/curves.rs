@@ -12,8 +12,8 @@ pub(crate) struct Curves {
     whole: Residuals,
     /// Points of which those are kept where a channel is farthest from its model; none are left out for 1.
     run: usize,
-    /// Time between two points without a gap between them, s.
-    step_s: f64,
+    /// Two points farther apart have a gap between them, s.
+    gap_s: f64,
     /// Time of the last point that came, s.
     last: f64,
 }
@@ -23,7 +23,7 @@ impl Curves {
     pub fn new(points: usize, step_s: f64, is_long: bool) -> Self {
         let run = if is_long { points.div_ceil(MOST_POINTS) } else { 1 };
         let whole = Residuals { t: Vec::new(), stretches: Vec::new(), channels: Vec::new() };
-        Self { whole, run, step_s, last: f64::NEG_INFINITY }
+        Self { whole, run, gap_s: 1.5 * step_s, last: f64::NEG_INFINITY }
     }
 
     /// Appends one part.
@@ -47,7 +47,7 @@ impl Curves {
     }
 
     fn append(&mut self, part: &Residuals, stretch: &Range<usize>) {
-        let goes_on = ((part.t[stretch.start] - self.last) / self.step_s).round() <= 1.0;
+        let goes_on = part.t[stretch.start] - self.last < self.gap_s;
         self.last = part.t[stretch.end - 1];
         let begin = self.whole.t.len();
         // A channel has a lowest and a highest point in a run.

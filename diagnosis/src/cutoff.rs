@@ -19,7 +19,7 @@ use crate::motion::{LEAST_CUTOFF, Treatment};
 use crate::presence::only;
 use crate::statistics::{Moments, Quantile};
 
-/// Bands of the two octaves by which the cutoff is lowered at most, each a third of an octave wide.
+/// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
 const BANDS: u8 = 6;
 /// Most of a torque's variance that the noise of the motion may make: a tenth of its deviation.
 const MOST_NOISE: f64 = 0.01;
@@ -31,8 +31,7 @@ const FAR_MORE: f64 = 4.0;
 pub(crate) fn cutoff_for(arm: &Arm, recording: &Recording, treatment: &Treatment) -> f64 {
     let (rate_hz, top_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
     let Some(measured) = recording.tau.as_ref() else { return top_hz };
-    let cutoffs_hz =
-        (0..=BANDS).rev().map(|third| top_hz / (2.0 * f64::from(third) / f64::from(BANDS)).exp2());
+    let cutoffs_hz = (0..=BANDS).rev().map(|third| top_hz / (f64::from(third) / 3.0).exp2());
     let passes: Vec<LowPass> = cutoffs_hz.filter_map(|hz| LowPass::new(rate_hz, hz).ok()).collect();
     let torques = rigid_torques(arm, &treatment.fine_motion(recording), None);
     let more = white_noise(recording, treatment);

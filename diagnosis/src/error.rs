@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use freeplay_recording::Recording;
 use thiserror::Error;
 
-use crate::diagnose::shortest_share;
 use crate::grid::FEWEST;
 
 /// Length of recordings that a diagnosis asks for where there is too little, s.
 const ENOUGH_S: f64 = 10.0;
+/// Share of a single recording that the shortest of its parts is, which are fitted and judged apart; of several each is used as it is.
+const SHORTEST_PART: f64 = 0.25;
 
 /// Why residuals can't be formed.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -122,7 +123,7 @@ impl ResidualError {
         let Self::TooShort { origin, longest_s, needed_s, cutoff_hz } = self else { return self.to_string() };
         let whole = recordings.iter().find(|recording| recording.origin == *origin);
         let whole_s = whole.map_or(*longest_s, Recording::duration);
-        let parts = if recordings.len() > 1 { 1.0 } else { shortest_share() };
+        let parts = if recordings.len() > 1 { 1.0 } else { SHORTEST_PART };
         format!(
             "{}: too short: it lasts {whole_s:.1} s; a low-pass at {cutoff_hz:.1} Hz needs {needed_s:.2} s without a gap in each of the parts \
              that are fitted and judged on; record at least {:.0} s of motion without a gap, or set a higher --lowpass",
@@ -158,6 +159,6 @@ mod tests {
         );
         assert!(!said.contains("--trim") && !said.contains("0.396"));
         let said = short(8.0).in_a_diagnosis(&whole);
-        assert!(said.contains("at 0.5 Hz") && said.contains("at least 54 s"), "{said}");
+        assert!(said.contains("at 0.5 Hz") && said.contains("at least 32 s"), "{said}");
     }
 }

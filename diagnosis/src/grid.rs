@@ -6,14 +6,13 @@ use std::ops::Range;
 use freeplay_recording::Recording;
 
 use crate::error::ResidualError;
-use crate::numbers::{MOSTLY, ROUNDING};
 use crate::presence::bridged;
 use crate::stamps::steadied;
 use crate::statistics::{roughness, span};
 
 /// A step this many times longer than the tenth-longest per cent of steps is a gap: nothing is interpolated across it.
 const GAP_STEPS: f64 = 10.0;
-/// Fewest samples of a recording that a grid is laid through: what a cubic between two of them looks at.
+/// Fewest samples of a recording that a grid is laid through.
 pub(crate) const FEWEST: usize = 4;
 /// Stamps that are nowhere farther than this share of a step from a uniform grid are taken as uniform.
 const EVEN: f64 = 0.02;
@@ -21,6 +20,8 @@ const EVEN: f64 = 0.02;
 const BURST: f64 = 4.0;
 /// Positions this much smoother on even times than on the stamps were sampled evenly: it is the stamps that shake.
 const SMOOTHER: f64 = 0.8;
+/// Of what a position spans, what nobody sees.
+const UNSEEN: f64 = 1e-8;
 
 /// A part of a recording without a gap, on the uniform grid.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,7 +82,7 @@ impl Grid {
             return None;
         }
         let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-        let place = (MOSTLY * steps.len() as f64) as usize;
+        let place = steps.len() * 9 / 10;
         let longest = GAP_STEPS * *steps.select_nth_unstable_by(place, f64::total_cmp).1;
         let (count, sum) =
             steps.iter().filter(|step| **step <= longest).fold((0.0, 0.0), |(n, s), d| (n + 1.0, s + d));
@@ -125,7 +126,7 @@ impl Grid {
     /// How rough `column` of `recording` is on the grid.
     fn roughness(&self, recording: &Recording, column: &[f64]) -> f64 {
         let even = self.stretches.iter().flat_map(|s| self.resample(s, recording, column).into_owned());
-        roughness(&even.collect::<Vec<_>>()) + ROUNDING * span(column).max(f64::MIN_POSITIVE)
+        roughness(&even.collect::<Vec<_>>()) + UNSEEN * span(column).max(f64::MIN_POSITIVE)
     }
 
     fn add(&mut self, t: &[f64], rows: Range<usize>) {

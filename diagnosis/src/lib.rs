@@ -40,7 +40,6 @@ mod long;
 mod made;
 mod motion;
 mod notes;
-mod numbers;
 pub mod page;
 mod presence;
 pub mod recorded;

@@ -9,18 +9,26 @@ use std::ops::Range;
 use freeplay_recording::Recording;
 
 use crate::error::ResidualError;
-use crate::grid::{FEWEST, Grid, Stretch, no_grid};
+use crate::grid::{Grid, Stretch, no_grid};
 use crate::motion::Treatment;
 use crate::stamps::steadied;
 
 /// Rows times joints up to which a recording is worked on as a whole, and of each part of a longer one.
 const MOST_NUMBERS: usize = 2_000_000;
+/// Rows, if that is more: a part is far longer than what it shares with its neighbours.
+const FEWEST_ROWS: usize = 100_000;
 /// Windows that a long recording is judged by; they make up one part together.
-pub(crate) const WINDOWS: usize = 8;
+const WINDOWS: usize = 8;
+/// Settling times of the filter by which a part reaches into its neighbours.
+const SETTLINGS: f64 = 2.0;
+/// Time that this gives laws with a memory to run in, s: an eighth of a part at most.
+const MEMORY_S: f64 = 10.0;
+/// Rows beyond an end that interpolation looks at.
+const BEYOND: usize = 3;
 
 /// Rows of a recording of `joints` joints up to which it is worked on as a whole.
 pub(crate) fn most_rows(joints: usize) -> usize {
-    MOST_NUMBERS / joints.max(1)
+    (MOST_NUMBERS / joints.max(1)).max(FEWEST_ROWS)
 }
 
 /// Grid points of the stretch number `stretch` that one part keeps.
@@ -91,8 +99,8 @@ impl Grid {
             whole.rows.start + span.start..whole.rows.start + span.end
         } else {
             let t = &recording.t[whole.rows.clone()];
-            let first = t.partition_point(|t| *t <= time(span.start)).saturating_sub(FEWEST);
-            let end = t.partition_point(|t| *t < time(span.end - 1)) + FEWEST;
+            let first = t.partition_point(|t| *t <= time(span.start)).saturating_sub(BEYOND);
+            let end = t.partition_point(|t| *t < time(span.end - 1)) + BEYOND;
             whole.rows.start + first..whole.rows.end.min(whole.rows.start + end)
         };
         let shake = self.is_steadied && !whole.even;
@@ -138,8 +146,8 @@ impl Treatment {
 
     fn part(&self, recording: &Recording, cuts: &[Cut], most: usize) -> Self {
         let rate_hz = self.rate_hz();
-        // A part reaches as far into its neighbours as laws with a memory need to run in, and filters that run forward and back to settle.
-        let lead = (most / WINDOWS).max((2.0 * self.filter.settling_time() * rate_hz).ceil() as usize);
+        let memory = ((MEMORY_S * rate_hz) as usize).min(most / WINDOWS);
+        let lead = memory.max((SETTLINGS * self.filter.settling_time() * rate_hz).ceil() as usize);
         let (filter, fine) = (self.filter.clone(), self.fine.clone());
         let grid = self.grid.part(recording, cuts, lead);
         Self { grid, filter, fine, every: self.every, notes: Vec::new() }

@@ -10,9 +10,8 @@ use crate::cutoff::cutoff_for;
 use crate::error::ResidualError;
 use crate::filter::{LowPass, derivatives};
 use crate::grid::{Grid, Stretch};
-use crate::numbers::ROUNDING;
 use crate::presence::only;
-use crate::statistics::{POINTS, Quantile};
+use crate::statistics::Quantile;
 
 /// The default cutoff: this share of the sampling rate, within these bounds, Hz.
 const CUTOFF_SHARE: f64 = 0.03;
@@ -21,8 +20,10 @@ const GREATEST_CUTOFF: f64 = 40.0;
 /// The fine cutoff is this many times the cutoff, but no more than this share of the rate.
 const FINE: f64 = 3.0;
 const MOST_FINE: f64 = 0.4;
-/// Least number of points per period of the cutoff, of those that are recorded and of those that are kept.
-pub(crate) const POINTS_PER_PERIOD: f64 = 4.0;
+/// Least number of points kept per period of the cutoff.
+const POINTS_PER_PERIOD: f64 = 4.0;
+/// Periods of the cutoff that a stretch must last to be used.
+const LEAST_PERIODS: f64 = 4.0;
 /// The ends left out are at most this share of a stretch.
 const GREATEST_TRIM: f64 = 0.125;
 
@@ -40,7 +41,7 @@ pub struct Settings {
 /// The cutoff for a recording of `rate_hz` samples a second, Hz: 3 % of the rate, but 10 Hz at least (an arm's motion is
 /// below), 40 Hz at most (its structure resonates from about there on), and never above a quarter of the rate.
 pub fn default_cutoff_hz(rate_hz: f64) -> f64 {
-    (CUTOFF_SHARE * rate_hz).clamp(LEAST_CUTOFF, GREATEST_CUTOFF).min(rate_hz / POINTS_PER_PERIOD)
+    (CUTOFF_SHARE * rate_hz).clamp(LEAST_CUTOFF, GREATEST_CUTOFF).min(rate_hz / 4.0)
 }
 
 /// The treatment: the uniform grid, the zero-phase low-pass, the ends left out, the decimation. The same for every
@@ -59,7 +60,7 @@ impl Treatment {
     ///
     /// # Errors
     /// [`ResidualError::Stamps`], [`ResidualError::Cutoff`], [`ResidualError::Trim`], and [`ResidualError::TooShort`] if no stretch
-    /// lasts as long as the filter remembers.
+    /// lasts four periods of the cutoff.
     pub fn new(arm: &Arm, recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
         Self::judged_by(arm, recording, settings, usize::MAX)
     }
@@ -103,7 +104,7 @@ impl Treatment {
         let cutoff_hz = settings.lowpass_hz.unwrap_or_else(|| default_cutoff_hz(rate_hz));
         let filter = LowPass::new(rate_hz, cutoff_hz)?;
         let fine = LowPass::new(rate_hz, (FINE * cutoff_hz).min(MOST_FINE * rate_hz).max(cutoff_hz))?;
-        let every = ((rate_hz / (POINTS_PER_PERIOD * cutoff_hz) + ROUNDING) as usize).max(1);
+        let every = ((rate_hz / (POINTS_PER_PERIOD * cutoff_hz) + 1e-6) as usize).max(1);
         let mut treatment = Self { grid, filter, fine, every, notes: Vec::new() };
         treatment.drop_short_stretches(recording, settings.trim_s)?;
         treatment.leave_ends_out(settings.trim_s);
@@ -116,7 +117,8 @@ impl Treatment {
         trim_s: Option<f64>,
     ) -> Result<(), ResidualError> {
         let step = self.grid.step;
-        let needed_s = self.filter.settling_time().max(2.0 * trim_s.unwrap_or(0.0) + 2.0 * step);
+        let needed_s =
+            (LEAST_PERIODS / self.filter.cutoff_hz()).max(2.0 * trim_s.unwrap_or(0.0) + 2.0 * step);
         let lasts = |stretch: &Stretch| (stretch.len - 1) as f64 * step;
         let longest_s = self.grid.stretches.iter().map(lasts).fold(0.0, f64::max);
         let all = self.grid.stretches.len();
@@ -153,7 +155,7 @@ impl Treatment {
         let (step, settling_s) = (self.grid.step, self.filter.settling_time());
         for stretch in &mut self.grid.stretches {
             let most_s = GREATEST_TRIM * (stretch.len - 1) as f64 * step;
-            let trim = (trim_s.unwrap_or(settling_s.min(most_s)) / step + ROUNDING) as usize;
+            let trim = (trim_s.unwrap_or(settling_s.min(most_s)) / step + 1e-6) as usize;
             stretch.keep = trim..stretch.len - trim;
         }
     }
@@ -365,6 +367,7 @@ impl Treatment {
 
 /// Share of the power of white noise that `wide` lets through and `narrow` does not, by their gains' closed form.
 fn share_between(narrow: &LowPass, wide: &LowPass, rate_hz: f64) -> f64 {
+    const POINTS: usize = 2000;
     let at = |k: usize| (k as f64 + 0.5) / POINTS as f64 * 0.5 * rate_hz;
     let power = |f: f64| (wide.gain(f) - narrow.gain(f)).powi(2);
     (0..POINTS).map(|k| power(at(k))).sum::<f64>() / POINTS as f64

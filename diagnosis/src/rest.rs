@@ -17,8 +17,8 @@ use crate::residual::{Kind, Residuals, Sharpening, residuals_along};
 /// A joint that moves less than this, rad (m), does not move.
 pub(crate) const STILL: f64 = 1e-4;
 
-/// A joint whose position changes by less than this many standard deviations of its encoder's noise stands still: one such change in 10⁵ is noise.
-pub(crate) const UNMOVED: f64 = 4.5;
+/// A joint whose position stays within this many standard deviations of its encoder's noise for as long as the filter remembers stands still.
+const UNMOVED: f64 = 4.5;
 /// A joint just moves at this speed, rad/s (m/s): the sign of it is one, and viscous friction is nothing yet.
 const CREEP: f64 = 10.0 * DriveFriction::SMOOTHING;
 

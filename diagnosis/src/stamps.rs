@@ -4,8 +4,12 @@ use std::ops::Range;
 
 /// A lost sample is told by this many stamps on either side.
 const AROUND: usize = 31;
+/// Least part of a step by which the stamps after a lost sample are later than those before.
+const LOST: f64 = 0.6;
 /// Samples on either side of where a loss is seen best among which it is sought.
 const NEAR: usize = 3;
+/// Steadied stamps may be off what was written by half a step in the middle of [`AROUND`]; a clock that drifts more is left alone.
+const OFF: f64 = 0.5;
 
 /// The stamps `t` of samples that were taken at even times, of which some were lost, and stamped late by chance: the straight line
 /// through them, over the count of all samples. Stretch by stretch of `stretches`; `None` where no such line fits.
@@ -28,8 +32,7 @@ fn line(t: &[f64]) -> Option<Vec<f64>> {
     }
     let (start, step) = fitted(&counts, t);
     let left = off(&counts, t, start, step);
-    // A clock that drifts by a step is left alone.
-    let drifts = left.chunks(AROUND).any(|part| median(part).round() != 0.0);
+    let drifts = left.chunks(AROUND).any(|part| median(part).abs() > OFF);
     (step > 0.0 && !drifts).then(|| counts.iter().map(|count| start + step * count).collect())
 }
 
@@ -37,7 +40,7 @@ fn line(t: &[f64]) -> Option<Vec<f64>> {
 fn losses(off: &[f64]) -> Vec<(usize, f64)> {
     let later = |row: usize| median(&off[row..row + AROUND]) - median(&off[row - AROUND..row]);
     // No loss hides where two stamps a window apart are no farther than they should be.
-    let suspect = |row: &usize| off[row + AROUND - 1] - off[row - AROUND] > 0.0 && later(*row).round() > 0.0;
+    let suspect = |row: &usize| off[row + AROUND - 1] - off[row - AROUND] > 0.0 && later(*row) > LOST;
     let rows: Vec<usize> = (AROUND..off.len().saturating_sub(AROUND)).filter(suspect).collect();
     rows.chunk_by(|a, b| b - a <= NEAR)
         .map(|run| {

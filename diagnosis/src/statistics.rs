@@ -1,58 +1,14 @@
-//! Moments of a signal, blocks of its rows, and what is sure.
+//! Moments of a signal, and blocks of its rows.
 
 use std::ops::Range;
-
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-
-/// Odds from which something is told: 20 to 1, as is usual for a name (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773, "strong"). Intervals of 95 % leave out one in so
-/// many, half of it on either side.
-pub(crate) const ODDS: f64 = 20.0;
-
-/// What a normal number exceeds in size once in [`ODDS`], in standard deviations.
-pub(crate) const UNUSUAL: f64 = 1.959_963_984_540_054;
-
-/// Standard deviation of a quantity spread evenly over ±1: 1/√3.
-pub(crate) const EVEN: f64 = 0.577_350_269_189_625_8;
-
-/// Draws, or points, that stand for what has no closed form: a quantile of 2.5 % is known to half a percent of them.
-pub(crate) const POINTS: usize = 1000;
 
 /// Length of a block of rows that are taken to be alike, s: longer than what neighbours share, shorter than a motion.
 pub(crate) const BLOCK_S: f64 = 0.5;
 
-/// Nothing that an arm does, or that is done to it, is shorter, s.
-pub(crate) const BRIEFEST_S: f64 = 0.05;
-
 /// The blocks of `stretch`, whose rows are `step` s apart, each [`BLOCK_S`] long but for the last.
 pub(crate) fn blocks(stretch: Range<usize>, step: f64) -> impl Iterator<Item = Range<usize>> {
-    let (long, end) = (((BLOCK_S / step) as usize).max(1), stretch.end);
-    stretch.step_by(long).map(move |from| from..from.saturating_add(long).min(end))
-}
-
-/// The 95 % interval of what `drawn` says, `None` of nothing.
-pub(crate) fn interval(mut drawn: Vec<f64>) -> Option<[f64; 2]> {
-    drawn.sort_by(f64::total_cmp);
-    let beyond = (drawn.len() as f64 / (2.0 * ODDS)) as usize;
-    Some([*drawn.get(beyond)?, drawn[drawn.len() - 1 - beyond]])
-}
-
-/// What `of` says of the sums of `blocks`, with the 95 % interval of a bootstrap of blocks (Künsch 1989, Ann. Statist. 17:1217): `None` of fewer than two.
-pub(crate) fn bootstrapped(
-    blocks: &[[f64; 2]],
-    of: impl Fn([f64; 2]) -> f64,
-    seed: u64,
-) -> (f64, Option<[f64; 2]>) {
-    let sum = |pick: &mut dyn Iterator<Item = usize>| {
-        pick.fold([0.0, 0.0], |sum, k| [sum[0] + blocks[k][0], sum[1] + blocks[k][1]])
-    };
-    let value = of(sum(&mut (0..blocks.len())));
-    if blocks.len() < 2 {
-        return (value, None);
-    }
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut draw = || of(sum(&mut (0..blocks.len()).map(|_| rng.next_u64() as usize % blocks.len())));
-    (value, interval((0..POINTS).map(|_| draw()).filter(|x| x.is_finite()).collect()))
+    let (long, end) = (((BLOCK_S / step.max(1e-12)) as usize).max(1), stretch.end);
+    stretch.step_by(long).map(move |from| from..(from + long).min(end))
 }
 
 /// A quantile of |x|.

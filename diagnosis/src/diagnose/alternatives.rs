@@ -10,7 +10,9 @@ use super::report::{Alternative, EvidenceRow};
 use super::search::Search;
 use super::system::Fit;
 use super::words;
-use crate::numbers::{FEW, ROUNDING};
+
+/// Most alternatives of one finding that are listed.
+pub(crate) const LISTED: usize = 3;
 
 /// Another effect in the place of a finding.
 #[derive(Clone, Copy, Debug)]
@@ -69,7 +71,7 @@ fn nearest(search: &Search, without: &Fit, member: usize) -> Vec<usize> {
     }
     let mut order: Vec<(f64, usize)> = best.into_values().collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    order.into_iter().take(FEW).map(|(_, index)| index).collect()
+    order.into_iter().take(LISTED).map(|(_, index)| index).collect()
 }
 
 fn alternative(search: &Search, &Tried { member, index, against }: &Tried) -> Alternative {
@@ -113,7 +115,7 @@ pub(crate) fn rows_of_evidence(search: &Search, bare: &Fit, fit: &Fit) -> Vec<Ev
         row.beside = row.beside.max(value(beside));
     }
     let mut rows: Vec<EvidenceRow> = rows.into_values().filter(|row| row.alone > f64::MIN).collect();
-    rows.iter_mut().for_each(|row| row.beside = row.beside.max(-1.0 / ROUNDING));
+    rows.iter_mut().for_each(|row| row.beside = row.beside.max(-1e9));
     rows.sort_by(|a, b| b.alone.total_cmp(&a.alone));
     rows
 }

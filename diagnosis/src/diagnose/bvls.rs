@@ -2,8 +2,6 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::numbers::ROUNDING;
-
 /// The x inside `limits` with the least ½xᵀAx − bᵀx, A positive definite; `None` if A is singular.
 pub(crate) fn bounded(a: &DMatrix<f64>, b: &DVector<f64>, limits: &[[f64; 2]]) -> Option<DVector<f64>> {
     let n = limits.len();
@@ -17,23 +15,17 @@ pub(crate) fn bounded(a: &DMatrix<f64>, b: &DVector<f64>, limits: &[[f64; 2]]) -
         return Some(found);
     }
     let mut free: Vec<bool> = (0..n).map(|k| limits[k][0] < x[k] && x[k] < limits[k][1]).collect();
-    let mut least = f64::INFINITY;
     // Each pass frees one variable or ends; an active set never comes twice, since the objective falls.
-    loop {
+    for _ in 0..10 * n + 10 {
         descend(a, b, limits, &mut x, &mut free)?;
         let gradient = b - a * &x;
-        let value = -0.5 * (b + &gradient).dot(&x);
-        if value >= least {
-            break;
-        }
-        least = value;
         let pull = |k: usize| {
             let inwards = if x[k] <= limits[k][0] { gradient[k] } else { -gradient[k] };
             inwards / a[(k, k)].sqrt()
         };
         let scale = (0..n).map(|k| (b[k] / a[(k, k)].sqrt()).abs()).fold(f64::MIN_POSITIVE, f64::max);
         let next = (0..n).filter(|&k| !free[k]).max_by(|&i, &j| pull(i).total_cmp(&pull(j)));
-        match next.filter(|&k| pull(k) > ROUNDING * scale) {
+        match next.filter(|&k| pull(k) > 1e-12 * scale) {
             Some(k) => free[k] = true,
             None => break,
         }
@@ -49,11 +41,12 @@ fn pivoted(
     limits: &[[f64; 2]],
     start: &DVector<f64>,
 ) -> Option<DVector<f64>> {
+    /// Most often three to six are enough.
+    const PASSES: usize = 25;
     let n = limits.len();
     let mut x = start.clone();
     let mut free: Vec<bool> = (0..n).map(|k| limits[k][0] < x[k] && x[k] < limits[k][1]).collect();
-    // One that comes to an end moves each variable about once.
-    for _ in 0..=n {
+    for _ in 0..PASSES {
         let open: Vec<usize> = (0..n).filter(|&k| free[k]).collect();
         let mut held = x.clone();
         open.iter().for_each(|&k| held[k] = 0.0);
@@ -65,7 +58,7 @@ fn pivoted(
         let mut is_done = true;
         for k in 0..n {
             let [least, most] = limits[k];
-            let slack = ROUNDING * (b[k].abs() + a[(k, k)] * x[k].abs());
+            let slack = 1e-12 * (b[k].abs() + a[(k, k)] * x[k].abs());
             if free[k] && !inside(x[k], limits[k]) {
                 (x[k], free[k], is_done) = (x[k].clamp(least, most), false, false);
             } else if !free[k] && most > least {

@@ -16,7 +16,6 @@ use super::moments::{Moments, in_one_recording, window};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use crate::begin::InBearing;
-use crate::numbers::{FINEST, ROUNDING};
 use crate::residual::Kind;
 use crate::statistics::span;
 
@@ -416,6 +415,9 @@ fn fastest<'c, 'a>(data: &'c Data<'a>, joint: Option<usize>) -> &'c Stage<'a> {
         .fold(first, |most, stage| if greatest(stage) > greatest(most) { stage } else { most })
 }
 
+/// Least share of a column's square that the columns of the same law before it do not say, for the motion to show its term: above what rounding leaves.
+const OWN_SHARE: f64 = 1e-8;
+
 /// Which of `columns` say something that those before them don't.
 fn independent(columns: &[Column]) -> Vec<usize> {
     let n = columns.len();
@@ -431,7 +433,7 @@ fn independent(columns: &[Column]) -> Vec<usize> {
         let cross = DVector::from_iterator(found.len(), found.iter().map(|&k| gram[(k, place)]));
         let said = Cholesky::new(known).map_or(0.0, |factor| cross.dot(&factor.solve(&cross)));
         let whole = gram[(place, place)];
-        if whole > 0.0 && whole - said > ROUNDING * whole {
+        if whole > 0.0 && whole - said > OWN_SHARE * whole {
             found.push(place);
         }
     }
@@ -440,12 +442,14 @@ fn independent(columns: &[Column]) -> Vec<usize> {
 
 /// Whether `column`, with the greatest coefficient of its `term`, says anything that could be measured: a force along the axis of a joint is a rounding error.
 fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
+    /// Least share of what a channel measures: a converter of 20 bits.
+    const SEEN: f64 = 1e-6;
     let most = term.least.abs().max(term.most.abs());
     column.iter().enumerate().any(|(c, part)| {
         let (stage, channel) = data.place(c);
         let measured: f64 = data.stages[stage].channels[channel].measured.iter().map(|x| x * x).sum();
         let said = part.as_ref().map_or(0.0, |rows| dot(rows, rows));
-        said > 0.0 && said.sqrt() * most > FINEST * measured.sqrt()
+        said > 0.0 && said.sqrt() * most > SEEN * measured.sqrt()
     })
 }
 

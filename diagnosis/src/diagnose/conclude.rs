@@ -27,7 +27,9 @@ use super::search::{AS_GOOD, Answer, Search};
 use super::system::{Fit, all_but};
 use super::words;
 use crate::residual::Kind as ChannelKind;
-use crate::statistics::ODDS;
+
+/// Chance below which a part of the motion is named.
+const SIGNIFICANT: f64 = 0.05;
 
 /// The diagnosis of recordings that can't tell, because of `lack`: what is wrong; what to do.
 pub(crate) fn insufficient(
@@ -530,7 +532,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                     joint: joint.map(|joint| self.arm().joints()[joint].name.clone()),
                     channels,
                     share: sum / all.max(f64::MIN_POSITIVE),
-                    when: words::when(strongest.filter(|map| map.p < 1.0 / ODDS)),
+                    when: words::when(strongest.filter(|map| map.p < SIGNIFICANT)),
                     p: strongest.map_or(1.0, |map| map.p),
                 }
             })
@@ -585,7 +587,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let noise = ChannelNoise {
                 deviation: rms?.max(system.weights.noise[c]),
                 per_second: system.weights.rows[c].effective()
-                    / lasts.max(step * stretch.len().min(1) as f64).max(f64::MIN_POSITIVE),
+                    / lasts.max(step * stretch.len().min(1) as f64).max(1e-9),
             };
             Some((data.stages[0].channels[c].name.clone(), noise))
         };

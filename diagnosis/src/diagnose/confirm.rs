@@ -2,7 +2,6 @@
 
 use super::alternatives::tried;
 use super::search::{Answer, Search, WORTH};
-use crate::numbers::TURNS;
 
 /// `members` with their numbers in agreement, once nothing that is tried in the place of one of them is more probable; `None` if the system is singular.
 pub(crate) fn confirmed(
@@ -10,8 +9,9 @@ pub(crate) fn confirmed(
     members: Vec<usize>,
     progress: &mut dyn FnMut(&str),
 ) -> Option<Answer> {
+    /// The search has come to rest before; what is found here is a member that imitates another law in part.
+    const TURNS: usize = 4;
     let mut instead = search.improve(members, progress)?.members;
-    // The search has come to rest before; what is found here is a member that imitates another law in part.
     for turn in 1.. {
         progress("trying others in the place of each finding");
         let polished = search.polished(instead)?;

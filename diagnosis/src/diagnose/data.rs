@@ -11,7 +11,6 @@ use super::parts::{Part, parts_of};
 use super::rows::rows_that_count;
 use super::stage::{Answer, Stage};
 use super::tolerance::{Nuisance, Tolerances, nuisances};
-use crate::numbers::ROUNDING;
 use crate::residual::Kind;
 
 /// Share of a step that the low-pass remembers at the end of its settling time, about.
@@ -140,7 +139,7 @@ impl<'a> Data<'a> {
             let Some(rows) = part else { continue };
             let size = rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             self.count(channel, rows);
-            if rows.iter().all(|x| x.abs() <= ROUNDING * size) {
+            if rows.iter().all(|x| x.abs() <= 1e-9 * size) {
                 *part = None;
             }
         }
@@ -201,6 +200,8 @@ impl<'a> Data<'a> {
 
     /// The columns of the tolerances and the precision of the prior of each: those that no prior binds once for each recording.
     pub fn tolerances(&self) -> (Vec<Column>, Vec<f64>) {
+        /// A prior so wide that it says nothing, beside columns of a thousandth of a unit.
+        const FREE: f64 = 1e-12;
         let (mut columns, mut precision) = (Vec::new(), Vec::new());
         let nothing = || vec![None; self.per_stage()];
         for index in 0..self.nuisances.first().map_or(0, Vec::len) {
@@ -210,7 +211,7 @@ impl<'a> Data<'a> {
                 for only in stages.clone() {
                     let answers = stages.clone().map(|s| if s == only { answer(s) } else { nothing() });
                     columns.push(self.raw_column(answers.collect()));
-                    precision.push(0.0);
+                    precision.push(FREE);
                 }
             } else {
                 columns.push(self.raw_column(stages.map(answer).collect()));

@@ -9,7 +9,6 @@ use super::noise::{Noise, normals};
 use super::stage::Stage;
 use crate::filter::derivatives;
 use crate::residual::Kind;
-use crate::statistics::EVEN;
 
 /// Measured minus model in every channel of `data`, were nothing missing and every number of the model exact: what noise and rounding of positions and
 /// channels leave, by the random numbers of `seed`.
@@ -92,7 +91,7 @@ fn misreading(rng: &mut ChaCha8Rng, position: &[f64], noise: &Noise) -> Vec<f64>
     if step <= 0.0 {
         return normals(rng, position.len(), noise.deviation);
     }
-    let beside_rounding = (noise.deviation.powi(2) - (0.5 * step * EVEN).powi(2)).max(0.0).sqrt();
+    let beside_rounding = (noise.deviation.powi(2) - step * step / 12.0).max(0.0).sqrt();
     let zero = 0.5 * step * (2.0 * f64::from(rng.next_u32()) / f64::from(u32::MAX) - 1.0);
     let errors = normals(rng, position.len(), beside_rounding);
     let read = |(position, error): (&f64, f64)| {

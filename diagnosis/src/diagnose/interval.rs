@@ -11,9 +11,14 @@ use toml::{Table, Value};
 use super::candidate::Candidate;
 use super::noise::normal;
 use super::report::Parameter;
-use super::search::STEPS;
 use super::system::{Fit, System};
-use crate::statistics::{POINTS, interval as interval_of, span};
+
+/// Draws of the posterior: a quantile of 2.5 % is known to half a percent of them.
+const DRAWS: usize = 1000;
+/// Steps of a shape's number, as [`Candidate::moved`] counts them, between which the curvature of the evidence is taken.
+const STEPS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
+/// Greatest standard deviation in such steps: beyond, the motion does not tell the number.
+const VAGUE: f64 = 1.0;
 
 /// How sure a number of a shape is.
 struct Loose {
@@ -29,7 +34,7 @@ struct Loose {
 pub(crate) fn parameters(system: &mut System, fit: &Fit, seed: u64) -> Vec<BTreeMap<String, Parameter>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let factor = Cholesky::new(covariance(system, fit)).map(|factor| factor.l());
-    let draws: Vec<DVector<f64>> = (0..POINTS)
+    let draws: Vec<DVector<f64>> = (0..DRAWS)
         .map(|_| {
             let white = DVector::from_fn(fit.beta.len(), |_, _| normal(&mut rng));
             factor.as_ref().map_or_else(|| fit.beta.clone(), |lower| &fit.beta + lower * white)
@@ -72,9 +77,11 @@ fn of_member(
         })
         .collect();
     let interval = |name: &str| {
-        let values: Vec<f64> =
+        let mut values: Vec<f64> =
             drawn.iter().filter_map(|table| table.get(name).and_then(Value::as_float)).collect();
-        (span(&values) > 0.0).then(|| interval_of(values)).flatten()
+        values.sort_by(f64::total_cmp);
+        let (first, last) = (values.first()?, values.last()?);
+        (first < last).then(|| [values[values.len() / 40], values[values.len() - 1 - values.len() / 40]])
     };
     let joint = candidate.joint.map(|joint| &system.data.arm().joints()[joint]);
     let table = candidate.parameters(system.coefficients(fit, place));
@@ -102,7 +109,7 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
         // The evidence falls by half of (step/deviation)².
         let (mut over, mut under, mut square) = (0.0, 0.0, 0.0);
         let mut pull = DVector::zeros(best.beta.len());
-        for step in [STEPS[1], -STEPS[1]] {
+        for step in STEPS {
             let form = system.candidate(member).moved(system.data, &[(&name, 1.0)], step);
             let Some(other) = system.candidate(member).reformed(system.data, form) else { continue };
             let Some(at) = system.take(other) else { continue };
@@ -116,8 +123,7 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
         }
         let deviation = (over / under).sqrt();
         if deviation.is_finite() && square > 0.0 {
-            // Beyond the next shape that is laid out the motion does not tell the number.
-            all.push(Loose { name, deviation: deviation.min(1.0), pull: pull / square });
+            all.push(Loose { name, deviation: deviation.min(VAGUE), pull: pull / square });
         }
     }
     all

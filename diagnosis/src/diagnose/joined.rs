@@ -12,7 +12,11 @@ use toml::Table;
 use super::candidate::Candidate;
 use super::columns::dot;
 use super::data::{Data, less};
-use crate::numbers::{ROUNDING, SAME, TURNS};
+
+/// Steps of the least squares: laws are nearly linear in the coefficients of their terms.
+const STEPS: usize = 4;
+/// Share of a coefficient by which it is moved for a derivative, and the amount where it is zero, in the step of its term.
+const NUDGE: f64 = 1e-3;
 
 /// The table that says what `given` and `candidate` with `coefficients` of its shown terms say together; `None` if none says nine tenths of it, as where a machine
 /// can't have both.
@@ -46,7 +50,7 @@ pub(crate) fn joined(
         Some((off(&said(&x)?, &whole), table(&x)))
     });
     let (off, table) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (off < (1.0 - SAME) * dot(&whole, &whole)).then_some(table)
+    (off < 0.01 * dot(&whole, &whole)).then_some(table)
 }
 
 /// One step of each coefficient, in its own unit.
@@ -64,12 +68,11 @@ fn solved(
     mut x: Vec<f64>,
     scales: &[f64],
 ) -> Option<Vec<f64>> {
-    for _ in 0..TURNS {
+    for _ in 0..STEPS {
         let here = said(&x)?;
         let mut columns = Vec::with_capacity(x.len());
         for (k, scale) in scales.iter().enumerate() {
-            // Less would be lost among what rounding leaves of laws that are solved for, more in what bends.
-            let step = ROUNDING.sqrt() * if x[k] == 0.0 { *scale } else { x[k].abs() };
+            let step = NUDGE * if x[k] == 0.0 { *scale } else { x[k].abs() };
             let mut nudged = x.clone();
             nudged[k] += step;
             let there = said(&nudged)?;
@@ -81,7 +84,7 @@ fn solved(
         let n = x.len();
         let mut normal = DMatrix::from_fn(n, n, |i, j| dot(&columns[i], &columns[j]));
         // A term that this motion does not show stays as it is.
-        (0..n).for_each(|k| normal[(k, k)] = normal[(k, k)] * (1.0 + ROUNDING) + f64::MIN_POSITIVE);
+        (0..n).for_each(|k| normal[(k, k)] = normal[(k, k)] * (1.0 + 1e-12) + f64::MIN_POSITIVE);
         let right = DVector::from_fn(n, |k, _| dot(&columns[k], &missing));
         let step = normal.cholesky()?.solve(&right);
         x.iter_mut().zip(step.iter()).for_each(|(x, step)| *x += step);

@@ -6,8 +6,11 @@ use serde::Serialize;
 
 use super::stage::Stage;
 use super::variables::{Variable, variables};
-use crate::numbers::{BINS, ROUNDING};
-use crate::statistics::POINTS;
+
+/// Bins of a map.
+const BINS: usize = 12;
+/// Circular shifts of the null.
+const SHIFTS: usize = 199;
 
 /// A conditional mean of a channel's residual: how it depends on one variable.
 #[derive(Clone, Debug, Serialize)]
@@ -42,11 +45,11 @@ pub(crate) fn maps(stage: &Stage, channel: usize, rows: &[f64], kept: &[f64], se
         let x: Vec<f64> = counted.iter().map(|&k| variable.values[k]).collect();
         let bins = Bins::new(&x)?;
         let explained = bins.explained(&residual, 0);
-        let shifted: Vec<f64> = (0..POINTS)
+        let shifted: Vec<f64> = (0..SHIFTS)
             .map(|_| {
-                // Neighbours are alike: a shift by less than a bin is none.
+                // Neighbours are alike: a shift by less than a tenth is none.
                 let n = residual.len();
-                let shift = n / BINS + rng.next_u64() as usize % (n - 2 * (n / BINS)).max(1);
+                let shift = n / 10 + rng.next_u64() as usize % (n - n / 5).max(1);
                 bins.explained(&residual, shift)
             })
             .collect();
@@ -65,7 +68,7 @@ pub(crate) fn maps(stage: &Stage, channel: usize, rows: &[f64], kept: &[f64], se
 }
 
 /// Chance that a number like `shifted` is at least `explained`: counted, and beyond all of them by the tail of a gamma distribution of
-/// their mean and variance (Wilson & Hilferty 1931), [`ROUNDING`] at the least.
+/// their mean and variance (Wilson & Hilferty 1931), 10⁻⁹ at the least.
 fn chance(shifted: &[f64], explained: f64) -> f64 {
     let count = shifted.len() as f64;
     let stronger = shifted.iter().filter(|x| **x >= explained).count();
@@ -81,7 +84,7 @@ fn chance(shifted: &[f64], explained: f64) -> f64 {
     let z = ((explained / mean).cbrt() - 1.0 + 1.0 / (9.0 * shape)) * 3.0 * shape.sqrt();
     // Bound of Mills (1926) on the tail of a normal.
     let tail = (-0.5 * z * z).exp() / (z.max(1.0) * std::f64::consts::TAU.sqrt());
-    tail.clamp(ROUNDING, 1.0 / (count + 1.0))
+    tail.clamp(1e-9, 1.0 / (count + 1.0))
 }
 
 /// Corrects the p-values of all maps for their number (Holm 1979).
@@ -108,7 +111,7 @@ impl Bins {
         let mut order: Vec<usize> = (0..x.len()).collect();
         order.sort_by(|&a, &b| x[a].total_cmp(&x[b]));
         let (least, most) = (x[*order.first()?], x[*order.last()?]);
-        if most - least <= ROUNDING * most.abs().max(least.abs()) || x.len() < 4 * BINS {
+        if most - least <= 1e-12 || x.len() < 4 * BINS {
             return None;
         }
         let mut of = vec![0; x.len()];

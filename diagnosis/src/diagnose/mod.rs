@@ -57,7 +57,6 @@ pub use engine::{DiagnoseError, DiagnoseSettings};
 pub use excite::{ChannelNoise, Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
 pub use gain::Gain;
 pub use locate::Map;
-pub(crate) use parts::shortest_share;
 pub use passage::{Passage, Trace};
 pub use report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, EvidenceRow, Fit, Location,

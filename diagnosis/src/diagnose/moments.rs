@@ -3,7 +3,7 @@
 use freeplay_laws::{Kind as EffectKind, kinds};
 use toml::{Table, Value};
 
-use super::alternatives::instead;
+use super::alternatives::{LISTED, instead};
 use super::candidate::{Candidate, Form, at_place, places};
 use super::conclude::{holds_nothing, is_told, removed};
 use super::data::{Data, REMEMBERED, add_all, less, sum_of};
@@ -19,11 +19,10 @@ use super::tails;
 use super::weights::Weights;
 use super::whitening::Whitening;
 use super::windows::{Step, Torque, windows};
-use crate::motion::POINTS_PER_PERIOD;
-use crate::numbers::FEW;
 use crate::residual::Kind;
-use crate::statistics::BRIEFEST_S;
 
+/// The shortest push that is looked for, s.
+const BRIEFEST: f64 = 0.05;
 /// Most happenings of a recording that are looked for once all else is found, and windows of each that are laid out.
 const MOST: usize = 8;
 /// Names of the numbers of a law that begins and ends.
@@ -102,11 +101,11 @@ fn step_of(stage: &Stage) -> Step {
     Step::new(seen[middle.saturating_sub(reach)..(middle + reach).min(seen.len())].to_vec())
 }
 
-/// The rows of `stage` at which something may set in or end: [`POINTS_PER_PERIOD`] in a period of its low-pass's cutoff.
+/// The rows of `stage` at which something may set in or end: four in a period of its low-pass's cutoff.
 fn edges_of(stage: &Stage) -> Vec<usize> {
     let motion = stage.motion();
     let step = motion.stretches.first().map_or(1.0, |stretch| motion.step(stretch));
-    let every = (1.0 / (POINTS_PER_PERIOD * stage.ground.treatment.filter().cutoff_hz() * step)) as usize;
+    let every = (0.25 / stage.ground.treatment.filter().cutoff_hz() / step) as usize;
     (0..motion.len()).step_by(every.max(1)).collect()
 }
 
@@ -210,7 +209,7 @@ fn odds(
             alternatives.push(instead(data.arm(), named, other, against));
         }
         alternatives.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
-        alternatives.truncate(FEW);
+        alternatives.truncate(LISTED);
         odds.push((log_odds, alternatives));
     }
     Some(odds)
@@ -359,7 +358,7 @@ fn is_inside(data: &Data, candidate: &Candidate) -> bool {
         return true;
     };
     let edge = 0.5 / stage.ground.treatment.filter().cutoff_hz();
-    begin > first + BRIEFEST_S && end < last - BRIEFEST_S && end - begin > edge
+    begin > first + BRIEFEST && end < last - BRIEFEST && end - begin > edge
 }
 
 /// What `members` say of every row, as it is.

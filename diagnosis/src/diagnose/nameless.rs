@@ -7,7 +7,10 @@ use super::shapes::{Knots, Shapes};
 use super::system::{Fit, System};
 use super::weights::{LEAST_SHARE, USUAL_SHARE, Weights};
 use crate::residual::Kind;
-use crate::statistics::{Moments, UNUSUAL};
+use crate::statistics::Moments;
+
+/// A share of discrepancy this many times the usual one has 20 : 1 against it: the two-sided quantile of a normal at 95 %.
+const UNUSUAL: f64 = 1.96;
 
 /// Whether more is missing than `fit` names in the rows that `weights` weigh: laws are off by a share of a torque that is unusual for this machine, or something
 /// is left of a pose in which no finding shows.

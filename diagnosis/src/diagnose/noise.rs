@@ -5,15 +5,19 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::motion::Treatment;
-use crate::numbers::{FINEST, MOSTLY, ROUNDING, SAME};
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
-use crate::statistics::{EVEN, Quantile, span, white_noise};
+use crate::statistics::{Quantile, span, white_noise};
 
-/// What no measurement of a robot is better than: a torque as a share of what it spans (a current of twelve bits has 2.4e-4), a tracked
-/// tool, m, or an encoder of a link, rad or m. Finer than that a model is not true either, and simulated recordings have no noise at all.
+/// What no sensor is believed to be better than, as a share of what its channel spans in the recording: a little over 23 bits. Without it a
+/// simulated recording, which has no noise at all, would make every rounding error a finding.
+const FINEST: f64 = 1e-7;
+
+/// What no measurement of a robot is better than: a torque as a share of what it spans (a current of twelve bits has 2.4e-4), a tracked tool, m,
+/// an encoder of a link, rad or m. Finer than that a model is not true either, and simulated recordings have no noise at all.
 const FINEST_TORQUE: f64 = 3e-4;
-const FINEST_POSE: f64 = 1e-6;
+const FINEST_TOOL: f64 = 2e-6;
+const FINEST_LINK: f64 = 1e-6;
 
 /// Noise of one column.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,7 +33,7 @@ impl Noise {
     /// differences leave nothing of a smooth motion; their median does not mind a few jumps (Hampel 1974).
     pub fn of(samples: &[f64], raw: &[f64]) -> Self {
         let step = rounding(raw);
-        let least = (0.5 * step * EVEN).max(FINEST * span(samples));
+        let least = (step / 12_f64.sqrt()).max(FINEST * span(samples));
         Self { deviation: white_noise(samples).max(least), step }
     }
 }
@@ -80,7 +84,8 @@ impl Noises {
             };
             let finest = match channel.kind {
                 Kind::Torque(_) => FINEST_TORQUE * span(&read),
-                Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => FINEST_POSE,
+                Kind::Tool(_) => FINEST_TOOL,
+                Kind::Link(_) | Kind::Position(_) => FINEST_LINK,
             };
             Noise { deviation: fine.deviation.max(above).max(finest), ..fine }
         };
@@ -105,7 +110,7 @@ fn rounding(samples: &[f64]) -> f64 {
     }
     changes.sort_by(f64::total_cmp);
     // A few glitches aside.
-    let glitches = (((1.0 - SAME) * changes.len() as f64) as usize).min(4);
+    let glitches = (changes.len() / 50).min(4);
     let near = &changes[glitches..changes.len().min(glitches + most)];
     // A joint that hardly ever moves slowly shows no single step.
     let candidates = (1..=MOST_STEPS).map(|times| near[0] / f64::from(times));
@@ -121,7 +126,7 @@ fn refined(step: f64, changes: &[f64]) -> f64 {
     sums[0] / sums[1].max(f64::MIN_POSITIVE)
 }
 
-/// Whether most `changes` are multiples of `step`, and that is why they differ: at a steady speed all are about alike.
+/// Whether nine of ten `changes` are multiples of `step`, and that is why they differ: at a steady speed all are about alike.
 fn are_multiples(changes: &[f64], step: f64) -> bool {
     let off = |change: f64| change - (change / step).round() * step;
     let near: Vec<f64> = changes
@@ -133,8 +138,7 @@ fn are_multiples(changes: &[f64], step: f64) -> bool {
     let [beside, apart] = near.iter().fold([0.0, 0.0], |[beside, apart], change| {
         [beside + off(*change).powi(2), apart + (change - mean).powi(2)]
     });
-    let is_most = near.len() as f64 > MOSTLY * changes.len() as f64;
-    is_most && beside <= (1.0 - SAME) * apart + ROUNDING * mean * mean * near.len() as f64
+    near.len() * 10 > changes.len() * 9 && beside <= 0.01 * apart + 1e-8 * mean * mean * near.len() as f64
 }
 
 /// `count` normal numbers of deviation `deviation`.
@@ -152,7 +156,7 @@ pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
 pub(crate) fn effective_samples(x: &[f64]) -> f64 {
     let n = x.len();
     let power: f64 = x.iter().map(|x| x * x).sum();
-    if power <= 0.0 {
+    if n < 8 || power <= 0.0 {
         return n as f64;
     }
     let mut sum = 0.0;

@@ -3,17 +3,15 @@
 use super::data::Data;
 use super::noise::Noise;
 use super::parts::{Part, file_name};
-use super::rows::rests;
 use super::stage::Stage;
-use crate::notes::WORTH_A_WORD;
-use crate::numbers::ROUNDING;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
-use crate::statistics::{BLOCK_S, Moments};
+use crate::rest::STILL;
+use crate::statistics::Moments;
 use crate::stuck::Stuck;
 
-/// Least length of what a fit rests on, and of a rest that is worth leaving out, s.
-pub(crate) const LEAST_S: f64 = 2.0;
+/// Least length of what a fit rests on, s.
+const LEAST_S: f64 = 2.0;
 
 /// What makes these recordings useless for any finding: one sentence and what to do; `None` if they are not.
 pub(crate) fn lack(data: &Data) -> Option<String> {
@@ -26,7 +24,7 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
         data.parts.iter().enumerate().map(of_stage).sum()
     };
     let [fit, choice, test] = [Part::Fit, Part::Choice, Part::Test].map(lasts);
-    if fit < LEAST_S || choice + test < BLOCK_S {
+    if fit < LEAST_S || choice + test < 0.25 * LEAST_S {
         let names: Vec<String> = data.stages.iter().map(file_name).collect();
         let whole: f64 = data
             .stages
@@ -42,7 +40,14 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
             names.join(" and ")
         ));
     }
-    let moves = |joint: usize| data.stages.iter().any(|stage| !rests(stage, joint));
+    let moves = |joint: usize| {
+        data.stages.iter().any(|stage| {
+            let q = &stage.motion().q[joint];
+            let (least, most) =
+                q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), q| (l.min(*q), m.max(*q)));
+            most - least > STILL
+        })
+    };
     if !(0..data.arm().dof()).any(moves) {
         return Some("no joint moves; record a motion of the joints in question".to_owned());
     }
@@ -72,7 +77,7 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
                 continue;
             }
             let spread = Moments::of(&channel.measured).std;
-            if spread <= ROUNDING * Moments::of(&channel.measured).rms || spread == 0.0 {
+            if spread <= 1e-9 * Moments::of(&channel.measured).rms || spread == 0.0 {
                 notes.push(format!("{} is constant: nothing is to be seen in it", channel.name));
             }
             if is_coarse(noise, spread) {
@@ -81,7 +86,7 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
             let kept = &data.counts[number * data.per_stage() + index];
             let measured = only(kept, channel.present.as_deref());
             let left_out = 1.0 - measured.iter().sum::<f64>() / measured.len().max(1) as f64;
-            if let (Kind::Torque(joint), true) = (channel.kind, left_out > WORTH_A_WORD) {
+            if let (Kind::Torque(joint), true) = (channel.kind, left_out > 0.02) {
                 partly.push(format!("{:.0} % of {}", 100.0 * left_out, stage.arm().joints()[joint].name));
             }
         }
@@ -115,7 +120,7 @@ fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
     ))
 }
 
-/// Rounding that shows in the signal's spread.
+/// Rounding that is a tenth of the signal's spread.
 fn is_coarse(noise: &Noise, spread: f64) -> bool {
-    noise.step > WORTH_A_WORD * spread && spread > 0.0
+    noise.step > 0.1 * spread && spread > 0.0
 }

@@ -7,10 +7,8 @@ use freeplay_laws::DriveFriction;
 use nalgebra::{Matrix3, Vector3};
 
 use super::stage::Stage;
-use crate::numbers::MOSTLY;
 use crate::presence::masked;
 use crate::residual::Kind;
-use crate::rest::UNMOVED;
 use crate::statistics::Moments;
 
 /// A joint slower than this share of its greatest speed for longer than the filter remembers stands still, unless its encoder sees it creep.
@@ -18,6 +16,11 @@ const STANDING: f64 = 2e-3;
 /// The low-pass with the cutoff f_c rounds the corner of a speed where a joint starts to stick or to slip: by about this times the acceleration over f_c,
 /// seen on simulated stops.
 const ROUNDED: f64 = 0.05;
+/// A joint whose position changes by less than this many standard deviations of its encoder's noise from one sample to the next may stick: one such change
+/// in 10⁵ is noise.
+const UNMOVED: f64 = 4.5;
+/// A joint that stands for more than this share of the time is judged at rest: what is not friction shows there, too.
+const MOSTLY: f64 = 0.9;
 /// Share of what a sharper look at the motion adds to the model's torque that a still sharper one may add: the series of looks halves at each octave or faster.
 const HIDDEN: f64 = 0.1;
 
@@ -56,7 +59,6 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
         return all(0.0);
     }
     let stands = treatment.keep(&standing(v, slow.min(creeping), reach));
-    // What is not friction shows at rest, too.
     if Moments::of(&stands).mean > MOSTLY {
         return all(1.0);
     }
@@ -106,10 +108,10 @@ fn left_dry(stage: &Stage, joint: usize, channel: usize, counts: &[f64]) -> f64 
 }
 
 /// Whether `joint` stays where it is throughout, for all that its encoder sees.
-pub(crate) fn rests(stage: &Stage, joint: usize) -> bool {
+fn rests(stage: &Stage, joint: usize) -> bool {
     let (least, most) =
         stage.whole().q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
-    most - least <= 2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation
+    most - least < 2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation
 }
 
 /// Where the encoder of `joint` sees no motion from one sample to the next.

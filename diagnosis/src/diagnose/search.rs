@@ -7,14 +7,13 @@ use freeplay_laws::{Occurrence, changed};
 
 use super::candidate::{Candidate, Form};
 use super::system::{Fit, Gain, System};
-use crate::numbers::{SHARES_OF_A_STEP, TURNS};
 
 /// Odds within which two answers are as good: 20 to 1, as is usual for a name (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773, "strong").
 pub const AS_GOOD: f64 = 2.995_732_273_553_991;
 /// Most candidates of which each is tried in the place of several members.
 const TRIED: usize = 12;
 /// Steps of the logarithm of a shape's number, from one shape that is laid out to the next down to what no motion tells apart.
-pub(crate) const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
+const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
 /// Most effects a joint: an arm that lacks more is not known by its laws, and more of them would only follow its shapes.
 const MOST: usize = 3;
 /// Share of the log of the evidence that is worth another step.
@@ -103,6 +102,8 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// Searches from `known` alone and from that and what is common, and goes back to the best; `None` if the system is singular.
     pub fn run(&mut self, known: &[usize], progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+        /// What a sensor reads changes with what is found, and that with the sensor.
+        const TURNS: usize = 2;
         let first = self.system.shares();
         let from_nothing = self.improve(known.to_vec(), progress)?;
         self.system.set_shares(&first)?;
@@ -113,7 +114,6 @@ impl<'d, 'a> Search<'d, 'a> {
         let from_common = self.improve(common, progress)?;
         let mut best =
             if from_common.evidence > from_nothing.evidence + WORTH { from_common } else { from_nothing };
-        // What a sensor reads changes with what is found, and that with the sensor.
         for _ in 0..TURNS {
             if best.members.is_empty() {
                 break;
@@ -215,8 +215,9 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `answer` with its numbers brought into agreement with what each law acts on, and with rows that are far out believed less. `None` if the system is
     /// singular.
     pub fn agreed(&mut self, answer: &Answer) -> Option<Answer> {
+        /// One law changes what another acts on, and that the first once more.
+        const TURNS: usize = 4;
         let mut now = answer.clone();
-        // One law changes what another acts on, and that the first once more.
         for _ in 0..TURNS {
             let members = self.members_upon(&now)?;
             now = self.settled(members)?;
@@ -236,7 +237,8 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `members` with the shares of discrepancy that are most probable beside them.
     pub fn settled(&mut self, members: Vec<usize>) -> Option<Answer> {
-        // A share moves by less at each turn; the grid of shares ends it.
+        /// A share moves by less at each turn; the grid of shares ends it.
+        const TURNS: usize = 4;
         for _ in 0..TURNS {
             let fit = self.system.fit(&members)?;
             let moved = self.system.follow(&fit)?;
@@ -287,8 +289,9 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `members`, each in the form that explains most beside the others and beside what it acts on.
     pub fn polished(&mut self, mut members: Vec<usize>) -> Option<Answer> {
+        /// A law that acts on others moves with them, and they with it.
+        const TURNS: usize = 3;
         let mut now = self.settled(members.clone())?;
-        // A law that acts on others moves with them, and they with it.
         for _ in 0..TURNS {
             // Where an earlier form had a tolerance at an edge, a better one need not.
             self.system.unpin()?;
@@ -570,11 +573,11 @@ impl<'d, 'a> Search<'d, 'a> {
                 }
             }
         }
-        for _ in 0..TURNS {
+        for _ in 0..CENTRES {
             let Some(gain) = self.system.gains(&fit, &[best]).pop().flatten() else { break };
             let beta = gain.beta.as_slice();
             let from = (best, now);
-            let forms = SHARES_OF_A_STEP.map(|share| self.system.candidate(best).about(beta, share));
+            let forms = SHARES.map(|share| self.system.candidate(best).about(beta, share));
             if let Some(form) = forms[0].clone().filter(Form::is_chord) {
                 // What a chord says elsewhere than at its end is not what the law says there.
                 let there = self.try_form(&fit, best, form, f64::NEG_INFINITY);
@@ -621,3 +624,7 @@ fn moves(numbers: &[String]) -> Vec<Vec<(String, f64)>> {
     }
     all
 }
+
+/// Most times that a law is taken about what was found, and the shares of the way there: the whole, or less where that is too far.
+const CENTRES: usize = 6;
+const SHARES: [f64; 3] = [1.0, 0.5, 0.25];

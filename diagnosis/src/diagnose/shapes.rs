@@ -7,17 +7,15 @@ use super::columns::dot;
 use super::data::Data;
 use super::stage::Stage;
 use super::tolerance::Nuisance;
-use crate::numbers::{ROUNDING, SAME, doublings};
 use crate::residual::Kind;
 
-/// Knots of the hat functions in position.
+/// Knots of the hat functions in position and in speed.
 const KNOTS: usize = 8;
-/// Knots of those in load and in speed: with as many as in position the shapes say so much of the slow LWR 4+ that too many of its rows count.
 const SPEED_KNOTS: usize = 5;
-/// Ways, as shares of what a joint goes, within which friction follows a reversal.
-const WAYS: [f64; 2] = [0.003, 0.03];
 /// Knots of the hat functions in time, for what happens at a time or drifts.
 const MOMENTS: usize = 16;
+/// Ridge, as a share of each column's square, that keeps the fit from running away where the motion tells columns apart badly.
+const RIDGE: f64 = 1e-4;
 
 /// Where the knots of a joint's hat functions are.
 #[derive(Clone, Debug, Default)]
@@ -39,12 +37,7 @@ impl Knots {
                 let position = quantiles(q, KNOTS);
                 let reach = position[position.len() - 1] - position[0];
                 let load = quantiles(&stage.load()[joint], SPEED_KNOTS);
-                Knots {
-                    load,
-                    speed: quantiles(&speed, SPEED_KNOTS),
-                    reach: reach.max(f64::MIN_POSITIVE),
-                    position,
-                }
+                Knots { load, speed: quantiles(&speed, SPEED_KNOTS), reach: reach.max(1e-12), position }
             })
             .collect()
     }
@@ -66,9 +59,7 @@ impl Shapes {
         keep(&mut moments, mask);
         columns.extend(moments);
         normalised(&mut columns);
-        // Where the motion tells shapes apart badly, a prior that says as much as one row keeps them from running away (Kass & Wasserman 1995, J. Am. Stat. Assoc. 90:928).
-        let ridge = 1.0 / mask.iter().sum::<f64>().max(1.0);
-        Self { factor: factor(&gram(&columns), ridge), columns }
+        Self { factor: factor(&columns, RIDGE), columns }
     }
 
     /// What the shapes of the `channels`, which measure the same in each recording, say of every row once they are fitted to the rows of `residual` where
@@ -163,11 +154,12 @@ struct Probable {
 /// The coefficients of `columns`, each of size one, for `target` on so many `rows`, with the ridge under which the target is most probable (MacKay 1992, Neural
 /// Comput. 4:415), its noise integrated out.
 fn most_probable(columns: &[Vec<f64>], target: &[f64], rows: f64) -> Probable {
-    let gram = gram(columns);
+    /// Ridges that are tried: from shapes as large as they like to none.
+    const RIDGES: [f64; 7] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
     let right = DVector::from_iterator(columns.len(), columns.iter().map(|c| dot(c, target)));
     let square = dot(target, target);
     let with = |ridge: f64| {
-        let factor = factor(&gram, ridge)?;
+        let factor = factor(columns, ridge)?;
         let beta = factor.solve(&right);
         let left = (square - right.dot(&beta)).max(f64::MIN_POSITIVE);
         let volume: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
@@ -178,18 +170,15 @@ fn most_probable(columns: &[Vec<f64>], target: &[f64], rows: f64) -> Probable {
         beta: DVector::zeros(columns.len()),
         evidence: -0.5 * rows * square.max(f64::MIN_POSITIVE).ln(),
     };
-    // From what one row says of a shape to what all of them say.
-    let ridges = doublings(1.0 / rows.max(1.0), rows.max(1.0));
-    let best = ridges.filter_map(with).max_by(|a, b| a.evidence.total_cmp(&b.evidence));
+    let best = RIDGES.into_iter().filter_map(with).max_by(|a, b| a.evidence.total_cmp(&b.evidence));
     best.unwrap_or(none)
 }
 
-fn gram(columns: &[Vec<f64>]) -> DMatrix<f64> {
-    DMatrix::from_fn(columns.len(), columns.len(), |i, j| dot(&columns[i], &columns[j]))
-}
-
-fn factor(gram: &DMatrix<f64>, ridge: f64) -> Option<Cholesky<f64, Dyn>> {
-    Cholesky::new(gram + DMatrix::from_diagonal_element(gram.nrows(), gram.nrows(), ridge))
+fn factor(columns: &[Vec<f64>], ridge: f64) -> Option<Cholesky<f64, Dyn>> {
+    let n = columns.len();
+    Cholesky::new(DMatrix::from_fn(n, n, |i, j| {
+        dot(&columns[i], &columns[j]) + if i == j { ridge } else { 0.0 }
+    }))
 }
 
 /// The columns of a channel, with the rows that don't count set to zero: the same in number and order on every stage of an arm.
@@ -233,7 +222,7 @@ fn of_torque(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
     hats(&speeds, &knots.speed).iter().for_each(|hat| with_sign(hat));
     with_sign(&stage.whole_load()[joint].iter().map(|load| load.abs()).collect::<Vec<_>>());
     let way = way_since_reversal(&stage.whole().q[joint], v);
-    for scale in WAYS {
+    for scale in [0.003, 0.03] {
         with_sign(&way.iter().map(|way| (-way / (scale * knots.reach)).exp()).collect::<Vec<_>>());
     }
     columns.push(motion.a[joint].clone());
@@ -247,7 +236,7 @@ fn of_tool(stage: &Stage, axis: usize) -> Vec<Vec<f64>> {
     let mut columns = vec![vec![1.0; points]];
     for joint in 0..stage.arm().dof() {
         let mut shift = vec![vec![0.0; points]; stage.arm().dof()];
-        shift[joint].fill(ROUNDING.sqrt());
+        shift[joint].fill(1e-4);
         let answer = stage.rigid_answer(stage.arm(), Some(&shift));
         let seen = stage.channels.iter().position(|channel| channel.kind == Kind::Tool(axis));
         if let Some(lever) = seen.and_then(|seen| answer[seen].clone()) {
@@ -301,7 +290,7 @@ fn quantiles(x: &[f64], count: usize) -> Vec<f64> {
     }
     let reach = sorted[sorted.len() - 1] - sorted[0];
     let mut knots: Vec<f64> = (0..count).map(|k| sorted[k * (sorted.len() - 1) / (count - 1)]).collect();
-    knots.dedup_by(|a, b| *a - *b <= (1.0 - SAME) * reach);
+    knots.dedup_by(|a, b| *a - *b <= 1e-3 * reach);
     knots
 }
 

@@ -18,9 +18,10 @@ use super::columns::dot;
 use super::data::{Column, Data, add};
 use super::weights::Weights;
 use super::whitening::Whitening;
-use crate::numbers::{ROUNDING, SAME};
-use crate::statistics::{EVEN, blocks as blocks_of};
+use crate::statistics::blocks as blocks_of;
 
+/// Half the width of a tolerance in standard deviations: an even spread of deviation one.
+const EDGE: f64 = 1.732_050_807_568_877_2;
 /// Precision with which a tolerance is held at an edge: far above what any recording says, far below what rounding spoils.
 const STIFF: f64 = 1e9;
 
@@ -190,7 +191,7 @@ impl<'d, 'a> System<'d, 'a> {
             if precision[(k, k)] <= 0.0 {
                 return None;
             }
-            precision[(k, k)] *= 1.0 + ROUNDING;
+            precision[(k, k)] *= 1.0 + 1e-9;
         }
         let log_prior = half_log_determinant(&Cholesky::new(precision.clone())?)
             + candidate.kind.occurs.odds().ln()
@@ -324,7 +325,7 @@ impl<'d, 'a> System<'d, 'a> {
         let width = |(precision, is_named): (&f64, bool)| match (*precision < 1.0, is_named) {
             (true, _) => [f64::NEG_INFINITY, f64::INFINITY],
             (false, true) => [0.0, 0.0],
-            (false, false) => [-1.0 / EVEN, 1.0 / EVEN],
+            (false, false) => [-EDGE, EDGE],
         };
         self.precision.iter().zip(self.named_by(members)).map(width).collect()
     }
@@ -367,7 +368,7 @@ impl<'d, 'a> System<'d, 'a> {
         let held = self.held_within(&fit.members, &widths)?.eta?;
         // Without a width the edge is zero; without an end no tolerance is at it.
         let edge = |(eta, [_, most]): (&f64, &[f64; 2])| {
-            (eta.abs() >= most * (1.0 - ROUNDING)).then(|| most.copysign(*eta))
+            (eta.abs() >= most * (1.0 - 1e-9)).then(|| most.copysign(*eta))
         };
         let pins: Vec<Option<f64>> = held.iter().zip(&widths).map(edge).collect();
         let moved = pins != self.pins;
@@ -380,6 +381,8 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// Which tolerances say what one of `members` says, whatever its coefficients: what has a name is no tolerance any more.
     fn named_by(&self, members: &[usize]) -> Vec<bool> {
+        /// Share of a column's square that another says for both to be the same.
+        const SAME: f64 = 0.99;
         let squares: Vec<f64> = (0..self.precision.len())
             .map(|k| {
                 let shown = self.channels.iter().flat_map(|channel| {

@@ -5,9 +5,7 @@ use freeplay_laws::{ArmParts, DriveFriction, Kind as EffectKind, Placed, Toleran
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::stage::{Answer, Stage};
-use crate::numbers::ROUNDING;
 use crate::residual::Kind;
-use crate::statistics::EVEN;
 
 /// Tolerances of the nominal model: half the width within which a machine of that model may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +49,9 @@ impl Tolerances {
         parameters.get(name).and_then(toml::Value::as_float).is_some_and(|x| (x - neutral).abs() <= tolerance)
     }
 }
+
+/// Standard deviation of a quantity spread evenly over ±1: 1/√3.
+pub(crate) const EVEN: f64 = 0.577_350_269_189_625_8;
 
 /// A nuisance: a direction in which the machine may differ from its model, scaled so that its prior is a normal of variance one.
 #[derive(Debug)]
@@ -168,7 +169,7 @@ fn across(joint: &Joint) -> Vec<Vector3<f64>> {
 
 /// Adds `amount` to the length of a way that has one.
 fn lengthen(way: &mut Isometry3<f64>, amount: f64) {
-    if let Some(direction) = way.translation.vector.try_normalize(ROUNDING) {
+    if let Some(direction) = way.translation.vector.try_normalize(1e-6) {
         way.translation.vector += direction * amount;
     }
 }
@@ -292,7 +293,7 @@ fn of_tracker(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     for (index, channel) in stage.channels.iter().enumerate() {
         if let Kind::Link(_) = channel.kind {
             let mut answer: Answer = vec![None; stage.channels.len()];
-            answer[index] = Some(vec![1.0; stage.motion().len()]);
+            answer[index] = Some(vec![1e-3; stage.motion().len()]);
             all.push(Nuisance {
                 name: format!("zero of {}", channel.name),
                 answer,

@@ -11,7 +11,6 @@ use super::noise::effective_samples;
 use super::parts::Part;
 use super::shapes::{Knots, Shapes};
 use super::whitening::Whitening;
-use crate::numbers::ROUNDING;
 use crate::residual::Kind;
 
 /// Deviation of the half-normal prior of s: laws of rigid bodies and of friction hold to a few per cent on machines that are published.
@@ -19,6 +18,7 @@ pub(crate) const USUAL_SHARE: f64 = 0.02;
 /// Shares s that are tried: from what no machine reaches to a law that says nothing, each a fifth more than the last.
 pub(crate) const LEAST_SHARE: f64 = 1e-3;
 const FINER: f64 = 1.2;
+const SHARES: i32 = 40;
 /// Recordings of perfect machines from which the noise of the instruments is taken: their mean square is known to a few per cent.
 const DRAWS: u64 = 3;
 /// Length over which the size of a channel is local, in periods of the low-pass.
@@ -68,7 +68,6 @@ impl Rows {
     /// Believes each row by what `left` remains of it, as under Student's t of four degrees of freedom (Lange, Little & Taylor 1989, J. Am. Stat. Assoc.
     /// 84:881): what shakes at times bends no number.
     pub fn distrust(&mut self, left: &[f64]) {
-        /// Degrees of freedom that are robust and still nearly as sharp as a normal where the rows are normal (Lange, Little & Taylor 1989, §5).
         const FREEDOM: f64 = 4.0;
         let v = self.variances(self.share);
         self.trust =
@@ -109,8 +108,7 @@ impl Rows {
     /// The most probable share where `left` remains of each row, with `taken` effective rows used up by coefficients, and the log-likelihood with it.
     pub fn best(&self, left: &[f64], taken: f64) -> (f64, f64) {
         let squares = self.squares(left, taken);
-        let shares = (0..).map(|k| LEAST_SHARE * FINER.powi(k)).take_while(|share| *share <= 1.0);
-        let shares = std::iter::once(0.0).chain(shares);
+        let shares = std::iter::once(0.0).chain((0..SHARES).map(|k| LEAST_SHARE * FINER.powi(k)));
         let tried = shares.map(|share| (share, self.log_likelihood(&squares, share)));
         tried.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((self.share, 0.0))
     }
@@ -202,6 +200,8 @@ impl Weights {
 
     /// Weights of rows of which only the noise is known: its `deviation` and the number of `effective` rows, by channel.
     pub fn plain(data: &Data, deviation: &[f64], effective: &[f64]) -> Self {
+        /// Prior size of what is asked for, in standard deviations of the noise: it leaves the data all of the say.
+        const WIDE: f64 = 1e6;
         let of_channel = |c: usize| {
             let counts = &data.counts[c];
             let per_row = effective[c] / counts.iter().sum::<f64>().max(1.0);
@@ -212,8 +212,7 @@ impl Weights {
                 trust: vec![1.0; counts.len()],
                 phi: counts.iter().map(|counts| if is_known { counts * per_row } else { 0.0 }).collect(),
                 share: 0.0,
-                // It leaves the data all of the say.
-                scale: if is_known { deviation[c] / ROUNDING } else { 0.0 },
+                scale: if is_known { WIDE * deviation[c] } else { 0.0 },
             }
         };
         Self { rows: (0..data.channels()).map(of_channel).collect(), noise: deviation.to_vec() }
@@ -276,7 +275,6 @@ fn alike(residual: &[f64], mask: &[f64]) -> f64 {
 /// Square of the local size of what the channel number `channel` models: of a torque itself; of a pose, which the rigid arm says exactly, of what is left to
 /// explain. Nowhere less than a third of the channel's own.
 fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
-    /// Where a channel is still for a while, its laws are off by what they were off by when it was not.
     const LEAST: f64 = 1.0 / 3.0;
     let (stage, of_stage) = data.place(channel);
     let stage = &data.stages[stage];

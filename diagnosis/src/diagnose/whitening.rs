@@ -7,8 +7,14 @@
 
 use super::data::{Column, Data};
 use super::weights::Weights;
-use crate::numbers::doublings;
-use crate::statistics::{Moments, Quantile};
+use crate::statistics::Moments;
+
+/// Times in which a wandering forgets that are tried, in periods of the low-pass's cutoff: from the next row to the whole of a motion.
+const FORGETS: [f64; 6] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
+/// Ratios of the deviation of the wandering to that of the noise that are tried.
+const RATIOS: [f64; 8] = [0.0, 0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
+/// The normal's median amount over its deviation.
+const MEDIAN: f64 = 0.674_489_750_196_082;
 
 /// The wanderings of all channels.
 #[derive(Clone)]
@@ -91,14 +97,9 @@ impl Wandering {
                 least,
             }
         };
-        // It forgets from one row to the next or in the whole of a motion; beside the noise it is as small, or as large, as so many rows tell.
-        let rows = heard.iter().filter(|heard| **heard).count().max(1) as f64;
-        let ratios = std::iter::once(0.0).chain(doublings(1.0 / rows.sqrt(), rows.sqrt()));
-        let tried =
-            doublings(1.0, rows).flat_map(|forgets| ratios.clone().map(move |ratio| (forgets, ratio)));
-        let tried = tried.map(|(forgets, ratio)| with(forgets, ratio));
+        let tried = FORGETS.iter().flat_map(|forgets| RATIOS.map(|ratio| with(*forgets, ratio)));
         let best = tried.map(|one| (one.lost(left, least), one)).min_by(|a, b| a.0.total_cmp(&b.0));
-        let mut best = best.map_or_else(|| with(1.0, 0.0), |(_, one)| one);
+        let mut best = best.map_or_else(|| with(FORGETS[0], 0.0), |(_, one)| one);
         best.deviation = size(&best.counted(&best.rows(left))).max(least);
         best
     }
@@ -246,7 +247,7 @@ fn size(rows: &[f64]) -> f64 {
         return 0.0;
     }
     let middle = amounts.len() / 2;
-    *amounts.select_nth_unstable_by(middle, f64::total_cmp).1 / Quantile::MEDIAN.of_normal
+    *amounts.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN
 }
 
 #[cfg(test)]

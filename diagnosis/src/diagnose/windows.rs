@@ -4,8 +4,10 @@
 //! ½ (r_b − r_e)² / (G_bb − 2 G_be + G_ee) of the log-likelihood, r_b = s_bᵀWᵀWy and G_be = s_bᵀWᵀWs_e: the matched filter (Turin 1960, IRE Trans. Inf. Theory 6:311) for all
 //! windows at once.
 
-use super::data::REMEMBERED;
 use super::whitening::Wandering;
+
+/// Share of a step below which what becomes of it is over.
+const OVER: f64 = 1e-3;
 
 /// What a low-pass makes of a step, by row around it.
 #[derive(Clone, Debug)]
@@ -100,7 +102,7 @@ impl Torque {
         let first = self.rows.partition_point(|&row| row + reach < at);
         let last = self.rows.partition_point(|&row| row <= at + reach);
         let value = |row: usize| self.step.value(self.rows[row], at);
-        let (begin, sums) = self.wandering.of_step(steps, [first, last], value, REMEMBERED);
+        let (begin, sums) = self.wandering.of_step(steps, [first, last], value, OVER);
         let far = sums.first().copied().unwrap_or(0.0);
         let near = self.edges[..=edge]
             .partition_point(|&b| self.rows.get(begin).is_some_and(|&row| b + reach < row));
@@ -119,7 +121,7 @@ impl Torque {
         let own = self.product(begin, begin) + self.product(end, end);
         let square = own - 2.0 * self.product(begin, end);
         let variance = self.wandering.deviation().powi(2);
-        let is_seen = square > REMEMBERED * own && variance > 0.0;
+        let is_seen = square > OVER * own && variance > 0.0;
         if is_seen { 0.5 * (self.right[begin] - self.right[end]).powi(2) / square / variance } else { 0.0 }
     }
 }

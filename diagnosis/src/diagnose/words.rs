@@ -4,65 +4,82 @@ use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, EffectTable};
 use freeplay_laws::{Kind as EffectKind, kind};
-use freeplay_report::units::{people, written};
 use toml::Value;
 
 use super::locate::Map;
 use super::report::{Alternative, Effect, Parameter};
 use super::search::AS_GOOD;
-use crate::numbers::FEW;
 
 /// How a sentence begins that says what would tell one effect from another.
 pub const TO_TELL: &str = "to tell";
 
 /// The odds of a finding in words, from their natural logarithm (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773).
 pub(crate) fn odds(log_odds: f64) -> &'static str {
+    /// ln 150.
+    const VERY_STRONG: f64 = 5.010_635;
     match log_odds {
         x if x < AS_GOOD => "possible",
-        x if x < 2.0 * AS_GOOD => "probable",
+        x if x < VERY_STRONG => "probable",
         _ => "as good as sure",
     }
 }
 
 /// Why an alternative is not named, from the natural logarithm of the odds against it.
 pub(crate) fn odds_against(log_odds: f64) -> String {
+    /// Odds that say more than a person asks for.
+    const MANY: f64 = 1e4;
     if log_odds < 0.0 {
         return "it says the same of this motion".to_owned();
     }
-    // 20 to 1 twice over is more than a person asks for.
-    if log_odds > 2.0 * AS_GOOD {
-        return "it was tried in this place and leaves far more of the error".to_owned();
+    match log_odds.exp() {
+        odds if odds > MANY => "it was tried in this place and leaves far more of the error".to_owned(),
+        odds => format!("it was tried in this place; the odds against it are {odds:.0} to 1"),
     }
-    format!("it was tried in this place; the odds against it are {:.0} to 1", log_odds.exp())
+}
+
+/// Up to how many findings a verdict repeats with their numbers.
+const FEW: usize = 3;
+
+/// A number with three figures.
+fn brief(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let size = value.abs();
+    if !(1e-3..1e5).contains(&size) {
+        return format!("{value:.2e}");
+    }
+    let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
+    format!("{value:.decimals$}")
 }
 
 /// Factor and name of the unit in which people read a `value` in `unit`: mm, mrad, ms.
 fn unit_for(value: f64, unit: &str) -> (f64, String) {
     match unit {
+        "m" if value.abs() < 0.1 => (1e3, " mm".to_owned()),
+        "rad" if value.abs() < 0.1 => (1e3, " mrad".to_owned()),
+        "s" if value.abs() < 0.1 => (1e3, " ms".to_owned()),
         "1" | "" => (1.0, String::new()),
         "1/rev" => (1.0, " times a turn".to_owned()),
         "1/m" => (1.0, " times a metre".to_owned()),
-        other => {
-            let (scale, unit) = people(other, value);
-            (scale, format!(" {unit}"))
-        }
+        other => (1.0, format!(" {}", other.replace('*', "·").replace("^2", "²"))),
     }
 }
 
 /// `value ± half`: the half width with two figures, the value to the same place.
 fn uncertain(value: f64, half: f64) -> String {
     if !(half > 0.0 && half.is_finite()) {
-        return written(value);
+        return brief(value);
     }
-    if written(half).contains('e') {
+    if !(1e-4..1e6).contains(&half) {
         return format!("{value:.2e} ± {half:.1e}");
     }
     let place = half.log10().floor() as i32 - 1;
     let (step, decimals) = (10f64.powi(place.max(0)), (-place).max(0) as usize);
-    let to_place = |x: f64| {
+    let written = |x: f64| {
         if place > 0 { format!("{:.0}", (x / step).round() * step) } else { format!("{x:.decimals$}") }
     };
-    format!("{} ± {}", to_place(value), to_place(half))
+    format!("{} ± {}", written(value), written(half))
 }
 
 /// The value of a parameter as people write it: `9.1 ± 0.3 N·m`.
@@ -71,7 +88,7 @@ fn value(parameter: &Parameter) -> String {
         let numbers: Vec<f64> = vector.iter().filter_map(toml::Value::as_float).collect();
         let most = numbers.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let (scale, unit) = unit_for(most, &parameter.unit);
-        let numbers: Vec<String> = numbers.into_iter().map(|x| written(x * scale)).collect();
+        let numbers: Vec<String> = numbers.into_iter().map(|x| brief(x * scale)).collect();
         return format!("({}){unit}", numbers.join(", "));
     }
     let Some(value) = parameter.value.as_float() else {
@@ -80,7 +97,7 @@ fn value(parameter: &Parameter) -> String {
     let (scale, unit) = unit_for(value, &parameter.unit);
     match parameter.ci95 {
         Some([low, high]) => format!("{}{unit}", uncertain(value * scale, 0.5 * (high - low) * scale)),
-        None => format!("{}{unit}", written(value * scale)),
+        None => format!("{}{unit}", brief(value * scale)),
     }
 }
 
@@ -224,7 +241,7 @@ pub(crate) fn when(map: Option<&Map>) -> String {
             (0..map.mean.len()).max_by(|&a, &b| map.mean[a].abs().total_cmp(&map.mean[b].abs())).unwrap_or(0);
         return format!(
             "it changes with time (explains {percent:.0} %), strongest near t = {} s",
-            written(map.at[strongest])
+            brief(map.at[strongest])
         );
     }
     format!("it follows the {} (explains {percent:.0} %)", map.variable)

@@ -2,10 +2,15 @@
 
 use freeplay_report::units::people;
 use freeplay_report::{Block, Cell, Column, Section, Table};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use super::channels;
-use crate::statistics::{BLOCK_S, blocks as blocks_of, bootstrapped};
+use crate::statistics::{BLOCK_S, blocks as blocks_of};
 use crate::{Diagnosis, Passage, Trace};
+
+/// Draws of the bootstrap.
+const DRAWS: usize = 400;
 
 type Pick = fn(&Trace) -> &[f64];
 
@@ -85,7 +90,21 @@ fn rms(held: &[(&Passage, &Trace)], pick: Pick, seed: u64) -> Estimate {
             }
         }
     }
-    let (value, ci95) = bootstrapped(&blocks, |[sum, count]| (sum / count).sqrt(), seed);
-    let [low, high] = ci95.unwrap_or([f64::NAN; 2]);
-    Estimate { value, low, high }
+    let root = |picked: &mut dyn Iterator<Item = usize>| {
+        let [sum, count] =
+            picked.fold([0.0, 0.0], |[sum, count], k| [sum + blocks[k][0], count + blocks[k][1]]);
+        (sum / count).sqrt()
+    };
+    let value = root(&mut (0..blocks.len()));
+    if blocks.len() < 2 {
+        return Estimate { value, low: f64::NAN, high: f64::NAN };
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut drawn: Vec<f64> = (0..DRAWS)
+        .map(|_| root(&mut (0..blocks.len()).map(|_| rng.next_u64() as usize % blocks.len())))
+        .filter(|x| x.is_finite())
+        .collect();
+    drawn.sort_by(f64::total_cmp);
+    let at = |share: f64| drawn.get((share * drawn.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+    Estimate { value, low: at(0.025), high: at(0.975) }
 }

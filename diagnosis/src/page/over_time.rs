@@ -5,13 +5,15 @@ use freeplay_report::{Axis, Block, Chart, Mark, Section, Series};
 
 use super::channels;
 use super::points::traces;
-use crate::numbers::FEW;
 use crate::{Diagnosis, Passage, Trace};
+
+/// Most channels that are not folded away.
+const MOST: usize = 3;
 
 /// The section.
 pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
     let first = diagnosis.passages.first()?;
-    let shown: Vec<&str> = channels(diagnosis).into_iter().take(FEW).collect();
+    let shown: Vec<&str> = channels(diagnosis).into_iter().take(MOST).collect();
     let names = first.traces.iter().map(|trace| trace.channel.as_str());
     let others: Vec<Block> = names
         .filter(|name| !shown.contains(name))
@@ -73,7 +75,8 @@ fn pair(channel: &str, part: &[(&Passage, &Trace)]) -> [Chart; 2] {
 
 fn chart(part: &[(&Passage, &Trace)], title: String, y: Axis) -> Chart {
     let recording = part.first().map_or("", |(passage, _)| passage.recording.as_str());
-    let chart = Chart::trace(title, Axis::new("time", "s"), y).group(format!("time of {recording}"));
+    let chart =
+        Chart::trace(title, Axis::new("time", "s"), y).group(format!("time of {recording}")).height(210);
     let held = part.iter().filter(|(passage, _)| passage.held_out);
     held.fold(chart, |chart, (passage, _)| match (passage.motion.t.first(), passage.motion.t.last()) {
         (Some(from), Some(to)) => chart.mark(Mark::Span { from: *from, to: *to, label: "held out".into() }),

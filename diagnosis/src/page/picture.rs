@@ -8,9 +8,10 @@ use freeplay_report::units::{people, written};
 use freeplay_report::{Axis, Chart, Drawing, Series};
 
 use super::points::{Over, Points, column, forwards, law, line, plainest, traces};
-use crate::numbers::FEW;
 use crate::{Diagnosis, Effect, Map};
 
+/// Most channels that one finding is drawn in.
+const MOST_CHANNELS: usize = 2;
 /// Share of the law's square that turning the joint has to explain for the tool's error to be drawn as an angle of the joint.
 const TURNS: f64 = 0.7;
 /// Least lever of the tool about a joint for its error to be an angle of the joint, as a share of the greatest.
@@ -36,7 +37,7 @@ pub fn of(diagnosis: &Diagnosis, arm: &Arm, index: usize) -> Vec<Drawing> {
     let mut channels: Vec<(f64, &String)> =
         effect.evidence.channels.iter().map(|channel| (weight(diagnosis, index, channel), channel)).collect();
     channels.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let strongest = channels.into_iter().take(FEW);
+    let strongest = channels.into_iter().take(MOST_CHANNELS);
     strongest.filter_map(|(_, channel)| in_channel(diagnosis, arm, index, channel)).collect()
 }
 
@@ -59,7 +60,7 @@ fn pair(points: &Points, over: &Over, y: (&str, &str), title: String, caption: S
     let (low, high) = extent(&without);
     let panel = |title: &str, y_values: &[f64]| {
         let across = Axis::new(over.name.clone(), x_unit.clone());
-        let chart = Chart::plane(title, across, Axis::new(y.0, unit.clone()));
+        let chart = Chart::plane(title, across, Axis::new(y.0, unit.clone())).height(300);
         clouds(chart, &x, y_values, &points.held_out).in_view(low).in_view(high)
     };
     let mut before = panel("without it", &without);
@@ -301,6 +302,7 @@ pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
         Axis::new(map.variable.clone(), x_unit),
         Axis::new(format!("left in {}, mean", map.channel), unit),
     )
+    .height(260)
     .in_view(0.0)
     .series(Series::points("mean in each twelfth of the samples", &x, &y))
     .series(Series::line("", &x, &y).like("mean in each twelfth of the samples"));

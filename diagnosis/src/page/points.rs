@@ -1,8 +1,13 @@
 //! The points of a picture: what is left without an effect and with it, over the variable that gives the effect away.
 
-use crate::numbers::{BINS, ROUNDING};
 use crate::{Diagnosis, Passage, Trace, Variable};
 
+/// Bins by which a law is tried over a variable.
+const BINS: usize = 24;
+/// A variable further down the list has to explain this much more to be taken.
+const CLEARLY: f64 = 0.03;
+/// Share of the law that one variable has to explain for the directions not to be told apart.
+const ENOUGH: f64 = 0.9;
 /// What laws are looked at over, the plainest first.
 const QUANTITIES: [&str; 6] = ["velocity", "load", "position", "acceleration", "way", "time"];
 
@@ -88,12 +93,10 @@ pub fn plainest(diagnosis: &Diagnosis, joints: &[usize], law: &[f64]) -> Option<
         .collect();
     let most = tried.iter().map(|(_, plain, ..)| *plain).fold(0.0, f64::max);
     let most_split = tried.iter().map(|(_, _, split, _)| *split).fold(0.0, f64::max);
-    // A variable further down the list has to explain more by a bin to be taken: a jump may be anywhere in one.
-    let clearly = 1.0 / BINS as f64;
-    if most_split < most + clearly {
-        return tried.into_iter().find(|(_, plain, ..)| *plain >= most - clearly).map(|(over, ..)| over);
+    if most >= ENOUGH || most_split < most + CLEARLY {
+        return tried.into_iter().find(|(_, plain, ..)| *plain >= most - CLEARLY).map(|(over, ..)| over);
     }
-    let chosen = tried.into_iter().find(|(_, _, split, _)| *split >= most_split - clearly);
+    let chosen = tried.into_iter().find(|(_, _, split, _)| *split >= most_split - CLEARLY);
     chosen.map(|(over, _, _, forwards)| Over { forwards: Some(forwards), ..over })
 }
 
@@ -119,7 +122,7 @@ fn explained(x: &[f64], y: &[f64], group: &[bool]) -> f64 {
     let mean = counted.iter().map(|&k| y[k]).sum::<f64>() / counted.len().max(1) as f64;
     let all: f64 = counted.iter().map(|&k| (y[k] - mean).powi(2)).sum();
     let square: f64 = counted.iter().map(|&k| y[k].powi(2)).sum();
-    if all <= ROUNDING * square {
+    if all <= 1e-9 * square {
         return 1.0;
     }
     let mut between = 0.0;

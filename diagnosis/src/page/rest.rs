@@ -23,7 +23,7 @@ pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
         .column(Column::text(""))
         .column(Column::text("odds against it"))
         .column(Column::text("because it").wrapping())
-        .note("Below odds of 20 : 1 two effects are not told apart.");
+        .note("Below odds of 150 : 1 two effects are not told apart.");
     for other in &diagnosis.alternatives {
         let (verdict, why) = if other.indistinguishable {
             let why = format!("{}. What separates the two: {}", other.why_not, other.what_would_separate);

@@ -3,15 +3,17 @@
 use freeplay_arm::{Arm, Workspace, forward_kinematics, rnea};
 use freeplay_laws::DriveFriction;
 
-use super::RATE;
 use super::family::Fourier;
-use crate::numbers::{ROUNDING, SAME};
 
-/// Share of each limit that is used, and of the range of a joint.
+/// Share of each limit that is used.
 const SHARE: f64 = 0.8;
+/// Part of the range of a joint that is left free at either end.
+const END: f64 = 0.03;
 /// Kept where the arm file names no limit: rad/s (m/s) and rad/s² (m/s²).
 const GENTLE_SPEED: f64 = 1.0;
 const GENTLE_ACCELERATION: f64 = 4.0;
+/// Rate at which a motion is checked, Hz.
+const RATE: f64 = 50.0;
 
 /// The limits of a safe motion.
 #[derive(Clone, Debug)]
@@ -65,7 +67,7 @@ impl Envelope {
         let (mut range, mut speed, mut acceleration, mut effort) = (vec![], vec![], vec![], vec![]);
         for (joint, &at) in arm.joints().iter().zip(posture) {
             let limits = &joint.limits;
-            let free = 0.5 * (1.0 - SHARE) * (limits.upper - limits.lower);
+            let free = END * (limits.upper - limits.lower);
             let (mut low, mut high) = (at - reach, at + reach);
             if limits.lower.is_finite() && limits.upper.is_finite() {
                 (low, high) = (low.max(limits.lower + free), high.min(limits.upper - free));
@@ -101,13 +103,13 @@ impl Envelope {
             for (joint, described) in arm.joints().iter().enumerate() {
                 let friction = DriveFriction::nominal(described.friction).resisting(v[joint]);
                 let [low, high] = self.range[joint];
-                let (middle, half) = (0.5 * (low + high), 0.5 * (high - low).max(f64::MIN_POSITIVE));
+                let (middle, half) = (0.5 * (low + high), 0.5 * (high - low).max(1e-9));
                 used.position = used.position.max((q[joint] - middle).abs() / half);
                 used.speed = used.speed.max(v[joint].abs() / self.speed[joint]);
                 used.acceleration = used.acceleration.max(a[joint].abs() / self.acceleration[joint]);
                 used.torque = used.torque.max((tau[joint] + friction).abs() / self.effort[joint]);
             }
-            if self.floor.is_some_and(|floor| lowest(arm, &q) < floor - ROUNDING) {
+            if self.floor.is_some_and(|floor| lowest(arm, &q) < floor - 1e-9) {
                 used.floor = 2.0;
             }
         }
@@ -120,7 +122,7 @@ impl Envelope {
             return Some(motion.clone());
         }
         let (mut fits, mut leaves) = (0.0, 1.0);
-        while leaves - fits > 1.0 - SAME {
+        for _ in 0..7 {
             let middle = 0.5 * (fits + leaves);
             if self.used(arm, &motion.scaled(middle)).most() <= 1.0 {
                 fits = middle;

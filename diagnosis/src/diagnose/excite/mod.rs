@@ -28,8 +28,14 @@ pub use envelope::Used;
 pub use family::Fourier;
 pub use odds::{ChannelNoise, Rival};
 
-/// Rate at which a motion is checked and weighed, Hz.
+/// Rate at which a motion is weighed, Hz.
 const RATE: f64 = 100.0;
+/// Share of the candidates that are drawn anew; the others are drawn about the best.
+const FRESH: f64 = 0.5;
+/// How far candidates about the best are from it, as a share of its coefficients.
+const NEAR: f64 = 0.35;
+/// How far the posture of a candidate may be from the given one, as a share of the room there.
+const ELSEWHERE: f64 = 0.4;
 
 /// What a search may do.
 #[derive(Clone, Debug)]
@@ -148,8 +154,7 @@ pub fn excite(
         posture: &posture,
         duration: settings.duration,
     };
-    // As many at random as about the best of these.
-    let fresh = settings.candidates.div_ceil(2);
+    let fresh = (FRESH * settings.candidates as f64).ceil() as usize;
     let mut best: Option<(f64, Vec<f64>, Fourier)> = None;
     for number in 0..settings.candidates {
         let drawn = match &best {
@@ -223,10 +228,10 @@ impl Search<'_> {
         let (mut posture, mut waves) = (Vec::new(), Vec::new());
         for joint in 0..self.arm.dof() {
             let [low, high] = self.envelope.range[joint];
-            let away = self.rng.random_range(-0.5..=0.5);
+            let away = self.rng.random_range(-ELSEWHERE..=ELSEWHERE);
             let at = self.posture[joint];
             let middle = at + away * if away > 0.0 { high - at } else { at - low };
-            let room = (high - middle).min(middle - low) * self.rng.random_range(0.5..=1.0);
+            let room = (high - middle).min(middle - low) * self.rng.random_range(0.2..=1.0);
             let mut wave = [(0.0, 0.0); HARMONICS];
             for (k, (a, b)) in wave.iter_mut().enumerate() {
                 let size = 1.0 / (k + 1) as f64;
@@ -235,7 +240,7 @@ impl Search<'_> {
             }
             // About as far as the waves reach together; the envelope takes back what is too much.
             let far: f64 = wave.iter().map(|(a, b)| 0.5 * a.abs() + b.abs()).sum();
-            let scale = room / far.max(f64::MIN_POSITIVE);
+            let scale = room / far.max(1e-9);
             waves.push(wave.map(|(a, b)| (scale * a, scale * b)));
             posture.push(middle);
         }
@@ -245,15 +250,13 @@ impl Search<'_> {
     /// A motion near `best`.
     fn near(&mut self, best: &Fourier) -> Fourier {
         let other = self.anew();
-        let share = self.rng.random_range(0.0..=1.0);
-        let mix = |own: f64, other: f64| own + share * (other - own);
-        // Of waves that have nothing to do with each other the mean is smaller.
-        let size = (1.0_f64 - share).hypot(share);
+        let mix = |own: f64, other: f64| own + NEAR * (other - own);
         let waves = best.waves.iter().zip(&other.waves).map(|(own, other)| {
             let mut wave = *own;
+            // Wider as well as different: the envelope takes back what is too much.
             wave.iter_mut()
                 .zip(other)
-                .for_each(|((a, b), (c, d))| (*a, *b) = (mix(*a, *c) / size, mix(*b, *d) / size));
+                .for_each(|((a, b), (c, d))| (*a, *b) = (1.2 * mix(*a, *c), 1.2 * mix(*b, *d)));
             wave
         });
         let posture = best.posture.iter().zip(&other.posture).map(|(own, other)| mix(*own, *other));
