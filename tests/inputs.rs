@@ -597,7 +597,7 @@ fn weights_that_do_not_fit_end_a_run_before_its_report() {
     }
 }
 
-/// What no person has to know: types of the program, and sentences of its parsers.
+/// Words that a message must not hold: types of the program, and sentences of its parsers.
 const JARGON: [&str; 22] = [
     "f64",
     "f32",

@@ -167,7 +167,7 @@ mod tests {
 
     use super::understood;
 
-    /// What no person has to know: types of the program, and sentences of its parsers.
+    /// Words that a message must not hold: types of the program, and sentences of its parsers.
     const JARGON: [&str; 12] = [
         "digit found",
         "float literal",

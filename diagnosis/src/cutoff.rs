@@ -72,7 +72,7 @@ fn white_noise(recording: &Recording, treatment: &Treatment) -> Vec<Vec<f64>> {
     recording.q.iter().map(of_joint).collect()
 }
 
-/// How much of what a model asks for is noise of the motion.
+/// The part of the model's torque that the noise of the recorded positions makes.
 struct Noise {
     /// As a share of the torque's variance, below the upper end of a band.
     below: f64,

@@ -51,7 +51,7 @@ impl EffectTable {
     /// All parameters, but for the one called `without`, as a table of the effect's own.
     ///
     /// # Errors
-    /// What is unknown, missing or of another kind, in plain words.
+    /// The parser's complaint in plain words: a key that is unknown or missing, a value of another kind.
     pub fn read<T: DeserializeOwned>(&self, without: Option<&str>) -> Result<T, String> {
         let mut table = self.parameters.clone();
         without.map(|name| table.remove(name));

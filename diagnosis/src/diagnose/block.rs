@@ -39,7 +39,7 @@ pub(super) enum Move {
     Back,
 }
 
-/// What hangs on the weights of a channel: as it is under those of now, and as it was under those before. A set that is not accepted brings these back.
+/// A product that depends on the weights of a channel, under the present weights and under those before. When the search refuses a set of effects, the weights before come back.
 #[derive(Clone, Debug)]
 pub(super) struct Weighed<T> {
     now: OnceCell<T>,

@@ -61,7 +61,7 @@ pub(crate) struct Candidate {
     pub forms: usize,
     /// Whether it changes what is read of the machine, and so acts on all that the machine does.
     pub is_read: bool,
-    /// Whether it changes the arm, and so acts on nothing that was found beside it.
+    /// Whether the effect changes the arm itself. Its columns then do not depend on the other effects that were found.
     pub changes_arm: bool,
     /// The effect parts its joint: by play in the bearing (first), by a spring or a gap in the gear (second).
     parts: [bool; 2],
@@ -147,7 +147,7 @@ impl Candidate {
         (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
     }
 
-    /// What tells it in another `form` from all others, and where the search for its journal begins.
+    /// A key for the candidate in another `form`: no two candidates with different columns share one.
     pub fn name_in(&self, form: &Form) -> String {
         format!(
             "{} {:?} {form:?} {:?} {:?} {}",

@@ -117,7 +117,7 @@ fn between(begin: f64, end: f64) -> Table {
         .collect()
 }
 
-/// What happens in the rows that are heard and is not yet in what is `left` of them, as long as each is more probable than none, and no law of `lasting` says the same. Rows are
+/// The events in the rows that are heard. The laws that were found leave `left` of these rows. An event has to be more probable than none, and no law of `lasting` may say the same. Rows are
 /// taken as they differ from their past, so that a push is not counted as if it were as slow as what else is left. The evidence is that of the diagnosis. `None` if the system is
 /// singular.
 pub(crate) fn happenings(

@@ -359,7 +359,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(nearest)
     }
 
-    /// Whether the coefficients of `index` beside `members` are inside their bounds.
+    /// Whether the coefficients of the candidate number `index`, fitted beside `members`, are inside their bounds.
     fn is_inside(&self, members: &[usize], index: usize) -> Option<bool> {
         let gain = self.system.gains(&self.system.fit(members)?, &[index]).pop().flatten();
         Some(gain.is_some_and(|gain| gain.is_inside))

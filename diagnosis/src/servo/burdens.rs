@@ -1,4 +1,4 @@
-//! What the arm carries beside what its model says, or how it stands: a payload, gravity from elsewhere. Droop under load tells it by its course through the poses, whatever the servos' stiffness.
+//! Payloads and tilted bases that the model does not have. The droop of the servos changes with the pose in another way for each of them, whatever the servos' stiffness.
 //! One link's mass is not among them: at its own joint it is a softer servo, and of what it is at those before little is left then that tells it from the rest of the law.
 
 use std::collections::BTreeSet;
@@ -6,12 +6,10 @@ use std::collections::BTreeSet;
 use freeplay_arm::ArmFile;
 use freeplay_servo::{Fitted, Problem, Quantity, ServoArm, Unknown};
 
-use super::limits::lost;
+use super::limits::{BELIEVED, lost};
 use crate::diagnose::Tolerances;
 
-/// Log odds beyond which a burden is believed, and two are told from each other: 20 to 1.
-const BELIEVED: f64 = 3.0;
-/// How far a base may lean, rad: a third of a right angle.
+/// Standard deviation of the prior of a base's roll and pitch, rad: a third of a right angle.
 const LEAN: f64 = 0.5;
 /// Steps of finite differences over what a number may be.
 const STEP: f64 = 0.03;

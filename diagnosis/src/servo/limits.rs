@@ -9,7 +9,7 @@ const BANDS: [f64; 2] = [0.1, 0.3];
 /// Rows over which a speed is measured.
 const SPAN: usize = 3;
 /// Log odds beyond which a limit is believed: 20 to 1, after the price of its number and of the joints where it was looked for.
-const BELIEVED: f64 = 3.0;
+pub(super) const BELIEVED: f64 = 3.0;
 
 /// One more number for the model, where it is best.
 struct Candidate {
