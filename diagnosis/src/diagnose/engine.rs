@@ -70,8 +70,8 @@ pub enum DiagnoseError {
     Singular,
 }
 
-/// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on the test part of the data, which no step
-/// before has seen. `progress` is told what is being done.
+/// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on the test part of the data, which no search
+/// sees: it says which laws fall, and nothing else. `progress` is told what is being done.
 ///
 /// # Errors
 /// See [`DiagnoseError`].
