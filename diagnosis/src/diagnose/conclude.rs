@@ -134,7 +134,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         &self.file.arm
     }
 
-    /// The numbers of the laws that stand, and whether they leave what has no name.
+    /// The numbers of the laws that stand, and whether these leave an error that asks for a law outside the catalogue.
     ///
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
@@ -160,8 +160,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 break (kept, findings);
             }
             members = kept;
-            // What holds nothing, or does not hold on the test part, may have said what another law says. What takes its place and falls, too,
-            // leaves it empty: on a machine that many laws describe in part that would go on for long.
+            // A law that fell may have said what another law says, so the search goes on without it, once. On a machine that many laws describe in
+            // part, a search until no law falls takes minutes.
             if std::mem::take(&mut is_first) {
                 self.search.leave_out(&empty);
                 let better = self.search.improve(members, &mut |_| {});
@@ -642,7 +642,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             .collect()
     }
 
-    /// Whether `fit` leaves what has no name, in the rows that were seen or in those of the test part.
+    /// Whether the effects of `fit` leave an error that asks for a law outside the catalogue, in the rows of the search or in those of the test part.
     fn leaves_more(&self, fit: &Fit) -> bool {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);
