@@ -1,21 +1,78 @@
-//! Laws that move the tool by what the arm weighs and how it accelerates at the instant.
+//! Laws by which something in the arm gives under its weight and its acceleration at the instant.
+//!
+//! What lies beyond moves as one rigid body, by some millimetres at most. The tool moves with it, and so do the masses, so that the drives have other levers
+//! to hold them by. To first order in the motion: a force f that acts at s further on presses with the moment s × f more on all joints before, and joints that
+//! turn with the masses by θ meet the same forces as if those were turned by −θ. Where the motion follows from an energy, that torque is its derivative by the
+//! position of the joint. How the arm turns as it gives is left out: the moments of a link about its own centre of mass stay as they are.
 
 use std::fmt::Debug;
 
 use freeplay_arm::export::Element;
-use freeplay_arm::{Arm, Workspace, joint_reaction, rnea};
-use nalgebra::Vector3;
+use freeplay_arm::{Arm, JointKind, Workspace, joint_reaction, rnea};
+use nalgebra::{Point3, Vector3};
 
 use crate::archive::Archive;
 use crate::columns::Columns;
 use crate::effect::{Effect, Expressed};
-use crate::injection::{Injection, Readings, SensorLaw};
+use crate::injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw};
 use crate::scene::Scene;
 
-/// How far something gives under the arm.
+/// How something gives under the arm.
 pub(crate) trait SagLaw: Debug + Copy + Send + Sync + 'static {
-    /// How far the tool is off, base frame, m; `ws` holds the poses and reactions of `arm` at the instant.
-    fn sag(&self, arm: &Arm, ws: &Workspace) -> Vector3<f64>;
+    /// How it gives; `ws` holds the poses and reactions of `arm` at the instant.
+    fn sag(&self, arm: &Arm, ws: &Workspace) -> Sag;
+}
+
+/// How a part of an arm is off because something gave, base frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Sag {
+    /// The first link that moves as a whole; all beyond move with it.
+    pub from: usize,
+    /// A place that moves with them, m.
+    pub about: Vector3<f64>,
+    /// How far that place is off, m.
+    pub shift: Vector3<f64>,
+    /// By how much they are turned, rad.
+    pub turn: Vector3<f64>,
+    /// How far the centre of mass of the link before them is off, m.
+    pub before: Vector3<f64>,
+}
+
+impl Sag {
+    /// How far `place` is off if it moves with what is beyond, m.
+    fn at(&self, place: Vector3<f64>) -> Vector3<f64> {
+        self.shift + self.turn.cross(&(place - self.about))
+    }
+
+    /// What presses on each joint in addition, along its axis, into `load`, N·m (N).
+    fn load(&self, arm: &Arm, ws: &Workspace, load: &mut [f64]) {
+        let mut moment = Vector3::zeros();
+        let mut beyond = (Vector3::zeros(), Vector3::zeros());
+        for (link, joint) in arm.joints().iter().enumerate().rev() {
+            let pose = ws.link_pose(link);
+            let force = pressure(ws, link).0 - if link + 1 < arm.dof() { pressure(ws, link + 1).0 } else { Vector3::zeros() };
+            let mass = (pose * Point3::from(joint.inertia.com)).coords;
+            let axis = pose.rotation * joint.axis.into_inner();
+            load[link] = if link >= self.from {
+                moment += self.at(mass).cross(&force);
+                let turned = force.cross(&self.turn);
+                // About the base's origin, so that the sum serves every joint.
+                beyond = (beyond.0 + turned, beyond.1 + mass.cross(&turned));
+                match joint.kind {
+                    JointKind::Revolute => axis.dot(&(beyond.1 - pose.translation.vector.cross(&beyond.0))),
+                    JointKind::Prismatic => axis.dot(&beyond.0),
+                }
+            } else {
+                if link + 1 == self.from {
+                    moment += self.before.cross(&force);
+                }
+                match joint.kind {
+                    JointKind::Revolute => axis.dot(&moment),
+                    JointKind::Prismatic => 0.0,
+                }
+            };
+        }
+    }
 }
 
 /// Force and moment about its origin with which the link of `joint` and all beyond it press on what carries them, base frame, N and N·m.
@@ -25,7 +82,7 @@ pub(crate) fn pressure(ws: &Workspace, joint: usize) -> (Vector3<f64>, Vector3<f
     (-(rotation * force), -(rotation * moment))
 }
 
-/// A [`SagLaw`] as an effect. The plant adds the sag to what the tracker reads.
+/// A [`SagLaw`] as an effect.
 #[derive(Clone, Debug)]
 pub(crate) struct Sagging<L> {
     pub law: L,
@@ -48,30 +105,74 @@ impl Instant {
         Instant { workspace: Workspace::new(arm), q, v, a, tau }
     }
 
-    fn sag(&mut self, law: &impl SagLaw, arm: &Arm) -> Vector3<f64> {
+    fn sag(&mut self, law: &impl SagLaw, arm: &Arm) -> Sag {
         rnea(arm, &mut self.workspace, &self.q, &self.v, &self.a, &mut self.tau);
         law.sag(arm, &self.workspace)
+    }
+
+    /// How far the tool is off, m.
+    fn tool(&mut self, law: &impl SagLaw, arm: &Arm) -> Vector3<f64> {
+        let sag = self.sag(law, arm);
+        sag.at((self.workspace.link_pose(arm.dof() - 1) * arm.tool()).translation.vector)
+    }
+
+    /// What presses on each joint in addition, N·m (N).
+    fn load(&mut self, law: &impl SagLaw, arm: &Arm) -> &[f64] {
+        let sag = self.sag(law, arm);
+        sag.load(arm, &self.workspace, &mut self.tau);
+        &self.tau
     }
 }
 
 impl<L: SagLaw> Effect for Sagging<L> {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
+        let mut now = Instant::new(&scene.arm);
+        for point in 0..scene.motion.len() {
+            scene.motion.at(point, &mut now.q, &mut now.v, &mut now.a);
+            let load = now.load(&self.law, &scene.arm);
+            load.iter().enumerate().for_each(|(joint, load)| torque[joint][point] -= load);
+        }
+    }
+
     fn displace(&self, scene: &Scene, tool: &mut Columns) {
         let mut now = Instant::new(&scene.arm);
         for point in 0..scene.motion.len() {
             scene.motion.at(point, &mut now.q, &mut now.v, &mut now.a);
-            let sag = now.sag(&self.law, &scene.arm);
-            sag.iter().enumerate().for_each(|(axis, sag)| tool[axis][point] += sag);
+            let off = now.tool(&self.law, &scene.arm);
+            off.iter().enumerate().for_each(|(axis, off)| tool[axis][point] += off);
         }
     }
 
     fn inject(&self, injection: &mut Injection) {
         let now = Instant::new(&self.arm);
+        injection.drives.push(Box::new(Loaded { of: self.clone(), now: now.clone() }));
         injection.tool.push(Box::new(Sunk { of: self.clone(), now, begun: false }));
     }
 
     fn express(&self, _: &mut Vec<Element>) -> Expressed {
         Expressed::Never("it follows the load at once, and what gives way in other tools swings")
     }
+}
+
+/// The load on the drives of a plant.
+#[derive(Clone, Debug)]
+struct Loaded<L> {
+    of: Sagging<L>,
+    now: Instant,
+}
+
+impl<L: SagLaw> DriveLaw for Loaded<L> {
+    fn act(&mut self, state: &DriveState, torque: &mut [f64]) {
+        let now = &mut self.now;
+        now.q.copy_from_slice(state.q);
+        now.v.copy_from_slice(state.v);
+        // One sub-step old: what gives is some millimetres, and the acceleration's share of that is small beside the arm's own.
+        now.a.copy_from_slice(state.a);
+        let load = now.load(&self.of.law, &self.of.arm);
+        torque.iter_mut().zip(load).for_each(|(torque, load)| *torque += load);
+    }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }
 
 /// The sag of the tool of a plant.
@@ -91,8 +192,8 @@ impl<L: SagLaw> SensorLaw for Sunk<L> {
         now.q.copy_from_slice(readings.q);
         now.v.copy_from_slice(readings.v);
         self.begun = true;
-        let sag = now.sag(&self.of.law, &self.of.arm);
-        readings.tool.iter_mut().zip(sag.iter()).for_each(|(tool, sag)| *tool += sag);
+        let off = now.tool(&self.of.law, &self.of.arm);
+        readings.tool.iter_mut().zip(off.iter()).for_each(|(tool, off)| *tool += off);
     }
 
     fn restart(&mut self) {

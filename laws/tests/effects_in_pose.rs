@@ -304,8 +304,10 @@ fn late_and_filtered_sensors_of_the_plant_say_the_same() {
             if point < 10 {
                 continue;
             }
-            let said = torque.iter().chain(&tool).zip(shown.torque.iter().chain(&shown.tool));
-            let before = clean.torque.iter().chain(&clean.tool);
+            // What loads the drives is no matter of sensors.
+            let torques = if injection.drives.is_empty() { arm.dof() } else { 0 };
+            let said = torque.iter().zip(&shown.torque).take(torques).chain(tool.iter().zip(&shown.tool));
+            let before = clean.torque.iter().take(torques).chain(&clean.tool);
             for ((said, shown), before) in said.zip(before) {
                 worst = worst.max((said - shown[point]).abs());
                 changed = changed.max((before[point] - shown[point]).abs());

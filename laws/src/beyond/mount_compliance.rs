@@ -1,9 +1,9 @@
 //! A mount that gives: the whole arm rocks with its base.
 //!
 //! Law: the base turns about its x and y axes by θ = (c_x M_x, c_y M_y) \[rad\], M \[N·m\] being the moment of the arm's weight and inertia
-//! forces about the origin of the base frame and c \[rad/(N·m)\] the compliances; the tool moves by θ × p, p \[m\] being its place. The
-//! terms are the compliances. Departure: the mount follows the load at once, so that its own swinging is left out, and so is what the
-//! tilt changes of the torques.
+//! forces about the origin of the base frame and c \[rad/(N·m)\] the compliances; the tool moves by θ × p, p \[m\] being its place, and
+//! the joints meet gravity and inertia forces turned by −θ. The terms are the compliances. Departure: the mount follows the load at once, so that its own
+//! swinging is left out.
 //! Source: Abele, Weigold & Rothenbücher 2007, CIRP Annals 56(1):387 (compliance of industrial robots, base included).
 
 use freeplay_arm::{Arm, Workspace};
@@ -13,7 +13,7 @@ use crate::basis::Terms;
 use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::sag::{SagLaw, Sagging, pressure};
+use crate::sag::{Sag, SagLaw, Sagging, pressure};
 
 /// The entry.
 pub static KIND: Kind = Kind {
@@ -37,7 +37,7 @@ pub static KIND: Kind = Kind {
     ],
     occurs: Occurrence::Rare,
     tolerance: None,
-    seen: Seen::POSE,
+    seen: Seen::BOTH,
     rough: false,
     shakes: false,
     equation: "θ = c M, and the tool moves by θ × p",
@@ -64,11 +64,10 @@ struct Mount {
 }
 
 impl SagLaw for Mount {
-    fn sag(&self, arm: &Arm, ws: &Workspace) -> Vector3<f64> {
+    fn sag(&self, _: &Arm, ws: &Workspace) -> Sag {
         let (force, moment) = pressure(ws, 0);
         let about_base = moment + ws.link_pose(0).translation.vector.cross(&force);
         let turn = Vector3::new(self.compliance[0] * about_base.x, self.compliance[1] * about_base.y, 0.0);
-        let tool = (ws.link_pose(arm.dof() - 1) * arm.tool()).translation.vector;
-        turn.cross(&tool)
+        Sag { turn, ..Sag::default() }
     }
 }

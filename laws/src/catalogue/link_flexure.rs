@@ -4,10 +4,11 @@
 //! over deflection at its far end, k = 3EI/L³. With e along the link, F and M the force and moment of what hangs on the far end, W the
 //! weight and inertia force of the link itself at the share σ of its length, all across e:
 //! δ = (F + W σ²(3 − σ)/2)/k + (3/(2kL)) M × e, θ = (3/(2kL)) e × (F + W σ²) + (3/(kL²)) M; the tool moves by δ + θ × (tool − end).
+//! The drives hold all beyond by the levers that this leaves them, and the link itself by its own deflection F σ²(3 − σ)/(2k) + (3σ²/(2kL)) M × e + W σ³/k.
 //! That is the form `beam`. In the form `tip_force` F alone bends it, as the textbook's cantilever: δ = F/k, θ = (3/(2kL)) e × F; in the form
 //! `tip_shift` the far end is shifted by F/k without a slope.
-//! Source: Timoshenko 1955, Strength of Materials I, §39 (Euler–Bernoulli). The term is 1/k. Departure: twisting and the effect of the
-//! bending on the torques are left out; the plant adds the static sag to what the tracker reads.
+//! Source: Timoshenko 1955, Strength of Materials I, §39 (Euler–Bernoulli). The term is 1/k. Departure: twisting is left out,
+//! and so is that the link swings: it follows the load at once.
 
 use freeplay_arm::{Arm, Workspace};
 use nalgebra::Vector3;
@@ -17,7 +18,7 @@ use crate::basis::{Term, Terms, with};
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
-use crate::sag::{SagLaw, Sagging, pressure};
+use crate::sag::{Sag, SagLaw, Sagging, pressure};
 
 /// Links shorter than this do not bend, m.
 const SHORTEST: f64 = 1e-3;
@@ -43,7 +44,7 @@ pub static KIND: Kind = Kind {
     ],
     occurs: Occurrence::Rare,
     tolerance: None,
-    seen: Seen::POSE,
+    seen: Seen::BOTH,
     rough: false,
     shakes: false,
     equation: "δ = F L³/(3EI) = F/k, and the slope 3F/(2kL)",
@@ -84,34 +85,36 @@ struct LinkFlexure {
 }
 
 impl SagLaw for LinkFlexure {
-    fn sag(&self, arm: &Arm, ws: &Workspace) -> Vector3<f64> {
-        let last = arm.dof() - 1;
+    fn sag(&self, arm: &Arm, ws: &Workspace) -> Sag {
         let here = ws.link_pose(self.joint);
-        let tool = (ws.link_pose(last) * arm.tool()).translation.vector;
-        let next = (self.joint < last).then(|| ws.link_pose(self.joint + 1));
-        let end = next.map_or(tool, |next| next.translation.vector);
+        let next = (self.joint + 1 < arm.dof()).then(|| ws.link_pose(self.joint + 1));
+        let end = next.unwrap_or_else(|| here * arm.tool()).translation.vector;
         let way = end - here.translation.vector;
         let length = way.norm();
+        let still = Sag { from: self.joint + 1, about: end, ..Sag::default() };
         if length < SHORTEST {
-            return Vector3::zeros();
+            return still;
         }
         let along = way / length;
         let across = |x: Vector3<f64>| x - along * along.dot(&x);
         let (force, moment) = next.map_or_else(Default::default, |_| pressure(ws, self.joint + 1));
         let force = across(force);
+        let k = self.stiffness;
         if self.form == "tip_shift" {
-            return force / self.stiffness;
+            return Sag { shift: force / k, ..still };
         }
         let is_beam = self.form == "beam";
         let moment = if is_beam { across(moment) } else { Vector3::zeros() };
         let own = if is_beam { across(pressure(ws, self.joint).0) - force } else { Vector3::zeros() };
         let centre = here.rotation * arm.joints()[self.joint].inertia.com;
         let share = (centre.dot(&along) / length).clamp(0.0, 1.0);
-        let k = self.stiffness;
-        let deflection = (force + own * (share * share * (3.0 - share) / 2.0)) / k
-            + moment.cross(&along) * (1.5 / (k * length));
-        let slope = along.cross(&(force + own * (share * share))) * (1.5 / (k * length))
-            + moment * (3.0 / (k * length * length));
-        deflection + slope.cross(&(tool - end))
+        let squared = share * share;
+        let lever = moment.cross(&along) * (1.5 / (k * length));
+        Sag {
+            shift: (force + own * (squared * (3.0 - share) / 2.0)) / k + lever,
+            turn: along.cross(&(force + own * squared)) * (1.5 / (k * length)) + moment * (3.0 / (k * length * length)),
+            before: (force * (squared * (3.0 - share) / 2.0) + own * (squared * share)) / k + lever * squared,
+            ..still
+        }
     }
 }
