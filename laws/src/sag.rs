@@ -50,7 +50,8 @@ impl Sag {
         let mut beyond = (Vector3::zeros(), Vector3::zeros());
         for (link, joint) in arm.joints().iter().enumerate().rev() {
             let pose = ws.link_pose(link);
-            let force = pressure(ws, link).0 - if link + 1 < arm.dof() { pressure(ws, link + 1).0 } else { Vector3::zeros() };
+            let force = pressure(ws, link).0
+                - if link + 1 < arm.dof() { pressure(ws, link + 1).0 } else { Vector3::zeros() };
             let mass = (pose * Point3::from(joint.inertia.com)).coords;
             let axis = pose.rotation * joint.axis.into_inner();
             load[link] = if link >= self.from {

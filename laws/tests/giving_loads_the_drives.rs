@@ -39,7 +39,8 @@ fn asks_for_the_slope(kind: &str, joint: Option<usize>, text: &str, energy: impl
     let arm = freeplay_arm::paper_arm().arm;
     let mut greatest = 0.0_f64;
     for pose in 0..10 {
-        let q: Vec<f64> = (0..arm.dof()).map(|joint| 1.5 * (2.3 * pose as f64 + 1.7 * joint as f64).sin()).collect();
+        let q: Vec<f64> =
+            (0..arm.dof()).map(|joint| 1.5 * (2.3 * pose as f64 + 1.7 * joint as f64).sin()).collect();
         let mut still = samples(&q[..1], &[0.0]);
         for place in &q[1..] {
             still.q.push(vec![*place]);

@@ -88,6 +88,23 @@ struct BorneOut {
     on_test: Vec<Vec<f64>>,
 }
 
+/// What the test part says of a law.
+struct Tested {
+    /// The channels in which the law shows; none where these rows are too few to tell, by 20 to 1, whether it is true.
+    shown: Vec<usize>,
+    /// Weighed squares that the law takes away where it shows.
+    where_shown: f64,
+    /// The same in all that is measured.
+    squares: f64,
+}
+
+impl Tested {
+    /// Weighed squares that the law takes away where it shows, or in all that is measured where that is less. `None` where nothing can be told.
+    fn gain(&self) -> Option<f64> {
+        (!self.shown.is_empty()).then(|| self.where_shown.min(self.squares))
+    }
+}
+
 /// All that a conclusion rests on.
 pub(crate) struct Conclusion<'c, 'd, 'a> {
     pub file: &'c ArmFile,
@@ -263,7 +280,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         }
     }
 
-    /// `fit` without those members that the test part contradicts: the arm file that it makes would say these rows worse with them. `None` if a fit is singular.
+    /// `fit` without those members that the test part contradicts: the arm file that it makes would say these rows worse with them, or the odds for them with these
+    /// rows are no longer 20 to 1. `None` if a fit is singular.
     fn borne_out(&self, mut fit: Fit) -> Result<Option<BorneOut>, LawError> {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);
@@ -279,8 +297,9 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                     Err(LawError::Changed { .. }) => (system.left(&others), false),
                     Err(error) => return Err(error),
                 };
-                let gain = self.gain(&fit, place, &on_test, [&left, &left_without]);
-                if exists && gain.is_some_and(|gain| gain <= 0.0) {
+                let tested = self.tested(&fit, place, &on_test, [&left, &left_without]);
+                let odds = fit.value - others.value + 0.5 * tested.squares;
+                if exists && (!is_told(odds) || tested.gain().is_some_and(|gain| gain <= 0.0)) {
                     (fit, left) = (others, left_without);
                     continue 'fits;
                 }
@@ -297,30 +316,39 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let mut order = Vec::new();
         for place in 0..fit.members.len() {
             let others = system.held_fit(&all_but(&fit.members, place))?;
-            let gain = self.gain(fit, place, on_test, [&left, &system.left(&others)]);
-            order.push((gain.unwrap_or(f64::INFINITY), place, others));
+            let tested = self.tested(fit, place, on_test, [&left, &system.left(&others)]);
+            order.push((tested.gain().unwrap_or(f64::INFINITY), place, others));
         }
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         Some(order.into_iter().map(|(_, place, others)| (place, others)).collect())
     }
 
-    /// Squares that the member number `place` of `fit` takes away where it shows, or in all that is measured where that is less: from what is `left` with it and
-    /// without it. `None` if it shows nowhere.
-    fn gain(
+    /// What rows with these `weights` say of the member number `place` of `fit`, by what is `left` with it and without it.
+    fn tested(
         &self,
         fit: &Fit,
         place: usize,
         weights: &[Vec<f64>],
         [with, without]: [&[Vec<f64>]; 2],
-    ) -> Option<f64> {
-        let square = |rows: &[f64], weights: &[f64]| -> f64 {
-            rows.iter().zip(weights).map(|(x, weight)| weight * x * x).sum()
+    ) -> Tested {
+        let more = |c: usize| {
+            let rows = with[c].iter().zip(&without[c]).zip(&weights[c]);
+            rows.fold([0.0, 0.0], |[fallen, moved], ((with, without), weight)| {
+                [
+                    fallen + weight * (without * without - with * with),
+                    moved + weight * (without - with).powi(2),
+                ]
+            })
         };
-        let more = |c: usize| square(&without[c], &weights[c]) - square(&with[c], &weights[c]);
-        let more: Vec<f64> = (0..weights.len()).map(more).collect();
+        let more: Vec<[f64; 2]> = (0..weights.len()).map(more).collect();
         let candidate = self.search.system.candidate(fit.members[place]);
-        let shown: Vec<usize> = (0..more.len()).filter(|&c| candidate.shows_in(c, weights)).collect();
-        (!shown.is_empty()).then(|| shown.iter().map(|&c| more[c]).sum::<f64>().min(more.iter().sum()))
+        let mut shown: Vec<usize> = (0..more.len()).filter(|&c| candidate.shows_in(c, weights)).collect();
+        let [where_shown, moved] = [0, 1].map(|of: usize| shown.iter().map(|&c| more[c][of]).sum::<f64>());
+        // A law that is true takes off on average the squares of what it says, and one that is false adds them.
+        if !is_told(0.5 * moved) {
+            shown.clear();
+        }
+        Tested { shown, where_shown, squares: more.iter().map(|more| more[0]).sum() }
     }
 
     /// Residuals, by channel and row, of the arm file that the members of `fit` make, all of them at once and tuned; zero in rows that don't count. Each journal
@@ -375,8 +403,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         for ((place, parameters), (fit_without, without)) in all.into_iter().enumerate().zip(without) {
             let member = fit.members[place];
             let candidate = system.candidate(member);
-            let shown: Vec<usize> =
-                (0..system.data.channels()).filter(|&c| candidate.shows_in(c, on_test)).collect();
+            let shown = self.tested(fit, place, on_test, [with, without]).shown;
             let held_out = !shown.is_empty();
             let (weights, channels) =
                 if held_out { (on_test, shown) } else { (&on_fit, candidate.channels.clone()) };

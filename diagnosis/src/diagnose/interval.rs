@@ -9,9 +9,11 @@ use toml::{Table, Value};
 
 #[cfg(doc)]
 use super::candidate::Candidate;
+use super::data::sum_of;
 use super::noise::normal;
 use super::report::Parameter;
 use super::system::{Fit, System};
+use super::weights::Rows;
 
 /// Draws of the posterior: a quantile of 2.5 % is known to half a percent of them.
 const DRAWS: usize = 1000;
@@ -131,7 +133,7 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
 
 /// The covariance of the coefficients of `fit`: that of the posterior, or, where blocks of neighbouring rows pull the coefficients about by more, what
 /// these say (Huber 1967; White 1982, Econometrica 50:1): laws that are off are off the same way for a while. To it comes what the tolerances hide: friction of
-/// 15 beside a nominal 10 ± 5 % is not known better than to 0.5.
+/// 15 beside a nominal 10 ± 5 % is not known better than to 0.5; and what no row shows: see [`coherent`].
 fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
     let n = fit.beta.len();
     let Some(factor) = Cholesky::new(fit.normal.clone()) else { return DMatrix::identity(n, n) };
@@ -145,5 +147,31 @@ fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
     let wider = DVector::from_fn(n, |k, _| (sandwich[(k, k)] / posterior[(k, k)]).max(1.0).sqrt());
     let beside_all = system.normal_beside_all(&fit.members).and_then(Cholesky::new);
     let hidden = beside_all.map_or_else(|| DMatrix::zeros(n, n), |factor| factor.inverse() - &posterior);
-    DMatrix::from_fn(n, n, |i, j| posterior[(i, j)] * wider[i] * wider[j] + hidden[(i, j)])
+    let coherent = coherent(system, fit);
+    DMatrix::from_fn(n, n, |i, j| posterior[(i, j)] * wider[i] * wider[j] + hidden[(i, j)] + coherent[(i, j)])
+}
+
+/// What a discrepancy that follows a law itself adds to the covariance of the coefficients of `fit`. Laws are off by a share s of their size. What of that goes across a law
+/// is left in the rows; what goes along it is in its coefficients, where nothing tells it from them, and is taken to be as large.
+fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(fit.beta.len(), fit.beta.len());
+    let weights: Vec<Vec<f64>> = system.weights.rows.iter().map(Rows::weights).collect();
+    let mut at = 0;
+    for (place, &member) in fit.members.iter().enumerate() {
+        let beta = DVector::from_column_slice(system.coefficients(fit, place));
+        let columns = system.candidate(member).columns.iter().zip(beta.iter().copied());
+        let says = sum_of(columns, &weights);
+        let (mut off, mut said) = (0.0, 0.0);
+        for ((rows, weights), says) in system.weights.rows.iter().zip(&weights).zip(&says) {
+            let square: f64 = weights.iter().zip(says).map(|(weight, x)| weight * x * x).sum();
+            off += rows.share.powi(2) * square;
+            said += square;
+        }
+        if said > 0.0 {
+            all.view_mut((at, at), (beta.len(), beta.len()))
+                .copy_from(&(&beta * beta.transpose() * (off / said)));
+        }
+        at += beta.len();
+    }
+    all
 }

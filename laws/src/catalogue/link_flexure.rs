@@ -112,7 +112,8 @@ impl SagLaw for LinkFlexure {
         let lever = moment.cross(&along) * (1.5 / (k * length));
         Sag {
             shift: (force + own * (squared * (3.0 - share) / 2.0)) / k + lever,
-            turn: along.cross(&(force + own * squared)) * (1.5 / (k * length)) + moment * (3.0 / (k * length * length)),
+            turn: along.cross(&(force + own * squared)) * (1.5 / (k * length))
+                + moment * (3.0 / (k * length * length)),
             before: (force * (squared * (3.0 - share) / 2.0) + own * (squared * share)) / k + lever * squared,
             ..still
         }
