@@ -13,7 +13,7 @@ use freeplay_terminal::exit::Failure;
 
 use crate::choice::{Answers, HeldOut, Tried, held_out, scored};
 use crate::data::{Channel, Data};
-use crate::structure::{Fitting, Structure};
+use crate::structure::{Fitting, MEMBERS, Structure};
 
 /// Hidden layers with which inputs are chosen.
 const PROBE: [usize; 1] = [8];
@@ -38,7 +38,7 @@ pub fn mean(values: &[f64]) -> f64 {
 }
 
 /// Whether the errors `found`, path by path, are lower than those `known` by more than one standard error.
-fn is_lower(found: &[f64], known: &[f64]) -> bool {
+pub fn is_lower(found: &[f64], known: &[f64]) -> bool {
     let falls: Vec<f64> = known.iter().zip(found).map(|(known, found)| known - found).collect();
     let (count, fall) = (falls.len() as f64, mean(&falls));
     let variance = falls.iter().map(|one| (one - fall).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
@@ -101,7 +101,7 @@ impl Selection<'_> {
 
     /// What the inputs `inputs` leave of each path with other first weights.
     fn once_more(&self, inputs: &[Channel]) -> Result<Vec<f64>, Failure> {
-        let fitting = Fitting { seed: self.fitting.seed + 1, ..self.fitting };
+        let fitting = Fitting { seed: self.fitting.seed.wrapping_add(MEMBERS as u64), ..self.fitting };
         Ok(errors(self.data, &held_out(self.data, &Structure::plain(inputs, &PROBE), fitting)?))
     }
 
