@@ -134,6 +134,43 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         &self.file.arm
     }
 
+    /// The numbers of the laws that stand, and whether they leave what has no name.
+    ///
+    /// # Errors
+    /// See [`LawError`]; `None` if a fit is singular.
+    pub fn stands(mut self) -> Result<Option<(Vec<usize>, bool)>, LawError> {
+        let Some((fit, _)) = self.standing()? else { return Ok(None) };
+        let leaves_more = self.leaves_more(&fit);
+        Ok(Some((fit.members, leaves_more)))
+    }
+
+    /// The laws that are sure, that the test part bears out and that hold something, with what shows them.
+    fn standing(&mut self) -> Result<Option<(Fit, Vec<Finding>)>, LawError> {
+        let mut members = self.answer.members.clone();
+        let (members, mut findings) = loop {
+            let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
+            let Some(fit) = self.sure(fit) else { return Ok(None) };
+            let sure = fit.members.clone();
+            let Some(borne_out) = self.borne_out(fit)? else { return Ok(None) };
+            let Some(findings) = self.findings(&borne_out) else { return Ok(None) };
+            let kept: Vec<usize> = findings.iter().filter_map(|finding| finding.of.member()).collect();
+            let (kept, empty): (Vec<_>, Vec<_>) = sure.into_iter().partition(|member| kept.contains(member));
+            if empty.is_empty() {
+                break (kept, findings);
+            }
+            // What holds nothing, or does not hold on the test part, may have said what another law says.
+            self.search.leave_out(&empty);
+            let better = self.search.improve(kept, &mut |_| {});
+            let Some(better) = better.and_then(|better| self.search.agreed(&better)) else { return Ok(None) };
+            members = better.members;
+        };
+        let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
+        // Without those that hold nothing the arm of the others may be one that can't exist.
+        let Some(fit) = self.sure(fit) else { return Ok(None) };
+        findings.retain(|finding| finding.of.member().is_none_or(|member| fit.members.contains(&member)));
+        Ok(Some((fit, findings)))
+    }
+
     /// The diagnosis.
     ///
     /// # Errors
@@ -143,16 +180,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         quality: Vec<String>,
         untestable: Vec<Untestable>,
     ) -> Result<Option<Diagnosis>, LawError> {
-        let system = &self.search.system;
-        let Some(fit) = system.held_fit(&self.answer.members) else { return Ok(None) };
-        let Some(fit) = self.sure(fit) else { return Ok(None) };
-        let Some(borne_out) = self.borne_out(fit)? else { return Ok(None) };
-        let Some(mut findings) = self.findings(&borne_out) else { return Ok(None) };
-        let members: Vec<usize> = findings.iter().filter_map(|finding| finding.of.member()).collect();
-        let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
-        // Without those that hold nothing the arm of the others may be one that can't exist.
-        let Some(fit) = self.sure(fit) else { return Ok(None) };
-        findings.retain(|finding| finding.of.member().is_none_or(|member| fit.members.contains(&member)));
+        let Some((fit, findings)) = self.standing()? else { return Ok(None) };
         let Some(remains) = self.remains(&fit)? else { return Ok(None) };
         let Some(bare) = self.search.system.held_fit(&[]) else { return Ok(None) };
         let mut alternatives = alternatives(self.search, &fit);
@@ -608,13 +636,17 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             .collect()
     }
 
+    /// Whether `fit` leaves what has no name, in the rows that were seen or in those of the test part.
+    fn leaves_more(&self, fit: &Fit) -> bool {
+        let system = &self.search.system;
+        let test = system.weights.on(system.data, &[Part::Test]);
+        [&system.weights, &test].into_iter().any(|weights| is_unexplained(system, fit, weights))
+    }
+
     fn verdict(&self, fit: &Fit, alternatives: &[Alternative]) -> Verdict {
         let system = &self.search.system;
         let is_catalogued = |&member: &usize| system.candidate(member).kind.is_catalogued();
-        let test = system.weights.on(system.data, &[Part::Test]);
-        let is_left =
-            [&system.weights, &test].into_iter().any(|weights| is_unexplained(system, fit, weights));
-        if !fit.members.iter().all(is_catalogued) || is_left {
+        if !fit.members.iter().all(is_catalogued) || self.leaves_more(fit) {
             return Verdict::Unknown;
         }
         if fit.members.is_empty() && self.events.is_empty() {

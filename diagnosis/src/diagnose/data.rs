@@ -8,7 +8,7 @@ use freeplay_laws::{LawError, Placed};
 use super::candidate::Candidate;
 use super::moments::window;
 use super::parts::{Part, parts_of};
-use super::rows::rows_that_count;
+use super::rows::{off_with, rows_that_count};
 use super::stage::{Answer, Stage};
 use super::tolerance::{Nuisance, Tolerances, nuisances};
 use crate::residual::Kind;
@@ -96,6 +96,12 @@ impl<'a> Data<'a> {
     /// The rows of the channel number `channel` that count and that the step at hand sees, 1 or 0.
     pub fn heard(&self, channel: usize) -> Vec<f64> {
         self.mask(channel, &self.heard)
+    }
+
+    /// By how much a perfect model may be off in each row where it has the effects `found`: see [`off_with`].
+    pub fn off_with(&self, found: &[Placed], seed: u64) -> Vec<Vec<f64>> {
+        let of_stages = self.stages.iter().zip(self.off.chunks(self.per_stage().max(1)));
+        of_stages.flat_map(|(stage, off)| off_with(stage, found, off, seed)).collect()
     }
 
     /// Takes the rows in which one of `happened` says anything, behind the low-pass, out of the test part: what happens at a time is seen in no others. Whether the

@@ -111,8 +111,10 @@ pub(crate) fn diagnose(
     let (laid, found) = {
         // Pieces of any law look like pushes: what lasts is asked for first.
         let lasting = candidates.into_iter().filter(|candidate| !candidate.kind.happens()).collect();
-        let mut search = search(&data, &target, None, lasting, settings).ok_or(DiagnoseError::Singular)?;
-        searched(&mut search, progress).ok_or(DiagnoseError::Singular)?
+        let weights = Weights::new(&data, &target, None, &data.off, settings.seed);
+        let system = System::new(&data, target.clone(), weights).ok_or(DiagnoseError::Singular)?;
+        let mut search = Search::new(system, lasting);
+        searched(&mut search, settings.seed, progress).ok_or(DiagnoseError::Singular)?
     };
     let study = Study { file, settings, target: &target, laid, notes, untestable };
     study.concluded(data, found, progress)
@@ -148,20 +150,39 @@ impl Study<'_> {
         data.heard = vec![Part::Fit, Part::Choice];
         progress("confirming what was found");
         let left = less(&found.left, &said_by(&events, self.target));
-        let with = {
-            let (mut search, members) = self.search(&data, &events, &left, &found.members)?;
+        let mut with = {
+            let weights = self.weights(&data, &events, &left, &data.off);
+            let (mut search, members) = self.search(&data, &events, weights, &found.members)?;
             let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
-            if events.is_empty() {
-                return self.conclusion(&mut search, answer, &events, progress);
-            }
-            search.found(&answer).ok_or(DiagnoseError::Singular)?
+            search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?
         };
+        if events.is_empty() {
+            let stood = self.standing(&data, &left, with, progress)?;
+            // Laws that the test part does not bear out may have imitated what happens at a time.
+            if stood.leaves_more || stood.is_less {
+                events = self.happened_beside(&mut data, &stood.found, &[]);
+                data.parts.clone_from(&parts);
+                if !data.give_moments(&all_of(&[&events])) {
+                    events.clear();
+                }
+            }
+            if events.is_empty() {
+                return self.by_laws(&data, &left, &stood.found);
+            }
+            let stood = stood.found;
+            let weights =
+                self.weights(&data, &events, &less(&left, &said_by(&events, self.target)), &stood.off);
+            let (mut search, members) = self.search(&data, &events, weights, &stood.members)?;
+            let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+            with = search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?;
+        }
         // A law that is found late says what seemed to happen.
         let without = {
-            let (mut search, members) = self.search(&data, &[], &found.left, &with.members)?;
+            let weights = self.weights(&data, &[], &found.left, &with.off);
+            let (mut search, members) = self.search(&data, &[], weights, &with.members)?;
             let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
             let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
-            search.found(&answer).ok_or(DiagnoseError::Singular)?
+            search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?
         };
         progress("looking for what happens at a time");
         let mut members = with.members.clone();
@@ -172,15 +193,56 @@ impl Study<'_> {
         } else {
             let others = self.happened_beside(&mut data, &without, &[]);
             data.give_moments(&all_of(&[&events, &others]));
-            let of_with = self.evidence(&data, &events, &left, &members)?;
-            let of_without = self.evidence(&data, &others, &left, &without.members)?;
+            let weights = self.weights(&data, &events, &left, &with.off);
+            let of_with = self.evidence(&data, &events, weights.clone(), &members)?;
+            let of_without = self.evidence(&data, &others, weights, &without.members)?;
             if of_without > of_with {
                 (members, events) = (without.members, others);
             }
         }
-        let (mut search, members) = self.search(&data, &events, &left, &members)?;
+        let weights = self.weights(&data, &events, &left, &with.off);
+        let (mut search, members) = self.search(&data, &events, weights, &members)?;
         let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
-        self.conclusion(&mut search, answer, &events, progress)
+        let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
+        progress("testing");
+        self.conclusion(&mut search, &answer, &events)
+    }
+
+    /// What stands of what was `confirmed`, or, where that leaves something, of what the search finds with all that may be seen; so much is `left` with all that may be missing.
+    fn standing(
+        &self,
+        data: &Data,
+        left: &[Vec<f64>],
+        mut confirmed: Found,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Stood, DiagnoseError> {
+        let mut is_less = false;
+        loop {
+            let count = confirmed.members.len();
+            let weights = self.weights(data, &[], left, &confirmed.off);
+            let (mut search, members) = self.search(data, &[], weights, &confirmed.members)?;
+            let answer = search.settled(members).and_then(|answer| search.agreed(&answer));
+            let answer = answer.ok_or(DiagnoseError::Singular)?;
+            let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
+            progress("testing");
+            let conclusion = self.concluding(&mut search, &answer, &[]);
+            let (members, leaves_more) = conclusion.stands()?.ok_or(DiagnoseError::Singular)?;
+            let stood = search.settled(members).and_then(|answer| search.found(&answer, self.settings.seed));
+            let found = stood.ok_or(DiagnoseError::Singular)?;
+            if found.members.len() >= count {
+                return Ok(Stood { found, leaves_more, is_less });
+            }
+            // What a law that does not stand may be off by is not allowed to the others.
+            (confirmed, is_less) = (found, true);
+        }
+    }
+
+    /// The diagnosis by the laws that were `found`.
+    fn by_laws(&self, data: &Data, left: &[Vec<f64>], found: &Found) -> Result<Diagnosis, DiagnoseError> {
+        let weights = self.weights(data, &[], left, &found.off);
+        let (mut search, members) = self.search(data, &[], weights, &found.members)?;
+        let answer = search.settled(members).and_then(|answer| search.agreed(&answer));
+        self.conclusion(&mut search, &answer.ok_or(DiagnoseError::Singular)?, &[])
     }
 
     /// What happens at a time beside what was `found`, in all parts. Nothing tells a push from the knocks of parts that come apart and meet again.
@@ -192,24 +254,30 @@ impl Study<'_> {
         let mut left = found.left.clone();
         add_all(&mut left, events.iter().flat_map(Event::columns));
         let heard = std::mem::replace(&mut data.heard, Part::ALL.to_vec());
-        let sizes = Weights::new(data, self.target, Some(&left), self.settings.seed);
+        let sizes = self.weights(data, &[], &left, &found.off);
         // Where the rows are exact nothing wanders, and nothing happens that the laws don't say.
         let happened = happenings(data, &left, &self.laid, &sizes, self.settings.seed).unwrap_or_default();
         data.heard = heard;
         happened
     }
 
-    /// The search by the rows of `data` that are heard, less what the `events` say, where so much is `left` with all that is known; and the numbers of its `members`.
+    /// The weights of the rows of `data` that are heard beside `events`, where so much is `left` with all that is known, and a perfect model may be `off` by so much.
+    fn weights(&self, data: &Data, events: &[Event], left: &[Vec<f64>], off: &[Vec<f64>]) -> Weights {
+        let target = less(self.target, &said_by(events, self.target));
+        Weights::new(data, &target, Some(left), off, self.settings.seed)
+    }
+
+    /// The search by the rows of `data` with these `weights`, less what the `events` say; and the numbers of its `members`.
     fn search<'d, 'a>(
         &self,
         data: &'d Data<'a>,
         events: &[Event],
-        left: &[Vec<f64>],
+        weights: Weights,
         members: &[Candidate],
     ) -> Result<(Search<'d, 'a>, Vec<usize>), DiagnoseError> {
         let target = less(self.target, &said_by(events, self.target));
-        let mut search = search(data, &target, Some(left), self.laid.clone(), self.settings)
-            .ok_or(DiagnoseError::Singular)?;
+        let system = System::new(data, target, weights).ok_or(DiagnoseError::Singular)?;
+        let mut search = Search::new(system, self.laid.clone());
         let members = members.iter().filter_map(|one| search.system.take(one.clone())).collect();
         Ok((search, members))
     }
@@ -219,38 +287,55 @@ impl Study<'_> {
         &self,
         data: &Data,
         events: &[Event],
-        left: &[Vec<f64>],
+        weights: Weights,
         members: &[Candidate],
     ) -> Result<f64, DiagnoseError> {
-        let (mut search, members) = self.search(data, events, left, members)?;
+        let (mut search, members) = self.search(data, events, weights, members)?;
         let answer = search.settled(members).ok_or(DiagnoseError::Singular)?;
         Ok(answer.evidence + events.iter().map(|event| event.log_prior).sum::<f64>())
     }
 
-    /// The diagnosis of `answer`, or of what the search finds with all that may be seen, where `answer` leaves something.
+    /// The diagnosis of `answer` beside `events`.
     fn conclusion(
-        self,
+        &self,
         search: &mut Search,
-        answer: Answer,
+        answer: &Answer,
         events: &[Event],
-        progress: &mut dyn FnMut(&str),
     ) -> Result<Diagnosis, DiagnoseError> {
-        let answer = explained(search, answer, progress).ok_or(DiagnoseError::Singular)?;
-        progress("testing");
-        let Self { file, settings, target, notes, untestable, .. } = self;
-        let conclusion = Conclusion { file, settings, search, answer: &answer, events, target };
-        conclusion.diagnosis(notes, untestable)?.ok_or(DiagnoseError::Singular)
+        let conclusion = self.concluding(search, answer, events);
+        let diagnosis = conclusion.diagnosis(self.notes.clone(), self.untestable.clone())?;
+        diagnosis.ok_or(DiagnoseError::Singular)
     }
+
+    /// What a conclusion from `answer` beside `events` rests on.
+    fn concluding<'c, 'd, 'a>(
+        &'c self,
+        search: &'c mut Search<'d, 'a>,
+        answer: &'c Answer,
+        events: &'c [Event],
+    ) -> Conclusion<'c, 'd, 'a> {
+        Conclusion { file: self.file, settings: self.settings, search, answer, events, target: self.target }
+    }
+}
+
+/// Laws that stand.
+struct Stood {
+    found: Found,
+    /// Whether they leave what has no name.
+    leaves_more: bool,
+    /// Whether they are fewer than those that were confirmed.
+    is_less: bool,
 }
 
 /// `answer`, or, where it leaves something, what the search finds with all that may be seen; `None` if the system is singular.
 fn explained(search: &mut Search, answer: Answer, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+    if leaves_more(search, &answer)? { searched_again(search, &answer, progress) } else { Some(answer) }
+}
+
+/// Whether `answer` leaves what a law without a name says; `None` if the system is singular.
+fn leaves_more(search: &Search, answer: &Answer) -> Option<bool> {
     let fit = search.system.held_fit(&answer.members)?;
-    if is_unexplained(&search.system, &fit, &search.system.weights) {
-        searched_again(search, &answer, progress)
-    } else {
-        Some(answer)
-    }
+    Some(is_unexplained(&search.system, &fit, &search.system.weights))
 }
 
 /// The candidates of all `events`.
@@ -263,28 +348,18 @@ fn are_the_same(one: &[Candidate], other: &[Candidate]) -> bool {
     one.len() == other.len() && one.iter().all(|one| other.iter().any(|other| one.same_effect(other)))
 }
 
-/// A search among `candidates` by the rows of `data` that are heard, of which `target` is what the model as given leaves, and `left` what is left with all that is
-/// known so far; `None` if the system is singular.
-fn search<'d, 'a>(
-    data: &'d Data<'a>,
-    target: &[Vec<f64>],
-    left: Option<&[Vec<f64>]>,
-    candidates: Vec<Candidate>,
-    settings: &DiagnoseSettings,
-) -> Option<Search<'d, 'a>> {
-    let weights = Weights::new(data, target, left, settings.seed);
-    let system = System::new(data, target.to_vec(), weights)?;
-    Some(Search::new(system, candidates))
-}
-
 /// The most probable answer of `search` by the fit and the choice part, and all candidates as they are beside it; `None` if the system is singular.
-fn searched(search: &mut Search, progress: &mut dyn FnMut(&str)) -> Option<(Vec<Candidate>, Found)> {
+fn searched(
+    search: &mut Search,
+    seed: u64,
+    progress: &mut dyn FnMut(&str),
+) -> Option<(Vec<Candidate>, Found)> {
     progress("searching");
     search.run(&[], progress)?;
     progress("choosing between the best answers");
     let answer = choose(search)?;
     let answer = search.agreed(&answer)?;
-    Some((search.candidates(&search.laid), search.found(&answer)?))
+    Some((search.candidates(&search.laid), search.found(&answer, seed)?))
 }
 
 /// There are recordings, of this arm, with the same columns.

@@ -1,6 +1,6 @@
 //! What the instruments alone leave: recordings of the very machine of the model, moved the same way and measured as badly.
 
-use freeplay_laws::{DriveFriction, rigid_torques, tool_positions};
+use freeplay_laws::{DriveFriction, Trajectory, rigid_torques, tool_positions};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -56,33 +56,46 @@ fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
 }
 
 /// The motion as noisy encoders read it, and how much more dry friction the model then sees, by joint.
-fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (freeplay_laws::Trajectory, Vec<Option<Vec<f64>>>) {
+fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (Trajectory, Vec<Option<Vec<f64>>>) {
     let (mut read, whole) = (stage.motion().clone(), stage.whole());
-    let treatment = &stage.ground.treatment;
+    let wrong = misread_whole(stage, rng);
     let mut jumps = Vec::new();
-    for (joint, noise) in stage.ground.noises.positions.iter().enumerate() {
-        let error = treatment.low_pass(&misreading(rng, &whole.q[joint], noise));
-        let (mut rate, mut second) = (Vec::new(), Vec::new());
-        for stretch in &whole.stretches {
-            let (v, a) = derivatives(&error[stretch.clone()], whole.step(stretch));
-            rate.extend(v);
-            second.extend(a);
-        }
-        let into = |column: &mut Vec<f64>, error: &[f64]| {
-            column.iter_mut().zip(treatment.keep(error)).for_each(|(x, e)| *x += e);
+    for joint in 0..stage.arm().dof() {
+        let into = |column: &mut Vec<f64>, wrong: &[f64], right: &[f64]| {
+            let error: Vec<f64> = wrong.iter().zip(right).map(|(wrong, right)| wrong - right).collect();
+            column.iter_mut().zip(stage.ground.treatment.keep(&error)).for_each(|(x, e)| *x += e);
         };
-        into(&mut read.q[joint], &error);
-        into(&mut read.v[joint], &rate);
-        into(&mut read.a[joint], &second);
+        into(&mut read.q[joint], &wrong.q[joint], &whole.q[joint]);
+        into(&mut read.v[joint], &wrong.v[joint], &whole.v[joint]);
+        into(&mut read.a[joint], &wrong.a[joint], &whole.a[joint]);
         let nominal = DriveFriction::nominal(stage.arm().joints()[joint].friction);
         jumps.push((nominal.coulomb > 0.0).then(|| {
             let jump = DriveFriction { viscous: 0.0, ..nominal };
-            let more =
-                whole.v[joint].iter().zip(&rate).map(|(v, e)| jump.resisting(v + e) - jump.resisting(*v));
+            let speeds = wrong.v[joint].iter().zip(&whole.v[joint]);
+            let more = speeds.map(|(wrong, right)| jump.resisting(*wrong) - jump.resisting(*right));
             stage.treated(&more.collect::<Vec<_>>())
         }));
     }
     (read, jumps)
+}
+
+/// The motion on all grid points as noisy encoders read it.
+pub(crate) fn misread_whole(stage: &Stage, rng: &mut ChaCha8Rng) -> Trajectory {
+    let (mut read, whole) = (stage.whole().clone(), stage.whole());
+    for (joint, noise) in stage.ground.noises.positions.iter().enumerate() {
+        let error = stage.ground.treatment.low_pass(&misreading(rng, &whole.q[joint], noise));
+        for stretch in &whole.stretches {
+            let error = &error[stretch.clone()];
+            let (v, a) = derivatives(error, whole.step(stretch));
+            let into = |column: &mut Vec<f64>, error: &[f64]| {
+                column[stretch.clone()].iter_mut().zip(error).for_each(|(x, e)| *x += e);
+            };
+            into(&mut read.q[joint], error);
+            into(&mut read.v[joint], &v);
+            into(&mut read.a[joint], &a);
+        }
+    }
+    read
 }
 
 /// What an encoder reads of `position` too much: its noise, and its rounding, which is no noise where the joint hardly moves.

@@ -3,12 +3,16 @@
 //! A joint that stands carries any torque between ± its dry friction, and where it turns the low-pass rounds the corner of its speed: such rows say nothing of
 //! a law of friction. They are left out of the torque of that joint.
 
-use freeplay_laws::DriveFriction;
+use freeplay_laws::{DriveFriction, Placed};
 use nalgebra::{Matrix3, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 
+use super::instruments::misread_whole;
+use super::noise::normals;
 use super::stage::Stage;
 use crate::presence::masked;
-use crate::residual::Kind;
+use crate::residual::{Channel, Kind};
 use crate::statistics::Moments;
 
 /// A joint slower than this share of its greatest speed for longer than the filter remembers stands still, unless its encoder sees it creep.
@@ -51,7 +55,7 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
     let treatment = &stage.ground.treatment;
     let (rate_hz, cutoff_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
     let reach = (rate_hz / cutoff_hz / 2.0) as usize;
-    let slow = STANDING * v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    let slow = slowest(v);
     // Seen to creep, and to which side, within the filter's memory.
     let creeping = UNMOVED * stage.ground.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
     let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
@@ -92,6 +96,57 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
         })
         .collect();
     Rows { counts, off }
+}
+
+/// By how much each row of `stage` may be off, by channel, where its model has the effects `found` and is `off` without them. Where their torques jump, as those of dry friction
+/// do where a joint turns, the low-pass does not let the whole jump through; and where speeds that no encoder sees would turn them round, as where two coupled joints stand against
+/// each other, they may be anything between.
+pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: u64) -> Vec<Vec<f64>> {
+    let treatment = &stage.ground.treatment;
+    let reach = (treatment.rate_hz() / treatment.filter().cutoff_hz() / 2.0) as usize;
+    let unseen = unseen_speeds(stage, &mut ChaCha8Rng::seed_from_u64(seed));
+    let along = |way: f64| {
+        let mut motion = stage.whole().clone();
+        for (v, unseen) in motion.v.iter_mut().zip(&unseen) {
+            v.iter_mut().zip(unseen).for_each(|(v, unseen)| *v += way * unseen);
+        }
+        stage.raw_torques(found, &motion)
+    };
+    let (Ok(less), Ok(as_seen), Ok(more)) = (along(-1.0), along(0.0), along(1.0)) else {
+        // An arm that can't be leaves the rows as they are.
+        return off.to_vec();
+    };
+    let of_channel = |(channel, off): (&Channel, &Vec<f64>)| match channel.kind {
+        Kind::Torque(joint) => {
+            let through = treatment.low_pass(&as_seen[joint]);
+            let jumps: Vec<f64> = (0..through.len())
+                .map(|k| {
+                    let as_seen = as_seen[joint][k];
+                    // What is in proportion to the speed is no jump.
+                    (as_seen - through[k]).hypot(0.5 * (less[joint][k] + more[joint][k]) - as_seen)
+                })
+                .collect();
+            let around = treatment.keep(&envelope(&jumps, reach));
+            off.iter().zip(around).map(|(off, jump)| off.hypot(jump)).collect()
+        }
+        Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => off.clone(),
+    };
+    stage.channels.iter().zip(off).map(of_channel).collect()
+}
+
+/// Speeds that each joint of `stage` may have beside those that its encoder shows, on all grid points: what the encoder's noise makes of them, and those at which a joint stands.
+fn unseen_speeds(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+    let (read, whole) = (misread_whole(stage, rng), stage.whole());
+    let of_joint = |(read, v): (&Vec<f64>, &Vec<f64>)| {
+        let creeping = normals(rng, v.len(), slowest(v));
+        (0..v.len()).map(|k| read[k] - v[k] + creeping[k]).collect()
+    };
+    read.v.iter().zip(&whole.v).map(of_joint).collect()
+}
+
+/// The speed below which a joint with the speeds `v` stands still.
+fn slowest(v: &[f64]) -> f64 {
+    STANDING * v.iter().fold(0.0_f64, |most, v| most.max(v.abs()))
 }
 
 /// Dry friction of `joint` that the model leaves out, about: the step of its residual with the direction beside a constant and the speed, by least squares.

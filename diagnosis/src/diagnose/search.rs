@@ -87,6 +87,8 @@ impl Tried {
 pub(crate) struct Found {
     /// The effects.
     pub members: Vec<Candidate>,
+    /// By how much each row may be off beside them: see [`Data::off_with`](super::data::Data::off_with).
+    pub off: Vec<Vec<f64>>,
     /// What they leave of every row.
     pub left: Vec<Vec<f64>>,
 }
@@ -316,14 +318,28 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// The effects of `answer`, and what they leave.
-    pub fn found(&self, answer: &Answer) -> Option<Found> {
+    pub fn found(&self, answer: &Answer, seed: u64) -> Option<Found> {
         let fit = self.system.held_fit(&answer.members)?;
-        Some(Found { members: self.candidates(&answer.members), left: self.system.left(&fit) })
+        let placed = self.system.placed(&fit, self.system.data.arm(), |_| true);
+        Some(Found {
+            members: self.candidates(&answer.members),
+            off: self.system.data.off_with(&placed, seed),
+            left: self.system.left(&fit),
+        })
     }
 
     /// The candidates of these numbers.
     pub fn candidates(&self, indices: &[usize]) -> Vec<Candidate> {
         indices.iter().map(|&index| self.system.candidate(index).clone()).collect()
+    }
+
+    /// Looks for none of the effects of these numbers any more.
+    pub fn leave_out(&mut self, effects: &[usize]) {
+        let system = &self.system;
+        let is_left_out = |index: usize| {
+            effects.iter().any(|&effect| system.candidate(effect).same_effect(system.candidate(index)))
+        };
+        self.laid.retain(|&index| !is_left_out(index));
     }
 
     /// The candidates that may join `members`.

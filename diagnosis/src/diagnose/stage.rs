@@ -115,6 +115,8 @@ pub(crate) struct Stage<'a> {
     rough: Baseline<'a>,
     /// Torque and tool of the rigid arm on the kept points.
     rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
+    /// The arm of the file, without its effects.
+    nominal: &'a Arm,
     /// The effects that the arm file has.
     known: Vec<&'a Placed>,
     /// What was found, and what it acts on: other laws act on the machine that has it.
@@ -140,7 +142,7 @@ impl<'a> Stage<'a> {
         let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
         let known = effects.to_vec();
         let (found, beneath) = (RefCell::default(), RefCell::default());
-        Ok(Self { ground, channels, smooth, rough, rigid, known, found, beneath })
+        Ok(Self { ground, channels, smooth, rough, rigid, nominal: arm, known, found, beneath })
     }
 
     /// Lets the columns of laws act on the machine with what was `found`: friction that grows with the load grows with that of a payload, a limit of a
@@ -381,6 +383,18 @@ impl<'a> Stage<'a> {
             Kind::Tool(axis) => difference(&tool[axis], &self.rigid.1[axis]),
             Kind::Link(_) | Kind::Position(_) => None,
         })
+    }
+
+    /// The torques of the model with `more` effects along `motion`, on all grid points and without the low-pass, `[joint][point]`.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn raw_torques(&self, more: &[Placed], motion: &Trajectory) -> Result<Vec<Vec<f64>>, LawError> {
+        let low_pass = |column: &[f64]| column.to_vec();
+        let effects: Vec<&Placed> = self.known.iter().copied().chain(more).collect();
+        let model = Baseline::new(self.nominal, &effects, motion, &low_pass)?;
+        let joints = 0..self.nominal.dof();
+        Ok(joints.map(|joint| Kind::Torque(joint).of(model.prediction()).to_vec()).collect())
     }
 
     /// The number of the channel that measures `kind`.

@@ -149,9 +149,15 @@ impl Rows {
 }
 
 impl Weights {
-    /// The weights of the rows of `data` that are heard, of which `target` is what the model as given leaves. Their number is counted by what is `left` with all that
+    /// The weights of the rows of `data` that are heard, of which `target` is what the model as given leaves, and in which a perfect model may be `off` by so much. Their number is counted by what is `left` with all that
     /// was found, or, before anything is, by what even shapes without a name leave: where a law is missing that all rows share, that would count none.
-    pub fn new(data: &Data, target: &[Vec<f64>], left: Option<&[Vec<f64>]>, seed: u64) -> Self {
+    pub fn new(
+        data: &Data,
+        target: &[Vec<f64>],
+        left: Option<&[Vec<f64>]>,
+        off: &[Vec<f64>],
+        seed: u64,
+    ) -> Self {
         let draws: Vec<Vec<Vec<f64>>> = (0..DRAWS).map(|k| instruments(data, seed.wrapping_add(k))).collect();
         let knots = data.stages.first().map(Knots::of).unwrap_or_default();
         let squares: Vec<Vec<f64>> = draws
@@ -170,7 +176,7 @@ impl Weights {
                 let kappa_noise = draws.iter().map(|draw| alike(&masked(&draw[channel]), &mask)).sum::<f64>()
                     / draws.len() as f64;
                 let size = local_size(data, channel, target);
-                let instrument: Vec<f64> = data.off[channel].iter().map(|off| square + off * off).collect();
+                let instrument: Vec<f64> = off[channel].iter().map(|off| square + off * off).collect();
                 let scale = (size.iter().zip(&mask).map(|(x, m)| x * m).sum::<f64>() / count.max(1.0)).sqrt();
                 let rest = match left {
                     Some(left) => masked(&left[channel]),
