@@ -12,7 +12,7 @@ use crate::residual::Kind;
 const BEGINNINGS: [f64; 4] = [-1.0, -0.5, 0.5, 1.0];
 /// What is tried in a bearing first.
 const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
-/// How far a place is moved to see what that changes, and the longest step from one to a better one, both of 1 + |w|.
+/// A place w of the journal is moved by NUDGE · (1 + |w|) to see what the move changes, and a step to a better place is at most LONGEST · (1 + |w|).
 const NUDGE: f64 = 0.02;
 const LONGEST: f64 = 0.5;
 /// How far out w goes: to 0.999 of the clearance.

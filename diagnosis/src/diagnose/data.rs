@@ -98,7 +98,7 @@ impl<'a> Data<'a> {
         self.mask(channel, &self.heard)
     }
 
-    /// By how much a perfect model may be off in each row where it has the effects `found`: see [`off_with`].
+    /// By how much a perfect model with the effects `found` may be off in each row, by channel: see [`off_with`].
     pub fn off_with(&self, found: &[Placed], seed: u64) -> Vec<Vec<f64>> {
         let of_stages = self.stages.iter().zip(self.off.chunks(self.per_stage().max(1)));
         of_stages.flat_map(|(stage, off)| off_with(stage, found, off, seed)).collect()

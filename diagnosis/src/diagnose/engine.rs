@@ -70,8 +70,8 @@ pub enum DiagnoseError {
     Singular,
 }
 
-/// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on the test part of the data, which no step
-/// before has seen. `progress` is told what is being done.
+/// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on the test part of the data, which no search
+/// sees: it says which laws fall, and nothing else. `progress` is told what is being done.
 ///
 /// # Errors
 /// See [`DiagnoseError`].
@@ -152,9 +152,7 @@ impl Study<'_> {
         let left = less(&found.left, &said_by(&events, self.target));
         let mut with = {
             let weights = self.weights(&data, &events, &left, &data.off);
-            let (mut search, members) = self.search(&data, &events, weights, &found.members)?;
-            let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
-            search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?
+            self.confirmed(&data, &events, weights, &found.members, progress)?
         };
         if events.is_empty() {
             let stood = self.standing(&data, &left, with, progress)?;
@@ -172,9 +170,7 @@ impl Study<'_> {
             let stood = stood.found;
             let weights =
                 self.weights(&data, &events, &less(&left, &said_by(&events, self.target)), &stood.off);
-            let (mut search, members) = self.search(&data, &events, weights, &stood.members)?;
-            let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
-            with = search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?;
+            with = self.confirmed(&data, &events, weights, &stood.members, progress)?;
         }
         // A law that is found late says what seemed to happen.
         let without = {
@@ -208,7 +204,22 @@ impl Study<'_> {
         self.conclusion(&mut search, &answer, &events)
     }
 
-    /// What stands of what was `confirmed`, or, where that leaves something, of what the search finds with all that may be seen; so much is `left` with all that may be missing.
+    /// What is confirmed of `members` beside `events` by rows with these `weights`.
+    fn confirmed(
+        &self,
+        data: &Data,
+        events: &[Event],
+        weights: Weights,
+        members: &[Candidate],
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Found, DiagnoseError> {
+        let (mut search, members) = self.search(data, events, weights, members)?;
+        let answer = confirmed(&mut search, members, progress);
+        let found = answer.and_then(|answer| search.found(&answer, self.settings.seed));
+        found.ok_or(DiagnoseError::Singular)
+    }
+
+    /// The laws of `confirmed` that stand. Where these laws leave an error, the search begins anew before they are tested. The first search left the errors `left`, by which rows are counted.
     fn standing(
         &self,
         data: &Data,
@@ -232,7 +243,7 @@ impl Study<'_> {
             if found.members.len() >= count {
                 return Ok(Stood { found, leaves_more, is_less });
             }
-            // What a law that does not stand may be off by is not allowed to the others.
+            // The rows lose the variance that the fallen law gave them, and the other laws are judged anew.
             (confirmed, is_less) = (found, true);
         }
     }
@@ -307,7 +318,7 @@ impl Study<'_> {
         diagnosis.ok_or(DiagnoseError::Singular)
     }
 
-    /// What a conclusion from `answer` beside `events` rests on.
+    /// The conclusion that is to be drawn from `answer` beside `events`.
     fn concluding<'c, 'd, 'a>(
         &'c self,
         search: &'c mut Search<'d, 'a>,
@@ -321,21 +332,20 @@ impl Study<'_> {
 /// Laws that stand.
 struct Stood {
     found: Found,
-    /// Whether they leave what has no name.
+    /// Whether the laws that stand leave an error that asks for a law outside the catalogue.
     leaves_more: bool,
-    /// Whether they are fewer than those that were confirmed.
+    /// Whether fewer laws stand than were confirmed.
     is_less: bool,
 }
 
 /// `answer`, or, where it leaves something, what the search finds with all that may be seen; `None` if the system is singular.
 fn explained(search: &mut Search, answer: Answer, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
-    if leaves_more(search, &answer)? { searched_again(search, &answer, progress) } else { Some(answer) }
-}
-
-/// Whether `answer` leaves what a law without a name says; `None` if the system is singular.
-fn leaves_more(search: &Search, answer: &Answer) -> Option<bool> {
     let fit = search.system.held_fit(&answer.members)?;
-    Some(is_unexplained(&search.system, &fit, &search.system.weights))
+    if is_unexplained(&search.system, &fit, &search.system.weights) {
+        searched_again(search, &answer, progress)
+    } else {
+        Some(answer)
+    }
 }
 
 /// The candidates of all `events`.

@@ -8,7 +8,7 @@
 //! - `event`, `moments`, `whitening`, `windows` and `tails`: what happens at a time.
 //! - `system` and `bvls`: the linear model and its evidence.
 //! - `search` and `choice`: the most probable set of effects.
-//! - `nameless`, `alternatives`, `interval`, `joined`, `gain`, `locate`, `words`, `passage` and `conclude`: what is said, tested on data that no step before has seen.
+//! - `nameless`, `alternatives`, `interval`, `joined`, `gain`, `locate`, `words`, `passage` and `conclude`: what is said, tested on data that no search sees.
 //! - `excite`: the next motion, where two causes remain.
 //! - `engine`: all of it, of recordings as they stand; `set_up`: after the question whether recording and model mean the same.
 

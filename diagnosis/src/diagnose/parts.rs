@@ -31,7 +31,7 @@ pub(crate) fn parts_of(stages: &[Stage], counts: &[Vec<f64>]) -> (Vec<Vec<Part>>
     let cut_at = |index: usize| cut(&stages[index], &counts[index * per_stage..(index + 1) * per_stage]);
     let of = if stages.len() > 1 { "each" } else { "the" };
     let how = format!(
-        "the last 30 % of {of} recording, of which no step before the report has seen more than what happens at a time"
+        "the last 30 % of {of} recording, to which no law was fitted; it only left out laws that it contradicts"
     );
     ((0..stages.len()).map(cut_at).collect(), how)
 }

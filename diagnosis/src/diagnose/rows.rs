@@ -11,6 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use super::instruments::misread_whole;
 use super::noise::normals;
 use super::stage::Stage;
+use crate::motion::Treatment;
 use crate::presence::masked;
 use crate::residual::{Channel, Kind};
 use crate::statistics::Moments;
@@ -54,7 +55,7 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
     let (v, a) = (&stage.whole().v[joint], &stage.whole().a[joint]);
     let treatment = &stage.ground.treatment;
     let (rate_hz, cutoff_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
-    let reach = (rate_hz / cutoff_hz / 2.0) as usize;
+    let reach = reach(treatment);
     let slow = slowest(v);
     // Seen to creep, and to which side, within the filter's memory.
     let creeping = UNMOVED * stage.ground.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
@@ -103,7 +104,7 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
 /// each other, they may be anything between.
 pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: u64) -> Vec<Vec<f64>> {
     let treatment = &stage.ground.treatment;
-    let reach = (treatment.rate_hz() / treatment.filter().cutoff_hz() / 2.0) as usize;
+    let reach = reach(treatment);
     let unseen = unseen_speeds(stage, &mut ChaCha8Rng::seed_from_u64(seed));
     let along = |way: f64| {
         let mut motion = stage.whole().clone();
@@ -142,6 +143,11 @@ fn unseen_speeds(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
         (0..v.len()).map(|k| read[k] - v[k] + creeping[k]).collect()
     };
     read.v.iter().zip(&whole.v).map(of_joint).collect()
+}
+
+/// Half a period of the low-pass's cutoff, in points: so far the low-pass smears a jump.
+fn reach(treatment: &Treatment) -> usize {
+    (treatment.rate_hz() / treatment.filter().cutoff_hz() / 2.0) as usize
 }
 
 /// The speed below which a joint with the speeds `v` stands still.

@@ -390,9 +390,8 @@ impl<'a> Stage<'a> {
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn raw_torques(&self, more: &[Placed], motion: &Trajectory) -> Result<Vec<Vec<f64>>, LawError> {
-        let low_pass = |column: &[f64]| column.to_vec();
         let effects: Vec<&Placed> = self.known.iter().copied().chain(more).collect();
-        let model = Baseline::new(self.nominal, &effects, motion, &low_pass)?;
+        let model = Baseline::new(self.nominal, &effects, motion, &*self.ground.as_it_is)?;
         let joints = 0..self.nominal.dof();
         Ok(joints.map(|joint| Kind::Torque(joint).of(model.prediction()).to_vec()).collect())
     }

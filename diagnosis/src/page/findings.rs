@@ -117,7 +117,7 @@ fn parameters(effect: &Effect) -> Table {
 fn evidence(effect: &Effect) -> String {
     let evidence = &effect.evidence;
     let on = if evidence.held_out {
-        "the test part, of which no step before this report has seen more than what happens at a time"
+        "the test part, to which no law was fitted"
     } else {
         "the data that it was fitted to (it does not act in the test part)"
     };

@@ -149,7 +149,7 @@ pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
             [Cell::from(channel.as_str()), (100.0 * discrepancy.share).into(), discrepancy.noise.into()];
         followed = followed.row(cells);
     }
-    let text = "The data were cut into three parts. The fit part shows which effects are missing, the choice part decides between answers that are as good and helps to tell their sizes, and the test part was touched once, for the errors and gains of this report. What happens at a time was looked for in all parts, and the rows in which it happens are no part of the test.";
+    let text = "The data were cut into three parts. The fit part shows which effects are missing, the choice part decides between answers that are as good and helps to tell their sizes, and the test part, to which nothing was fitted, left out laws that it contradicts and gave the errors and gains of this report. What happens at a time was looked for in all parts, and the rows in which it happens are no part of the test.";
     let blocks = vec![followed.into(), evidence.into(), tuned.into()];
     Some(
         Section::new("How it was judged")

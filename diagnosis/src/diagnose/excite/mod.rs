@@ -32,7 +32,7 @@ pub use odds::{ChannelNoise, Rival};
 const RATE: f64 = 100.0;
 /// Share of the candidates that are drawn anew; the others are drawn about the best.
 const FRESH: f64 = 0.5;
-/// How far candidates about the best are from it, as a share of its coefficients.
+/// Distance at which new motions are drawn about the best motion, as a share of the coefficients of that motion.
 const NEAR: f64 = 0.35;
 /// How far the posture of a candidate may be from the given one, as a share of the room there.
 const ELSEWHERE: f64 = 0.4;
