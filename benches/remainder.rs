@@ -1,6 +1,6 @@
 //! Time of the learned remainder in one tick, beside the time of the network alone. Inputs that need the arm's dynamics are timed, too. Goal: 0.3 us.
 //!
-//! Sizes are those of weights that `freeplay demo --nameless` proves: 8 or 16 units, a region of 48 centres. `FREEPLAY_WEIGHTS=FILE` times another file's, too.
+//! Sizes are those of weights that `freeplay demo --nameless` proves: means of four networks of 8 or 16 units, of two of 10 and 10, and a region of 48 centres. `FREEPLAY_WEIGHTS=FILE` times another file's, too.
 
 mod common;
 
@@ -23,14 +23,17 @@ fn main() {
         .expect("the smooth path");
     use InputGroup::{Elapsed, Load, Position, Turn, Velocity};
     let position: &[InputGroup] = &[Position];
-    for (units, groups) in [
-        (16, position),
-        (8, &[Position, Velocity]),
-        (8, &[Position, Velocity, Elapsed]),
-        (8, &[Position, Turn]),
-        (8, &[Position, Load]),
-    ] {
-        let name = format!("{units} units on {groups:?}").to_lowercase();
+    let sizes: [(&[usize], &[InputGroup]); 7] = [
+        (&[32], position),
+        (&[64], position),
+        (&[20, 20], position),
+        (&[32], &[Position, Velocity]),
+        (&[32], &[Position, Velocity, Elapsed]),
+        (&[32], &[Position, Turn]),
+        (&[32], &[Position, Load]),
+    ];
+    for (units, groups) in sizes {
+        let name = format!("{units:?} units on {groups:?}").to_lowercase();
         time(&name, &made(groups, units, &arm), &arm, &path);
     }
     if let Some(file) = std::env::var_os("FREEPLAY_WEIGHTS") {
@@ -64,7 +67,7 @@ fn time(name: &str, file: &WeightFile, arm: &Arm, path: &JointPath) {
 }
 
 /// Weights of the usual size on `groups` of inputs, trusted along the whole path.
-fn made(groups: &[InputGroup], units: usize, arm: &Arm) -> WeightFile {
+fn made(groups: &[InputGroup], units: &[usize], arm: &Arm) -> WeightFile {
     let names: Vec<String> = groups.iter().flat_map(|group| group.names(arm.dof())).collect();
     let region = [&[InputGroup::Position, InputGroup::Velocity][..], groups].concat();
     let region: Vec<InputGroup> =
@@ -73,7 +76,8 @@ fn made(groups: &[InputGroup], units: usize, arm: &Arm) -> WeightFile {
     let looks: Vec<InputGroup> =
         groups.iter().chain(region.iter().filter(|g| !groups.contains(g))).copied().collect();
     let width: usize = looks.iter().map(|group| group.width(arm.dof())).sum();
-    let weights = units * (inputs + 1) + 3 * (units + 1);
+    let layers = [&[inputs], units, &[3]].concat();
+    let weights: usize = layers.windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum();
     let weights: Vec<f64> = (0..weights).map(|n| 0.1 * (n as f64).sin()).collect();
     let centres: Vec<Vec<f64>> =
         (0..48).map(|n| (0..width).map(|k| ((n * width + k) as f64).cos()).collect()).collect();
@@ -92,7 +96,7 @@ fn made(groups: &[InputGroup], units: usize, arm: &Arm) -> WeightFile {
             "provenance": { "arm": "", "arm_hash": "", "command": "by hand" },
             "inputs": names, "outputs": ["x", "y", "z"],
             "layout": { "input_lags": [], "output_lags": [], "horizon": 1, "input_at_target": true },
-            "layers": [inputs, units, 3], "activation": "tanh",
+            "layers": layers, "activation": "tanh",
             "input_scaling": { "minimum": zeros, "gain": ones },
             "output_scaling": { "minimum": [-1, -1, -1], "gain": [1, 1, 1] },
             "weights": weights,

@@ -71,6 +71,11 @@ pub enum NarxError {
         /// Outputs of the network.
         network_outputs: usize,
     },
+    /// Models that have no mean.
+    #[error(
+        "models of other samples, channels, scalings, layers or units have no mean, and none has one: give models of one recipe"
+    )]
+    Mean,
     /// Channels cannot stand where they are to stand.
     #[error("{own} channels need a place each among {all}: give one place below {all} for each of them")]
     Places {
@@ -210,6 +215,26 @@ impl Narx {
             ..self.clone()
         };
         model.checked()
+    }
+
+    /// The mean of `models` of one recipe as one model: their hidden units side by side, those of one model with no weight on those of another.
+    ///
+    /// # Errors
+    /// No model, or models that differ in more than their weights.
+    pub fn mean(models: &[Self]) -> Result<Self, NarxError> {
+        let (first, others) = models.split_first().ok_or(NarxError::Mean)?;
+        let is_alike = |other: &Self| {
+            (&first.layout, &first.input_names, &first.output_names)
+                == (&other.layout, &other.input_names, &other.output_names)
+                && first.input_scaling == other.input_scaling
+                && first.output_scaling == other.output_scaling
+        };
+        if !others.iter().all(is_alike) {
+            return Err(NarxError::Mean);
+        }
+        let networks: Vec<&Network> = models.iter().map(|model| &model.network).collect();
+        let network = Network::mean(&networks).ok_or(NarxError::Mean)?;
+        Self { network, ..first.clone() }.checked()
     }
 
     /// Where it comes from.

@@ -95,6 +95,48 @@ impl Network {
         Ok(Self { sizes: sizes.to_vec(), activation, weights, panels, arch: pulp::Arch::new() })
     }
 
+    /// The mean of `networks` as one network: their hidden units side by side, those of one network with no weight on those of another. None for no network,
+    /// and for networks of other layers or units, or without hidden ones.
+    pub(crate) fn mean(networks: &[&Self]) -> Option<Self> {
+        let first = networks.first()?;
+        let is_alike = |other: &&Self| (&other.sizes, other.activation) == (&first.sizes, first.activation);
+        if !networks.iter().all(is_alike) || first.sizes.len() < 3 {
+            return None;
+        }
+        let (count, last) = (networks.len(), first.sizes.len() - 2);
+        let is_hidden = |layer: usize| layer > 0 && layer <= last;
+        let sizes: Vec<usize> = (0..first.sizes.len())
+            .map(|layer| first.sizes[layer] * if is_hidden(layer) { count } else { 1 })
+            .collect();
+        let mut weights = Vec::with_capacity(weight_count(&sizes));
+        let mut before = 0;
+        for (layer, pair) in first.sizes.windows(2).enumerate() {
+            let (row, units) = (pair[0] + 1, pair[1]);
+            let of_unit =
+                |network: usize, unit: usize| &networks[network].weights[before + unit * row..][..row];
+            if layer == last {
+                let share = 1.0 / count as f64;
+                for unit in 0..units {
+                    let rows = || (0..count).map(|network| of_unit(network, unit));
+                    weights.push(rows().map(|row| row[0]).sum::<f64>() * share);
+                    weights.extend(rows().flat_map(|row| &row[1..]).map(|weight| weight * share));
+                }
+            } else {
+                for network in 0..count {
+                    // The first layer looks at the inputs, which are shared, the others at the units of their own network.
+                    let (left, right) = if layer == 0 { (0, 0) } else { (network, count - 1 - network) };
+                    let none = |networks: usize| std::iter::repeat_n(0.0, networks * pair[0]);
+                    for row in (0..units).map(|unit| of_unit(network, unit)) {
+                        weights.push(row[0]);
+                        weights.extend(none(left).chain(row[1..].iter().copied()).chain(none(right)));
+                    }
+                }
+            }
+            before += row * units;
+        }
+        Self::new(&sizes, first.activation, weights).ok()
+    }
+
     /// Layer sizes, inputs first, outputs last.
     #[must_use]
     pub fn sizes(&self) -> &[usize] {
@@ -228,6 +270,34 @@ fn pack(sizes: &[usize], weights: &[f64]) -> Vec<Lanes> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_mean_of_networks_is_a_network() {
+        let x = [0.3, -0.7];
+        for sizes in [vec![2, 3, 2], vec![2, 3, 5, 2], vec![2, 4, 3, 2, 1]] {
+            let networks: Vec<Network> = (1..4)
+                .map(|seed| {
+                    let weights = crate::initialise::nguyen_widrow(&sizes, Activation::Tanh, seed);
+                    Network::new(&sizes, Activation::Tanh, weights).unwrap()
+                })
+                .collect();
+            let answer = |network: &Network| network.forward(&x, &mut network.scratch()).to_vec();
+            let answers: Vec<Vec<f64>> = networks.iter().map(answer).collect();
+            let mean = Network::mean(&networks.iter().collect::<Vec<_>>()).unwrap();
+            assert_eq!(
+                mean.sizes()[1..sizes.len() - 1],
+                sizes[1..sizes.len() - 1].iter().map(|n| 3 * n).collect::<Vec<_>>()
+            );
+            for (output, found) in answer(&mean).iter().enumerate() {
+                let wanted = answers.iter().map(|answer| answer[output]).sum::<f64>() / 3.0;
+                assert!((found - wanted).abs() < 1e-14, "{sizes:?}: {found} {wanted}");
+            }
+        }
+        let of =
+            |sizes: &[usize]| Network::new(sizes, Activation::Tanh, vec![0.1; weight_count(sizes)]).unwrap();
+        assert!(Network::mean(&[]).is_none() && Network::mean(&[&of(&[2, 1])]).is_none());
+        assert!(Network::mean(&[&of(&[2, 3, 1]), &of(&[2, 4, 1])]).is_none());
+    }
     use rand::{RngExt, SeedableRng};
 
     /// The same network written as its formula, unit by unit, with the standard library's functions.

@@ -108,6 +108,7 @@ fn paper(data: &Data, fitting: Fitting) -> Result<Option<Tried>, Failure> {
         activation: Activation::Logistic,
         decay: false,
         feedback: vec![1, 2],
+        members: 1,
     };
     let layout =
         Layout { input_lags: vec![0, 1], output_lags: vec![0, 1], horizon: 1, input_at_target: false };

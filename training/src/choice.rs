@@ -10,10 +10,10 @@ use serde::Serialize;
 
 use crate::data::Data;
 use crate::selection::{Selection, errors, mean};
-use crate::structure::{Fitting, Structure, fitted, said};
+use crate::structure::{Fitting, MEMBERS, Structure, fitted, said};
 
-/// Layers that are compared on the chosen inputs.
-const LAYERS: [&[usize]; 3] = [&[8], &[16], &[10, 10]];
+/// Layers that are compared on the chosen inputs, each with how many of such networks the mean is of: of two layers as many as the tick has time for.
+const LAYERS: [(&[usize], usize); 3] = [(&[8], MEMBERS), (&[16], MEMBERS), (&[10, 10], MEMBERS / 2)];
 /// The hidden layers of Erkaya (2018).
 pub const PAPER: [usize; 4] = [10; 4];
 
@@ -125,9 +125,16 @@ pub fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
 pub fn choose(data: &Data, fitting: Fitting) -> Result<(Structure, Vec<HeldOut>, Vec<Tried>), Failure> {
     let coarse = Fitting { stride: 2 * fitting.stride, ..fitting };
     let (inputs, mut tried) = Selection::new(data, coarse).run()?;
-    let paper =
-        Structure { activation: Activation::Logistic, decay: false, ..Structure::plain(&inputs, &PAPER) };
-    let layers = LAYERS.into_iter().map(|hidden| Structure::plain(&inputs, hidden)).chain([paper]);
+    let paper = Structure {
+        activation: Activation::Logistic,
+        decay: false,
+        members: 1,
+        ..Structure::plain(&inputs, &PAPER)
+    };
+    let layers = LAYERS
+        .into_iter()
+        .map(|(hidden, members)| Structure { members, ..Structure::plain(&inputs, hidden) })
+        .chain([paper]);
     let mut best: Option<(f64, Structure, Vec<HeldOut>)> = None;
     for structure in layers {
         let held = held_out(data, &structure, fitting)?;

@@ -17,6 +17,11 @@ use crate::structure::{Fitting, Structure};
 
 /// Hidden layers with which inputs are chosen.
 const PROBE: [usize; 1] = [8];
+/// The network with which inputs are chosen: a single one, since there are many to fit.
+fn probe(inputs: &[Channel]) -> Structure {
+    Structure { members: 1, ..Structure::plain(inputs, &PROBE) }
+}
+
 /// What does not count of a remainder, m: as in the simulated runs.
 const NEGLIGIBLE: f64 = 1e-7;
 
@@ -38,7 +43,7 @@ pub fn mean(values: &[f64]) -> f64 {
 }
 
 /// Whether the errors `found`, path by path, are lower than those `known` by more than one standard error.
-fn is_lower(found: &[f64], known: &[f64]) -> bool {
+pub fn is_lower(found: &[f64], known: &[f64]) -> bool {
     let falls: Vec<f64> = known.iter().zip(found).map(|(known, found)| known - found).collect();
     let (count, fall) = (falls.len() as f64, mean(&falls));
     let variance = falls.iter().map(|one| (one - fall).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
@@ -80,7 +85,7 @@ impl Selection<'_> {
 
     /// What the inputs `inputs` leave of each path.
     fn try_out(&mut self, inputs: &[Channel]) -> Result<Vec<f64>, Failure> {
-        let structure = Structure::plain(inputs, &PROBE);
+        let structure = probe(inputs);
         let held = held_out(self.data, &structure, self.fitting)?;
         let name = structure.words(self.data.joints());
         self.tried.push(scored(self.data, name, held.iter().map(|held| &held.answers)));
@@ -101,8 +106,8 @@ impl Selection<'_> {
 
     /// What the inputs `inputs` leave of each path with other first weights.
     fn once_more(&self, inputs: &[Channel]) -> Result<Vec<f64>, Failure> {
-        let fitting = Fitting { seed: self.fitting.seed + 1, ..self.fitting };
-        Ok(errors(self.data, &held_out(self.data, &Structure::plain(inputs, &PROBE), fitting)?))
+        let fitting = Fitting { seed: self.fitting.seed.wrapping_add(1), ..self.fitting };
+        Ok(errors(self.data, &held_out(self.data, &probe(inputs), fitting)?))
     }
 
     /// Takes the channel or group that helps most; false if none helps.

@@ -15,6 +15,11 @@ use crate::data::{Channel, Data};
 const PIECE: f64 = 0.4;
 /// Of so many pieces one stops the training.
 const PIECES: usize = 5;
+/// Networks of one layer whose mean answers: as many as the tick has time for.
+///
+/// A network says of what lies between and beyond its samples what its first weights left there. That differs from fit to fit, and the mean of several errs less than
+/// one of them does (L. K. Hansen, P. Salamon, "Neural network ensembles", IEEE Trans. PAMI 12(10), 1990). Of such networks with one set of inputs the mean is one network.
+pub const MEMBERS: usize = 4;
 
 /// Inputs and layers of a network.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,10 +34,12 @@ pub struct Structure {
     pub decay: bool,
     /// Samples ago of its own answers that it looks at: fed back, as a NARX in closed loop has them.
     pub feedback: Vec<usize>,
+    /// How many such networks, each from first weights of its own, are fitted; their mean answers.
+    pub members: usize,
 }
 
 impl Structure {
-    /// Without feedback, of tanh units.
+    /// Without feedback, of tanh units, the mean of [`MEMBERS`].
     pub fn plain(inputs: &[Channel], hidden: &[usize]) -> Self {
         Self {
             inputs: inputs.to_vec(),
@@ -40,6 +47,7 @@ impl Structure {
             activation: Activation::Tanh,
             decay: true,
             feedback: Vec::new(),
+            members: MEMBERS,
         }
     }
 
@@ -59,7 +67,9 @@ impl Structure {
         let feedback = if self.feedback.is_empty() { "" } else { ", own answers fed back" };
         let units = if self.activation == Activation::Logistic { " logistic" } else { "" };
         let inputs: Vec<String> = self.inputs.iter().map(|input| input.name(joints)).collect();
-        format!("{}{units} of {}{feedback}", hidden.join("-"), inputs.join(", "))
+        let members =
+            if self.members > 1 { format!("mean of {} times ", self.members) } else { String::new() };
+        format!("{members}{}{units} of {}{feedback}", hidden.join("-"), inputs.join(", "))
     }
 }
 
@@ -70,7 +80,7 @@ pub struct Fitting {
     pub stride: usize,
     /// Most epochs.
     pub epochs: usize,
-    /// Seed of the start weights.
+    /// Seed of the start weights; members of a mean have this one and the next.
     pub seed: u64,
 }
 
@@ -123,8 +133,13 @@ pub fn with_split(
         settings: Minimiser { epochs: fitting.epochs, ..Minimiser::default() },
         decay: structure.decay,
     };
-    let trained = fit(series, split, &recipe, Provenance::default(), |_| ControlFlow::Continue(()));
-    trained.map(|trained| trained.narx).map_err(Failure::input)
+    let one = |member: usize| {
+        let recipe = Recipe { seed: fitting.seed.wrapping_add(member as u64), ..recipe.clone() };
+        let trained = fit(series, split, &recipe, Provenance::default(), |_| ControlFlow::Continue(()));
+        trained.map(|trained| trained.narx).map_err(Failure::input)
+    };
+    let members: Vec<Narx> = (0..structure.members).map(one).collect::<Result<_, _>>()?;
+    Narx::mean(&members).map_err(Failure::internal)
 }
 
 /// What `narx` says at the targets of `windows` without ever seeing the tool, m.

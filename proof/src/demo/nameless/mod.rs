@@ -19,7 +19,6 @@ use freeplay_harness::weights::beside;
 use freeplay_recording::Recording;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::{make_folder, read_json, write};
-use freeplay_training::Trained;
 use serde::{Deserialize, Serialize};
 
 use crate::blind::hash::of_program;
@@ -101,7 +100,7 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
     };
     // What was named without being there may be harder to learn around than nothing: held-out paths tell.
     let (both, chosen) = match &second {
-        Some(second) if left(second) <= left(&alone) => (second, &found),
+        Some(second) if second.leaves_less_than(&alone) || !alone.receipt.proved => (second, &found),
         Some(_) => (&alone, &given),
         None => (&alone, &found),
     };
@@ -145,15 +144,6 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
     let kept = Kept { program: of_program()?, seed, period, truth: concealed, outcome };
     write(&out.join(OUTCOME), &serde_json::to_string_pretty(&kept).map_err(Failure::internal)?)?;
     Ok(kept.outcome)
-}
-
-/// What `trained` leaves of the tracked tool on held-out paths, µm; infinite for weights that are not proved. The simulated runs can't be compared: those
-/// of either model have that model as their plant.
-fn left(trained: &Trained) -> f64 {
-    if !trained.receipt.proved {
-        return f64::INFINITY;
-    }
-    trained.file.learned.axes.iter().map(|axis| axis.left_um.powi(2)).sum::<f64>().sqrt()
 }
 
 fn diagnosed(nominal: &ArmFile, recordings: &[(String, Recording)], seed: u64) -> Result<Diagnosis, Failure> {

@@ -46,7 +46,7 @@ pub struct Outcome {
     pub named: Vec<String>,
     /// Whether the weights on the nominal and on the diagnosed model proved themselves.
     pub proved: [bool; 2],
-    /// Whether the last way has the nominal model: with its network less of held-out paths is left than with the diagnosed one's.
+    /// Whether the last way has the nominal model: held-out paths do not say that the network of the diagnosed one leaves less.
     pub is_nominal: bool,
     /// The paths.
     pub cells: Vec<Cell>,

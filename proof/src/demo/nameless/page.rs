@@ -70,7 +70,7 @@ fn section(outcome: &Outcome) -> Section {
     let mut section = Section::new(outcome.machine.clone()).with(words);
     if outcome.is_nominal {
         section =
-            section.with("Less of held-out paths is left on the nominal model, so that the last way has it.");
+            section.with("Held-out paths do not say that less is left with the diagnosed model, so that the last way has the nominal one.");
     }
     checked(outcome, section)
 }

@@ -38,7 +38,7 @@ pub fn text(outcomes: &[Outcome]) -> String {
         );
         if outcome.is_nominal {
             text.push_str(
-                "    less of held-out paths is left on the nominal model: it is the model of the last way\n",
+                "    held-out paths do not say that less is left with the diagnosed model: the last way has the nominal one\n",
             );
         }
         if let [Some(without), Some(with)] = outcome.far {
