@@ -9,6 +9,8 @@ use freeplay_arm::{Arm, ArmFile, EffectTable, JointFriction, JointKind};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Effect, Settings, Verdict, compare, diagnose};
 use freeplay_laws::{Effects, Trajectory, predict};
 use freeplay_recording::Recording;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use toml::Table;
 
 use common::{arm, even, link, sines};
@@ -324,4 +326,58 @@ fn where_a_journal_begins_in_oil_is_taken_from_the_tool() {
     let (told, open, wrong) = (left("start = [-0.5, 0.0, 0.4]"), left(""), left("start = [0.5, 0.0, -0.4]"));
     println!("{told:.1e} m as it was, {open:.1e} left open, {wrong:.1e} from the other side");
     assert!(wrong > 1e-5 && open < 0.02 * wrong);
+}
+
+/// Its tensor is 0.16 kg·m² a kilogram about the last joint: without that, a lighter load and a heavier link say nearly the same.
+#[test]
+fn a_load_at_the_tool_far_from_the_last_joint_is_one_body() {
+    let load = table("payload", None, "mass = 0.8\ncom = [0.39, 0.0, -0.02]");
+    let arm = two_joints();
+    let recordings = in_two_motions(&arm, std::slice::from_ref(&load));
+    let effect = only(&diagnosed(&arm, &recordings), "payload");
+    let mass = &effect.parameters["mass"];
+    let found = mass.value.as_float().expect("a number");
+    println!("{found:.3} kg in {:?} for 0.8", mass.ci95);
+    assert!((found / 0.8 - 1.0).abs() < 0.1);
+}
+
+/// The drive clips where the first half asks for most. What follows stays below the limit, or reaches it in a row or two, which noise moves to either side.
+#[test]
+fn a_drive_that_clips_in_the_first_half_alone_is_named() {
+    let arm = two_joints();
+    let most = |torque: &[f64]| torque.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let halves = |begin: f64| {
+        let torques = recorded("clean", &arm, &[], begin).tau.expect("torques");
+        let (first, last) = torques[0].split_at(torques[0].len() / 2);
+        [most(first), most(last)]
+    };
+    let begins = (0..60).map(f64::from).map(|begin| (begin, halves(begin)));
+    let most_unlike = begins.max_by(|(_, a), (_, b)| (a[0] / a[1]).total_cmp(&(b[0] / b[1])));
+    let (begin, [early, late]) = most_unlike.expect("one of sixty");
+    println!("at most {early:.1} N*m in the first half, {late:.1} in the second, from {begin} s on");
+    let limit = table("actuator_saturation", Some("shoulder"), &format!("limit = {}", 0.998 * late));
+    for seed in 1..4 {
+        let mut clipped = recorded("clipped", &arm, std::slice::from_ref(&limit), begin);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        for torque in clipped.tau.iter_mut().flatten().flatten() {
+            *torque += 0.6 * (rng.random::<f64>() + rng.random::<f64>() - 1.0);
+        }
+        let effect = only(&diagnosed(&arm, &[clipped]), "actuator_saturation");
+        println!("{:?} for {:.2} N*m", effect.parameters["limit"], 0.998 * late);
+    }
+}
+
+/// A link that bends leaves the drives other levers to hold the load by. That is no offset of the torques.
+#[test]
+fn a_link_that_bends_is_one_effect() {
+    let bending = table("link_flexure", Some("shoulder"), "stiffness = 4e4");
+    let arm = two_joints();
+    let recordings = [
+        tracked("one", &arm, std::slice::from_ref(&bending), 0.0),
+        tracked("two", &arm, std::slice::from_ref(&bending), 30.0),
+    ];
+    let effect = only(&diagnosed(&arm, &recordings), "link_flexure");
+    let found = effect.parameters["stiffness"].value.as_float().expect("a number");
+    println!("{found:.0} N/m for 40000");
+    assert!((found / 4e4 - 1.0).abs() < 0.02);
 }

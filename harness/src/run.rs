@@ -41,7 +41,8 @@ use crate::{gains, run_report, screen, swaps, weights};
 const LAST_WORDS: usize = 2000;
 
 /// What every run writes first and last.
-const RESULTS: [&str; 3] = ["scenario.toml", "task.toml", "summary.json"];
+const RESULTS: [&str; 5] =
+    ["scenario.toml", "task.toml", "model.toml", "controller_model.toml", "summary.json"];
 
 /// Patience of runs in lockstep with built-in controllers that other commands start, s: these hang nowhere, and are slow where the machine has much else
 /// to do.

@@ -84,6 +84,8 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
     let counts: Vec<f64> =
         stands.iter().zip(turns).map(|(stands, turns)| (1.0 - stands) * (1.0 - turns)).collect();
     let friction = dry + left_dry(stage, joint, channel, &counts);
+    // A sample says of a jump between two of them no more than that. By half the time between samples it is early or late, times
+    // the slope of the low-pass's answer, which is twice the cutoff times twice what the low-pass takes from the jump.
     let unresolved = treatment.keep(&envelope(&stage.ground.sharpening.unresolved[joint], reach));
     let hidden = treatment.keep(&envelope(&stage.ground.sharpening.more.torque[joint], reach));
     let off = unresolved
@@ -91,7 +93,7 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
         .zip(hidden)
         .zip(smeared)
         .map(|((unresolved, hidden), smeared)| {
-            (mistimed(treatment) * unresolved).hypot(HIDDEN * hidden).hypot(friction * smeared)
+            (2.0 * cutoff_hz / rate_hz * unresolved).hypot(HIDDEN * hidden).hypot(friction * smeared)
         })
         .collect();
     Rows { counts, off }
@@ -104,29 +106,25 @@ pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: 
     let treatment = &stage.ground.treatment;
     let reach = reach(treatment);
     let unseen = unseen_speeds(stage, &mut ChaCha8Rng::seed_from_u64(seed));
-    let along = |found: &[Placed], way: f64| {
+    let along = |way: f64| {
         let mut motion = stage.whole().clone();
         for (v, unseen) in motion.v.iter_mut().zip(&unseen) {
             v.iter_mut().zip(unseen).for_each(|(v, unseen)| *v += way * unseen);
         }
         stage.raw_torques(found, &motion)
     };
-    let (Ok(less), Ok(as_seen), Ok(more), Ok(without)) =
-        (along(found, -1.0), along(found, 0.0), along(found, 1.0), along(&[], 0.0))
-    else {
+    let (Ok(less), Ok(as_seen), Ok(more)) = (along(-1.0), along(0.0), along(1.0)) else {
         // An arm that can't be leaves the rows as they are.
         return off.to_vec();
     };
     let of_channel = |(channel, off): (&Channel, &Vec<f64>)| match channel.kind {
         Kind::Torque(joint) => {
-            let said: Vec<f64> =
-                as_seen[joint].iter().zip(&without[joint]).map(|(with, without)| with - without).collect();
-            let through = treatment.low_pass(&said);
+            let through = treatment.low_pass(&as_seen[joint]);
             let jumps: Vec<f64> = (0..through.len())
                 .map(|k| {
+                    let as_seen = as_seen[joint][k];
                     // What is in proportion to the speed is no jump.
-                    let turned = 0.5 * (less[joint][k] + more[joint][k]) - as_seen[joint][k];
-                    (mistimed(treatment) * (said[k] - through[k])).hypot(turned)
+                    (as_seen - through[k]).hypot(0.5 * (less[joint][k] + more[joint][k]) - as_seen)
                 })
                 .collect();
             let around = treatment.keep(&envelope(&jumps, reach));
@@ -145,12 +143,6 @@ fn unseen_speeds(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
         (0..v.len()).map(|k| read[k] - v[k] + creeping[k]).collect()
     };
     read.v.iter().zip(&whole.v).map(of_joint).collect()
-}
-
-/// A sample says of a jump between two of them no more than that: by half the time between samples it is early or late, times the slope of the low-pass's answer, which is
-/// twice the cutoff times twice what the low-pass takes from the jump. This much of what it takes a row is off.
-fn mistimed(treatment: &Treatment) -> f64 {
-    2.0 * treatment.filter().cutoff_hz() / treatment.rate_hz()
 }
 
 /// Half a period of the low-pass's cutoff, in points: so far the low-pass smears a jump.

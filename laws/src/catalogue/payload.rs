@@ -4,8 +4,8 @@
 //! where the file is silent, joins that link by the parallel axis theorem (Steiner 1840). m may be negative where the model carries too
 //! much. Gravity and inertia show on every joint before it.
 //! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9: the torque is linear in m, m c and the tensor about
-//! the link's origin; those are the terms. With four terms (m, m c) the tensor m(c² 1 − c cᵀ) of the point mass is left out of the
-//! columns, some percent of a wrist's torque (c q̈/g of it); with ten terms, none is.
+//! the link's origin; those are the ten terms. A point mass has four: m at the tool, where loads hang, and m (c − tool); its tensor is that of m at the tool, and
+//! as much more as it grows with c − tool.
 
 use freeplay_arm::Inertia;
 use freeplay_arm::export::Element;
@@ -52,8 +52,9 @@ pub static KIND: Kind = Kind {
     contains: &[],
     needs: &[Need::Torque],
     terms: Terms { list: terms, compose },
-    shapes: |_| {
-        [4, 10].map(|terms| [("terms".to_owned(), Value::Integer(terms))].into_iter().collect()).into()
+    shapes: |place| {
+        let tool = place.scene.arm.tool().translation.vector;
+        vec![[(TOOL.to_owned(), vector(tool.into()))].into_iter().collect(), Table::new()]
     },
     build: |values| {
         let [xx, yy, zz] = values.vector("moments")?;
@@ -64,6 +65,8 @@ pub static KIND: Kind = Kind {
     },
 };
 
+/// In a shape, the place of the tool in the last link's frame, m: about it stand the terms of a point mass. A shape without it has all ten.
+const TOOL: &str = "tool";
 /// Names of the terms: mass, first moments, tensor about the link's origin.
 const NAMES: [&str; 10] = ["mass", "moment_x", "moment_y", "moment_z", "xx", "yy", "zz", "xy", "xz", "yz"];
 
@@ -80,9 +83,10 @@ fn body(mass: f64, com: [f64; 3], moments: [f64; 3], products: [f64; 3]) -> Tabl
     .collect()
 }
 
-/// How many terms `shape` asks for.
-fn count(shape: &Table) -> usize {
-    if shape.get("terms").and_then(Value::as_integer) == Some(10) { 10 } else { 4 }
+/// The place about which the terms of a point mass stand, m; `None` of a shape with all ten terms.
+fn about(shape: &Table) -> Option<Vector3<f64>> {
+    let place = shape.get(TOOL)?.as_array()?;
+    Some(Vector3::from_iterator(place.iter().filter_map(Value::as_float)))
 }
 
 fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
@@ -91,12 +95,14 @@ fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let none = [0.0; 3];
     let carried = place.scene.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
     let (free, tensor) = ([-1e6, 1e6], "kg*m^2");
-    let mut terms = vec![Term::new(NAMES[0], "kg", [-carried, 1e4], body(1.0, none, none, none))];
+    let centre = about(shape);
+    let near = centre.unwrap_or_default();
+    let mut terms = vec![Term::new(NAMES[0], "kg", [-carried, 1e4], body(1.0, near.into(), none, none))];
     for axis in 0..3 {
-        let at = |lever| body(1.0, along(axis, lever), none, none);
+        let at = |lever| body(1.0, (near + Vector3::from(along(axis, lever))).into(), none, none);
         terms.push(Term::new(NAMES[1 + axis], "kg*m", free, at(LEVER)).less(at(-LEVER)).stepped(2.0 * LEVER));
     }
-    if count(shape) == 10 {
+    if centre.is_none() {
         // Every body of these tables can exist: a product is seen beside moments that carry it.
         let round = [1.0; 3];
         for axis in 0..3 {
@@ -113,9 +119,11 @@ fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
 
 fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
     let mass = coefficients[0];
-    let com =
+    let centre = about(shape);
+    let off =
         if mass == 0.0 { Vector3::zeros() } else { Vector3::from_column_slice(&coefficients[1..4]) / mass };
-    if count(shape) == 4 {
+    let com = centre.unwrap_or_default() + off;
+    if centre.is_some() {
         return body(mass, com.into(), [0.0; 3], [0.0; 3]);
     }
     // From the link's origin back to the body's centre (Steiner 1840).
