@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::data::Data;
-use crate::selection::{Selection, errors, mean};
+use crate::selection::{Selection, errors, is_lower};
 use crate::structure::{Fitting, MEMBERS, Structure, fitted, said};
 
 /// Layers that are compared on the chosen inputs, each with how many of such networks the mean is of: of two layers as many as the tick has time for.
@@ -118,7 +118,7 @@ pub fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
     (scale > 0.0).then(|| sums[2] / scale)
 }
 
-/// The structure that predicts held-out paths best, its answers there, and all that was tried.
+/// The plainest structure than which no other predicts held-out paths better by more than one standard error, its answers there, and all that was tried.
 ///
 /// # Errors
 /// Too few samples for the networks.
@@ -135,12 +135,13 @@ pub fn choose(data: &Data, fitting: Fitting) -> Result<(Structure, Vec<HeldOut>,
         .into_iter()
         .map(|(hidden, members)| Structure { members, ..Structure::plain(&inputs, hidden) })
         .chain([paper]);
-    let mut best: Option<(f64, Structure, Vec<HeldOut>)> = None;
+    let mut best: Option<(Vec<f64>, Structure, Vec<HeldOut>)> = None;
     for structure in layers {
         let held = held_out(data, &structure, fitting)?;
         tried.push(scored(data, structure.words(data.joints()), held.iter().map(|held| &held.answers)));
-        let left = mean(&errors(data, &held));
-        if best.as_ref().is_none_or(|(least, ..)| left < *least) {
+        let left = errors(data, &held);
+        // More units need more reason, as more inputs do.
+        if best.as_ref().is_none_or(|(known, ..)| is_lower(&left, known)) {
             best = Some((left, structure, held));
         }
     }

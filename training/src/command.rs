@@ -22,8 +22,7 @@ use crate::data::Data;
 use crate::forecast::{Forecast, forecasts};
 use crate::recorded::{RecordedRun, files, name_of, task_of};
 use crate::rehearsal::{Course, Rehearsal, check_mode, check_rate};
-use crate::selection::errors;
-use crate::significance::{LEVEL, chance};
+use crate::selection::{errors, is_lower};
 use crate::structure::{Fitting, Structure};
 use crate::text::text;
 use crate::weights::Weights;
@@ -107,12 +106,11 @@ pub struct Trained {
 }
 
 impl Trained {
-    /// Whether less is left of held-out paths than by `other`, which was learned from recordings of the same paths, by Student's test over the paths. What is not proved
-    /// leaves nothing less, and what is proved less than that. The simulated runs can't be compared: those of either have a plant of their own.
+    /// Whether less is left of held-out paths than by `other`, which was learned from recordings of the same paths, by the rule by which inputs are taken: by more than one
+    /// standard error of the paired differences. What is not proved leaves nothing less, and what is proved less than that. The simulated runs can't be
+    /// compared: those of either have a plant of their own.
     pub fn leaves_less_than(&self, other: &Self) -> bool {
-        let ratios = self.left_of_paths.iter().zip(&other.left_of_paths).map(|(own, other)| own - other);
-        let is_less = || chance(&ratios.collect::<Vec<f64>>()) < LEVEL;
-        self.receipt.proved && (!other.receipt.proved || is_less())
+        self.receipt.proved && (!other.receipt.proved || is_lower(&self.left_of_paths, &other.left_of_paths))
     }
 
     /// Whether it is used, and why.

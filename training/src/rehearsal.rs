@@ -21,12 +21,14 @@ use nalgebra::Vector3;
 
 use crate::data::{Data, START};
 use crate::recorded::RecordedRun;
-use crate::significance::{LEVEL, chance};
+use crate::significance::chance;
 
 /// How much worse a run may be with the weights.
 const WORSE: f64 = 1.02;
 /// What no controller has to be better than, mm: a tenth of a micrometre.
 const NEGLIGIBLE: f64 = 1e-4;
+/// Probability with which weights of no use may pass.
+const LEVEL: f64 = 0.05;
 /// Samples from one row of a path to the next.
 const EVERY: usize = 10;
 /// Most of a recording that is played, s.

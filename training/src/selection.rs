@@ -38,12 +38,12 @@ pub fn errors(data: &Data, held: &[HeldOut]) -> Vec<f64> {
 }
 
 /// Arithmetic mean.
-pub fn mean(values: &[f64]) -> f64 {
+fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Whether the errors `found`, path by path, are lower than those `known` by more than one standard error.
-fn is_lower(found: &[f64], known: &[f64]) -> bool {
+pub fn is_lower(found: &[f64], known: &[f64]) -> bool {
     let falls: Vec<f64> = known.iter().zip(found).map(|(known, found)| known - found).collect();
     let (count, fall) = (falls.len() as f64, mean(&falls));
     let variance = falls.iter().map(|one| (one - fall).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);

@@ -3,13 +3,9 @@
 //! A path is one draw: its laps and repeated runs are alike, and what is learned has to hold on paths that nobody recorded. Of each path
 //! d = mean ln ((with + δ)/without) is taken over its runs, with the deviations left with and without the weights and δ the improvement that does not
 //! count. Student's one-sided test asks whether the mean of d over the paths is below zero: t = d̄ √n / s with n − 1 degrees of freedom (Student 1908,
-//! Biometrika 6:1). Ratios of paths of any size count alike, so that one large path proves nothing for the others. The same test asks whether less is left with one
-//! model than with another.
+//! Biometrika 6:1). Ratios of paths of any size count alike, so that one large path proves nothing for the others.
 
 use std::f64::consts::FRAC_PI_2;
-
-/// Probability with which weights of no use may pass, and a model that is no better.
-pub const LEVEL: f64 = 0.05;
 
 /// The probability of a mean of `ratios` (logarithms, one a path) this far below zero or farther if the weights changed nothing; 1 for fewer than two paths.
 pub fn chance(ratios: &[f64]) -> f64 {

@@ -142,11 +142,7 @@ impl Study<'_> {
     ) -> Result<Diagnosis, DiagnoseError> {
         progress("looking for what happens at a time");
         let parts = data.parts.clone();
-        let mut events = self.happened_beside(&mut data, &found, &[]);
-        if !data.give_moments(&all_of(&[&events])) {
-            // What happens nearly always does not happen at a time: a law without a name says it.
-            events.clear();
-        }
+        let mut events = self.happened_first(&mut data, &found, &parts);
         data.heard = vec![Part::Fit, Part::Choice];
         progress("confirming what was found");
         let left = less(&found.left, &said_by(&events, self.target));
@@ -158,11 +154,7 @@ impl Study<'_> {
             let stood = self.standing(&data, &left, with, progress)?;
             // Laws that the test part does not bear out may have imitated what happens at a time.
             if stood.leaves_more || stood.is_less {
-                events = self.happened_beside(&mut data, &stood.found, &[]);
-                data.parts.clone_from(&parts);
-                if !data.give_moments(&all_of(&[&events])) {
-                    events.clear();
-                }
+                events = self.happened_first(&mut data, &stood.found, &parts);
             }
             if events.is_empty() {
                 return self.by_laws(&data, &left, &stood.found);
@@ -254,6 +246,14 @@ impl Study<'_> {
         let (mut search, members) = self.search(data, &[], weights, &found.members)?;
         let answer = search.settled(members).and_then(|answer| search.agreed(&answer));
         self.conclusion(&mut search, &answer.ok_or(DiagnoseError::Singular)?, &[])
+    }
+
+    /// What happens at a time beside what was `found`, with its rows taken out of the test part of `parts`.
+    fn happened_first(&self, data: &mut Data, found: &Found, parts: &[Vec<Part>]) -> Vec<Event> {
+        let events = self.happened_beside(data, found, &[]);
+        data.parts.clone_from_slice(parts);
+        // What happens nearly always does not happen at a time: a law without a name says it.
+        if data.give_moments(&all_of(&[&events])) { events } else { Vec::new() }
     }
 
     /// What happens at a time beside what was `found`, in all parts. Nothing tells a push from the knocks of parts that come apart and meet again.
