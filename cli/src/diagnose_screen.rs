@@ -172,7 +172,7 @@ fn findings(diagnosis: &Diagnosis) -> String {
         text.push_str(&wrapped(
             "",
             MARGIN,
-            "* share of the error in the fitted data: it does not act in the test part",
+            "* share of the error in the fitted data: it acts too little in the test part to be tested",
         ));
     }
     for (index, (kind, law)) in laws.into_iter().enumerate() {

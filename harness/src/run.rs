@@ -40,7 +40,7 @@ use crate::{gains, run_report, screen, swaps, weights};
 /// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
 const LAST_WORDS: usize = 2000;
 
-/// What every run writes first and last.
+/// Results of an earlier run that a run would write over: it is refused where its folder holds one of them.
 const RESULTS: [&str; 5] =
     ["scenario.toml", "task.toml", "model.toml", "controller_model.toml", "summary.json"];
 

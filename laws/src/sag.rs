@@ -1,9 +1,10 @@
 //! Laws by which something in the arm gives under its weight and its acceleration at the instant.
 //!
-//! What lies beyond moves as one rigid body, by some millimetres at most. The tool moves with it, and so do the masses, so that the drives have other levers
-//! to hold them by. To first order in the motion: a force f that acts at s further on presses with the moment s × f more on all joints before, and joints that
-//! turn with the masses by θ meet the same forces as if those were turned by −θ. Where the motion follows from an energy, that torque is its derivative by the
-//! position of the joint. How the arm turns as it gives is left out: the moments of a link about its own centre of mass stay as they are.
+//! Where a link bends or the mount tilts, all links beyond move as one rigid body, by some millimetres at most. The tool moves with these links, and so do their
+//! centres of mass, so that the drives hold them by other levers. To first order in the displacement: a force f whose point of action is shifted by s presses with
+//! the additional moment s × f on all joints before; joints that are turned by θ together with the links meet the same forces as if the forces were turned by −θ.
+//! Where an elastic energy belongs to the displacement, the additional torque of a joint is the derivative of that energy by the position of the joint. The moment of
+//! each link about its own centre of mass is taken as if the link were not turned.
 
 use std::fmt::Debug;
 
@@ -12,7 +13,7 @@ use freeplay_arm::{Arm, JointKind, Workspace, joint_reaction, rnea};
 use nalgebra::{Point3, Vector3};
 
 use crate::archive::Archive;
-use crate::columns::Columns;
+use crate::columns::{Change, Columns};
 use crate::effect::{Effect, Expressed};
 use crate::injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw};
 use crate::scene::Scene;
@@ -46,12 +47,12 @@ impl Sag {
 
     /// What presses on each joint in addition, along its axis, into `load`, N·m (N).
     fn load(&self, arm: &Arm, ws: &Workspace, load: &mut [f64]) {
-        let mut moment = Vector3::zeros();
+        let (mut carried, mut moment) = (Vector3::zeros(), Vector3::zeros());
         let mut beyond = (Vector3::zeros(), Vector3::zeros());
         for (link, joint) in arm.joints().iter().enumerate().rev() {
             let pose = ws.link_pose(link);
-            let force = pressure(ws, link).0
-                - if link + 1 < arm.dof() { pressure(ws, link + 1).0 } else { Vector3::zeros() };
+            let (pressed, _) = pressure(ws, link);
+            let force = pressed - std::mem::replace(&mut carried, pressed);
             let mass = (pose * Point3::from(joint.inertia.com)).coords;
             let axis = pose.rotation * joint.axis.into_inner();
             load[link] = if link >= self.from {
@@ -111,37 +112,44 @@ impl Instant {
         law.sag(arm, &self.workspace)
     }
 
-    /// How far the tool is off, m.
-    fn tool(&mut self, law: &impl SagLaw, arm: &Arm) -> Vector3<f64> {
-        let sag = self.sag(law, arm);
+    /// How far the tool is off by `sag`, m.
+    fn tool(&self, sag: &Sag, arm: &Arm) -> Vector3<f64> {
         sag.at((self.workspace.link_pose(arm.dof() - 1) * arm.tool()).translation.vector)
     }
 
-    /// What presses on each joint in addition, N·m (N).
-    fn load(&mut self, law: &impl SagLaw, arm: &Arm) -> &[f64] {
-        let sag = self.sag(law, arm);
+    /// What presses on each joint in addition by `sag`, N·m (N).
+    fn load(&mut self, sag: &Sag, arm: &Arm) -> &[f64] {
         sag.load(arm, &self.workspace, &mut self.tau);
         &self.tau
     }
 }
 
-impl<L: SagLaw> Effect for Sagging<L> {
-    fn torque(&self, scene: &Scene, torque: &mut Columns) {
+impl<L: SagLaw> Sagging<L> {
+    /// Calls `each` with every point of the motion of `scene`, the arm there and how it gives.
+    fn along(&self, scene: &Scene, mut each: impl FnMut(usize, &mut Instant, &Sag)) {
         let mut now = Instant::new(&scene.arm);
         for point in 0..scene.motion.len() {
             scene.motion.at(point, &mut now.q, &mut now.v, &mut now.a);
-            let load = now.load(&self.law, &scene.arm);
-            load.iter().enumerate().for_each(|(joint, load)| torque[joint][point] -= load);
+            let sag = now.sag(&self.law, &scene.arm);
+            each(point, &mut now, &sag);
         }
+    }
+}
+
+impl<L: SagLaw> Effect for Sagging<L> {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
+        self.along(scene, |point, now, sag| take_load(now.load(sag, &scene.arm), point, torque));
     }
 
     fn displace(&self, scene: &Scene, tool: &mut Columns) {
-        let mut now = Instant::new(&scene.arm);
-        for point in 0..scene.motion.len() {
-            scene.motion.at(point, &mut now.q, &mut now.v, &mut now.a);
-            let off = now.tool(&self.law, &scene.arm);
-            off.iter().enumerate().for_each(|(axis, off)| tool[axis][point] += off);
-        }
+        self.along(scene, |point, now, sag| move_tool(now.tool(sag, &scene.arm), point, tool));
+    }
+
+    fn apply(&self, scene: &Scene, change: &mut Change) {
+        self.along(scene, |point, now, sag| {
+            take_load(now.load(sag, &scene.arm), point, &mut change.torque);
+            move_tool(now.tool(sag, &scene.arm), point, &mut change.tool);
+        });
     }
 
     fn inject(&self, injection: &mut Injection) {
@@ -153,6 +161,16 @@ impl<L: SagLaw> Effect for Sagging<L> {
     fn express(&self, _: &mut Vec<Element>) -> Expressed {
         Expressed::Never("it follows the load at once, and what gives way in other tools swings")
     }
+}
+
+/// Takes what presses on each joint off the torques of the drives at `point`.
+fn take_load(load: &[f64], point: usize, torque: &mut Columns) {
+    load.iter().enumerate().for_each(|(joint, load)| torque[joint][point] -= load);
+}
+
+/// Moves the tool at `point` by `off`.
+fn move_tool(off: Vector3<f64>, point: usize, tool: &mut Columns) {
+    off.iter().enumerate().for_each(|(axis, off)| tool[axis][point] += off);
 }
 
 /// The load on the drives of a plant.
@@ -169,7 +187,8 @@ impl<L: SagLaw> DriveLaw for Loaded<L> {
         now.v.copy_from_slice(state.v);
         // One sub-step old: what gives is some millimetres, and the acceleration's share of that is small beside the arm's own.
         now.a.copy_from_slice(state.a);
-        let load = now.load(&self.of.law, &self.of.arm);
+        let sag = now.sag(&self.of.law, &self.of.arm);
+        let load = now.load(&sag, &self.of.arm);
         torque.iter_mut().zip(load).for_each(|(torque, load)| *torque += load);
     }
 
@@ -193,7 +212,8 @@ impl<L: SagLaw> SensorLaw for Sunk<L> {
         now.q.copy_from_slice(readings.q);
         now.v.copy_from_slice(readings.v);
         self.begun = true;
-        let off = now.tool(&self.of.law, &self.of.arm);
+        let sag = now.sag(&self.of.law, &self.of.arm);
+        let off = now.tool(&sag, &self.of.arm);
         readings.tool.iter_mut().zip(off.iter()).for_each(|(tool, off)| *tool += off);
     }
 

@@ -82,13 +82,22 @@ struct BorneOut {
     fit: Fit,
     /// Residuals of the arm file that its members make, by channel and row.
     left: Vec<Vec<f64>>,
-    /// For each member, the fit without it and the residuals of that.
-    without: Vec<(Fit, Vec<Vec<f64>>)>,
+    /// For each member, what changes without it.
+    without: Vec<Without>,
     /// Weights of the rows of the test part, by channel.
     on_test: Vec<Vec<f64>>,
 }
 
-/// What the test part says of a law.
+/// The fit without one of its members.
+struct Without {
+    fit: Fit,
+    /// Residuals of that fit, by channel and row.
+    left: Vec<Vec<f64>>,
+    /// The channels of the test part in which the member shows: see [`Tested::shown`].
+    shown: Vec<usize>,
+}
+
+/// How the errors in the test part differ with a law and without it.
 struct Tested {
     /// The channels in which the law shows; none where these rows are too few to tell, by 20 to 1, whether it is true.
     shown: Vec<usize>,
@@ -285,7 +294,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     fn borne_out(&self, mut fit: Fit) -> Result<Option<BorneOut>, LawError> {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);
-        let on_test: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
+        let on_test = test.by_row();
         let mut left = self.left(&fit)?;
         'fits: loop {
             let Some(order) = self.least_first(&fit, &on_test) else { return Ok(None) };
@@ -303,7 +312,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                     (fit, left) = (others, left_without);
                     continue 'fits;
                 }
-                without.insert(place, (others, left_without));
+                without.insert(place, Without { fit: others, left: left_without, shown: tested.shown });
             }
             return Ok(Some(BorneOut { fit, left, without: without.into_values().collect(), on_test }));
         }
@@ -323,7 +332,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         Some(order.into_iter().map(|(_, place, others)| (place, others)).collect())
     }
 
-    /// What rows with these `weights` say of the member number `place` of `fit`, by what is `left` with it and without it.
+    /// How the errors in rows with these `weights` differ with the member number `place` of `fit` and without it; `with` and `without` are these errors, by channel and row.
     fn tested(
         &self,
         fit: &Fit,
@@ -398,15 +407,16 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let BorneOut { fit, left: with, without, on_test } = borne_out;
         let all = parameters(&mut self.search.system, fit, self.settings.seed);
         let system = &self.search.system;
-        let on_fit: Vec<Vec<f64>> = system.weights.rows.iter().map(super::weights::Rows::weights).collect();
+        let on_fit = system.weights.by_row();
         let mut found = Vec::new();
-        for ((place, parameters), (fit_without, without)) in all.into_iter().enumerate().zip(without) {
+        for ((place, parameters), Without { fit: fit_without, left: without, shown }) in
+            all.into_iter().enumerate().zip(without)
+        {
             let member = fit.members[place];
             let candidate = system.candidate(member);
-            let shown = self.tested(fit, place, on_test, [with, without]).shown;
             let held_out = !shown.is_empty();
             let (weights, channels) =
-                if held_out { (on_test, shown) } else { (&on_fit, candidate.channels.clone()) };
+                if held_out { (on_test, shown.clone()) } else { (&on_fit, candidate.channels.clone()) };
             let compared = Compared { before: without, after: with, weights };
             let gain = compared.gain(system.data, &channels, self.settings.seed)?;
             let (removed, names) = removed(system.data, &compared, &channels);
@@ -507,7 +517,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let before = by_name(&remains.before);
         let noise =
             names().zip(&system.weights.noise).map(|(c, noise)| (c.name.clone(), Rmse { rmse: *noise }));
-        let weights: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
+        let weights = test.by_row();
         let members = fit.members.iter().map(|&member| system.candidate(member));
         let members = members.chain(self.events.iter().map(|event| &event.candidate));
         let mut shown: Vec<usize> = members
@@ -669,7 +679,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             .collect()
     }
 
-    /// Whether the effects of `fit` leave an error that asks for a law outside the catalogue, in the rows of the search or in those of the test part.
+    /// Whether the errors of `fit`, in the rows of the search or in those of the test part, are so large that a law outside the catalogue is missing.
     fn leaves_more(&self, fit: &Fit) -> bool {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);

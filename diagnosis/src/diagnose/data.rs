@@ -98,7 +98,7 @@ impl<'a> Data<'a> {
         self.mask(channel, &self.heard)
     }
 
-    /// By how much a perfect model with the effects `found` may be off in each row, by channel: see [`off_with`].
+    /// The error that each row may have, by channel, although the model has all effects there are, namely those `found`: see [`off_with`].
     pub fn off_with(&self, found: &[Placed], seed: u64) -> Vec<Vec<f64>> {
         let of_stages = self.stages.iter().zip(self.off.chunks(self.per_stage().max(1)));
         of_stages.flat_map(|(stage, off)| off_with(stage, found, off, seed)).collect()

@@ -196,7 +196,7 @@ impl Study<'_> {
         self.conclusion(&mut search, &answer, &events)
     }
 
-    /// What is confirmed of `members` beside `events` by rows with these `weights`.
+    /// Confirms `members` by rows with these `weights` beside `events`: the search may change members, drop them or add others. The laws that result.
     fn confirmed(
         &self,
         data: &Data,
@@ -248,11 +248,11 @@ impl Study<'_> {
         self.conclusion(&mut search, &answer.ok_or(DiagnoseError::Singular)?, &[])
     }
 
-    /// What happens at a time beside what was `found`, with its rows taken out of the test part of `parts`.
+    /// The events beside the laws `found`. The rows in which these events act are taken out of the test part of `parts`.
     fn happened_first(&self, data: &mut Data, found: &Found, parts: &[Vec<Part>]) -> Vec<Event> {
         let events = self.happened_beside(data, found, &[]);
         data.parts.clone_from_slice(parts);
-        // What happens nearly always does not happen at a time: a law without a name says it.
+        // Events that act in nearly every row are no events: a law without a name describes them.
         if data.give_moments(&all_of(&[&events])) { events } else { Vec::new() }
     }
 
@@ -332,9 +332,9 @@ impl Study<'_> {
 /// Laws that stand.
 struct Stood {
     found: Found,
-    /// Whether the laws that stand leave an error that asks for a law outside the catalogue.
+    /// Whether the error that the laws leave is so large that a law outside the catalogue is missing.
     leaves_more: bool,
-    /// Whether fewer laws stand than were confirmed.
+    /// Whether the laws that stand are fewer than the laws that were confirmed before.
     is_less: bool,
 }
 

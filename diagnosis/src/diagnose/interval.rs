@@ -13,7 +13,6 @@ use super::data::sum_of;
 use super::noise::normal;
 use super::report::Parameter;
 use super::system::{Fit, System};
-use super::weights::Rows;
 
 /// Draws of the posterior: a quantile of 2.5 % is known to half a percent of them.
 const DRAWS: usize = 1000;
@@ -151,11 +150,12 @@ fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
     DMatrix::from_fn(n, n, |i, j| posterior[(i, j)] * wider[i] * wider[j] + hidden[(i, j)] + coherent[(i, j)])
 }
 
-/// What a discrepancy that follows a law itself adds to the covariance of the coefficients of `fit`. Laws are off by a share s of their size. What of that goes across a law
-/// is left in the rows; what goes along it is in its coefficients, where nothing tells it from them, and is taken to be as large.
+/// The covariance that the discrepancy gives to the coefficients of `fit` without leaving a trace in the rows. A law is off by a share s of its size. The part of this error
+/// that differs in shape from the law stays in the rows, where s is taken from. The part that has the shape of the law changes the coefficients, and no row shows it; it is
+/// taken to be as large.
 fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(fit.beta.len(), fit.beta.len());
-    let weights: Vec<Vec<f64>> = system.weights.rows.iter().map(Rows::weights).collect();
+    let weights = system.weights.by_row();
     let mut at = 0;
     for (place, &member) in fit.members.iter().enumerate() {
         let beta = DVector::from_column_slice(system.coefficients(fit, place));

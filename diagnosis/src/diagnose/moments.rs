@@ -142,7 +142,7 @@ pub(crate) fn happenings(
     let rest = less(left, &said(&search, &members, left)?);
     let fit = search.system.fit(&members)?;
     let parameters = parameters(&mut search.system, &fit, seed);
-    let weights: Vec<Vec<f64>> = sizes.rows.iter().map(super::weights::Rows::weights).collect();
+    let weights = sizes.by_row();
     let log_prior = |place: usize| {
         let others = all_but(&members, place);
         Some(fit.log_prior - search.system.fit(&others)?.log_prior)

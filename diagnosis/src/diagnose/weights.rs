@@ -204,6 +204,11 @@ impl Weights {
         Self { rows, noise }
     }
 
+    /// The weight of each row in the sum of squares, by channel.
+    pub fn by_row(&self) -> Vec<Vec<f64>> {
+        self.rows.iter().map(Rows::weights).collect()
+    }
+
     /// Weights of rows of which only the noise is known: its `deviation` and the number of `effective` rows, by channel.
     pub fn plain(data: &Data, deviation: &[f64], effective: &[f64]) -> Self {
         /// Prior size of what is asked for, in standard deviations of the noise: it leaves the data all of the say.

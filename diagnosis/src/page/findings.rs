@@ -46,7 +46,7 @@ fn at_a_glance(diagnosis: &Diagnosis) -> Table {
         .column(Column::number("error taken away", "%").fixed(0).bars())
         .column(Column::text("95 % interval"))
         .column(Column::text("in").wrapping())
-        .note("Error taken away: share of the error in these channels, beside all other findings, on the test part; with a star on the data that it was fitted to, for it does not act in the test part.");
+        .note("Error taken away: share of the error in these channels, beside all other findings, on the test part; with a star on the data that it was fitted to, for the test part can't tell: there it acts too little.");
     for effect in &diagnosis.effects {
         let gain = effect.evidence.held_out_gain;
         let [low, high] = gain.ci95.map(|share| 100.0 * share);
@@ -119,7 +119,7 @@ fn evidence(effect: &Effect) -> String {
     let on = if evidence.held_out {
         "the test part, to which no law was fitted"
     } else {
-        "the data that it was fitted to (it does not act in the test part)"
+        "the data that it was fitted to (it acts too little in the test part to be tested there)"
     };
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
     format!(

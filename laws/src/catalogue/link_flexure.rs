@@ -109,12 +109,14 @@ impl SagLaw for LinkFlexure {
         let centre = here.rotation * arm.joints()[self.joint].inertia.com;
         let share = (centre.dot(&along) / length).clamp(0.0, 1.0);
         let squared = share * share;
+        // Deflection at one of the end and of the own centre of mass, times k, by a force of one at the other.
+        let between = squared * (3.0 - share) / 2.0;
         let lever = moment.cross(&along) * (1.5 / (k * length));
         Sag {
-            shift: (force + own * (squared * (3.0 - share) / 2.0)) / k + lever,
+            shift: (force + own * between) / k + lever,
             turn: along.cross(&(force + own * squared)) * (1.5 / (k * length))
                 + moment * (3.0 / (k * length * length)),
-            before: (force * (squared * (3.0 - share) / 2.0) + own * (squared * share)) / k + lever * squared,
+            before: (force * between + own * (squared * share)) / k + lever * squared,
             ..still
         }
     }
