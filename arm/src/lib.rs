@@ -16,7 +16,7 @@
 //! - Kinematics, q → poses: [`forward_kinematics`], [`jacobian`], [`tool_bias_acceleration`].
 //! - Inverse kinematics, pose → q: [`inverse_kinematics`], [`inverse_kinematics_global`], [`IkTask`], [`IkOptions`], [`IkReport`].
 //! - Inverse dynamics, q, v, a → tau: [`rnea`], [`bias`], [`gravity_torque`], [`joint_reaction`].
-//! - Mass matrix, q → M: [`crba`].
+//! - Mass matrix, q → M: [`crba`]; with the bias torques: [`mass_and_bias`].
 //! - Forward dynamics, q, v, tau → a: [`aba`], [`hybrid_aba`] with one [`Drive`] per joint.
 //! - Energy: [`kinetic_energy`], [`potential_energy`].
 //!
@@ -41,7 +41,7 @@ pub use arm::{Arm, ArmError, MAX_DOF};
 pub use dynamics::energy::{kinetic_energy, potential_energy};
 pub use dynamics::forward::{Drive, aba, hybrid_aba};
 pub use dynamics::inverse::{bias, gravity_torque, joint_reaction, rnea};
-pub use dynamics::mass_matrix::crba;
+pub use dynamics::mass_matrix::{crba, mass_and_bias};
 pub use fitness::{Fitness, Purpose, Shortfall};
 pub use inverse::{
     IkError, IkOptions, IkReport, IkTask, inverse_kinematics, inverse_kinematics_global,

@@ -7,7 +7,7 @@ mod common;
 use common::{Random, close, distance, size};
 use freeplay_arm::{
     Drive, Workspace, aba, bias, crba, gravity_torque, hybrid_aba, joint_reaction, kinetic_energy,
-    potential_energy, rnea,
+    mass_and_bias, potential_energy, rnea,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -76,6 +76,20 @@ fn articulated_bodies_agree_with_cholesky_of_the_mass_matrix() {
         worst = worst.max(distance(solved.as_slice(), &a) / size(&a));
     });
     close("aba against CRBA + Cholesky", worst, 1e-10);
+}
+
+#[test]
+fn mass_and_bias_together_are_the_two_alone() {
+    for_random_arms(|random, arm, ws| {
+        let n = arm.dof();
+        let (q, v) = (random.values(n, 3.0), random.values(n, 2.0));
+        let (mut h, mut m) = (vec![0.0; n], DMatrix::zeros(n, n));
+        bias(arm, ws, &q, &v, &mut h);
+        crba(arm, ws, &q, &mut m);
+        let (mut both_h, mut both_m) = (vec![0.0; n], DMatrix::zeros(n, n));
+        mass_and_bias(arm, ws, &q, &v, &mut both_m, &mut both_h);
+        assert_eq!((both_m, both_h), (m, h));
+    });
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The motion of an arm on position servos, integrated from its commands.
 
-use freeplay_arm::{Arm, Workspace, bias, crba};
+use freeplay_arm::{Arm, Workspace, mass_and_bias};
 use nalgebra::DMatrix;
 
 use crate::burden::Burden;
@@ -107,7 +107,30 @@ impl Rollout {
         start: &State,
         out: &mut [f64],
     ) {
-        let n = model.joints.len();
+        // The loops over joints are compiled for each of the usual numbers of joints.
+        match model.joints.len() {
+            1 => self.integrate(1, model, commands, stamps, start, out),
+            2 => self.integrate(2, model, commands, stamps, start, out),
+            3 => self.integrate(3, model, commands, stamps, start, out),
+            4 => self.integrate(4, model, commands, stamps, start, out),
+            5 => self.integrate(5, model, commands, stamps, start, out),
+            6 => self.integrate(6, model, commands, stamps, start, out),
+            7 => self.integrate(7, model, commands, stamps, start, out),
+            n => self.integrate(n, model, commands, stamps, start, out),
+        }
+    }
+
+    /// [`Rollout::run`] for `n` joints.
+    #[inline(always)]
+    fn integrate(
+        &mut self,
+        n: usize,
+        model: &ServoArm,
+        commands: &[Commands],
+        stamps: &[f64],
+        start: &State,
+        out: &mut [f64],
+    ) {
         self.state.q.copy_from_slice(&start.q);
         self.state.v.copy_from_slice(&start.v);
         self.speed.copy_from_slice(&start.v);
@@ -121,7 +144,7 @@ impl Rollout {
             let h = (pair[1] - pair[0]) / steps;
             for step in 0..steps as usize {
                 let t = pair[0] + step as f64 * h;
-                self.step(model, commands, t, h);
+                self.step(n, model, commands, t, h);
             }
             out[(row + 1) * n..(row + 2) * n].copy_from_slice(&self.state.q);
         }
@@ -138,13 +161,19 @@ impl Rollout {
     }
 
     /// One step of `h` from `t`, s: the arm's own terms stand as at the predicted middle, the servos move through it in steps of their own.
-    fn step(&mut self, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
-        let n = model.joints.len();
+    #[inline(always)]
+    fn step(&mut self, n: usize, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
         for i in 0..n {
             self.middle[i] = self.state.q[i] + 0.5 * h * self.state.v[i];
         }
-        bias(&model.arm, &mut self.workspace, &self.middle, &self.state.v, &mut self.bias);
-        crba(&model.arm, &mut self.workspace, &self.middle, &mut self.mass);
+        mass_and_bias(
+            &model.arm,
+            &mut self.workspace,
+            &self.middle,
+            &self.state.v,
+            &mut self.mass,
+            &mut self.bias,
+        );
         let steps = (h / SERVO_STEP - 1e-6).ceil().max(1.0);
         let own = h / steps;
         for (i, joint) in model.joints.iter().enumerate() {
@@ -153,43 +182,49 @@ impl Rollout {
         self.mass *= 2.0 / own;
         self.pieces.fill(Line::NONE);
         for step in 0..steps as usize {
-            self.servo_step(model, commands, t + step as f64 * own, own);
+            self.servo_step(n, model, commands, t + step as f64 * own, own);
         }
     }
 
     /// One step of `h` from `t`, s, of the servos alone: implicit midpoint rule in their law and friction. `mass` is in the unit of a damping, over half of the step.
-    fn servo_step(&mut self, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
-        let n = model.joints.len();
+    #[inline(always)]
+    fn servo_step(&mut self, n: usize, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
+        let (joints, commands, cursors) = (&model.joints[..n], &commands[..n], &mut self.cursors[..n]);
+        let (q, v, speed) = (&mut self.state.q[..n], &mut self.state.v[..n], &mut self.speed[..n]);
+        let (set_point, pieces, mass) =
+            (&mut self.set_point[..n], &mut self.pieces[..n], &self.mass.as_slice()[..n * n]);
+        let (right, friction, bounds, bias) =
+            (&mut self.right[..n], &mut self.friction[..n], &mut self.bounds[..n], &self.bias[..n]);
         let mut is_same = true;
-        for (i, (joint, command)) in model.joints.iter().zip(commands).enumerate() {
-            let wished = command.mean(&mut self.cursors[i], joint, t, t + h);
+        for i in 0..n {
+            let joint = &joints[i];
+            let wished = commands[i].mean(&mut cursors[i], joint, t, t + h);
             let most = joint.speed_limit * h;
-            self.set_point[i] += (wished - self.set_point[i]).clamp(-most, most);
-            let error = self.set_point[i] - self.state.q[i];
-            let piece = joint.line(error - 0.5 * h * self.state.v[i], self.state.v[i]);
-            is_same &= piece.damping == self.pieces[i].damping && piece.stiffness == self.pieces[i].stiffness;
-            self.pieces[i] = piece;
+            set_point[i] += (wished - set_point[i]).clamp(-most, most);
+            let error = set_point[i] - q[i];
+            let piece = joint.line(error - 0.5 * h * v[i], v[i]);
+            is_same &= piece.damping == pieces[i].damping && piece.stiffness == pieces[i].stiffness;
+            pieces[i] = piece;
             // Column by column is row by row of what is symmetric.
-            let row = &self.mass.as_slice()[i * n..(i + 1) * n];
-            let momentum: f64 = row.iter().zip(&self.state.v).map(|(m, v)| m * v).sum();
-            self.right[i] = momentum + piece.stiffness * error + piece.constant - self.bias[i];
-            self.friction[i] = joint.dry_friction(self.speed[i]);
-            let bound = |stop: f64| if stop.is_finite() { (stop - self.state.q[i]) / h } else { stop };
-            self.bounds[i] = joint.stops.map(bound);
+            let row = &mass[i * n..(i + 1) * n];
+            let momentum: f64 = row.iter().zip(&*v).map(|(m, v)| m * v).sum();
+            right[i] = momentum + piece.stiffness * error + piece.constant - bias[i];
+            friction[i] = joint.dry_friction(speed[i]);
+            let bound = |stop: f64| if stop.is_finite() { (stop - q[i]) / h } else { stop };
+            bounds[i] = joint.stops.map(bound);
         }
         if !is_same {
-            let matrix = self.sliding.matrix_mut();
-            matrix.copy_from_slice(self.mass.as_slice());
-            for (i, piece) in self.pieces.iter().enumerate() {
+            let matrix = &mut self.sliding.matrix_mut()[..n * n];
+            matrix.copy_from_slice(mass);
+            for (i, piece) in pieces.iter().enumerate() {
                 matrix[i * n + i] += piece.damping + piece.stiffness * 0.5 * h;
             }
         }
-        self.sliding.solve(&self.right, &self.friction, &self.bounds, &mut self.speed);
+        self.sliding.solve(n, right, friction, bounds, speed);
         for i in 0..n {
-            let speed = self.speed[i];
-            self.state.q[i] += h * speed;
+            q[i] += h * speed[i];
             // A joint that rests at the middle of the step rests at its end.
-            self.state.v[i] = if speed == 0.0 { 0.0 } else { 2.0 * speed - self.state.v[i] };
+            v[i] = if speed[i] == 0.0 { 0.0 } else { 2.0 * speed[i] - v[i] };
         }
     }
 }

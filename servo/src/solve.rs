@@ -43,14 +43,14 @@ impl Sliding {
         &mut self.matrix
     }
 
-    /// Solves for `w`, which holds a guess. All have one number a joint.
+    /// Solves for `w`, which holds a guess, of `n` joints. All have one number a joint.
     ///
     /// # Panics
     /// If the sizes do not fit.
-    #[inline]
-    pub fn solve(&mut self, b: &[f64], friction: &[f64], bounds: &[[f64; 2]], w: &mut [f64]) {
+    #[inline(always)]
+    pub fn solve(&mut self, n: usize, b: &[f64], friction: &[f64], bounds: &[[f64; 2]], w: &mut [f64]) {
         for _ in 0..MOST_SWEEPS / SWEEPS {
-            if self.slides_as_guessed(b, friction, bounds, w) {
+            if self.slides_as_guessed(n, b, friction, bounds, w) {
                 return;
             }
             for _ in 0..SWEEPS {
@@ -81,35 +81,46 @@ impl Sliding {
 
     /// Solves for the joints that slide in the guess `w`, the others held where they are; whether each slides as guessed, inside its bounds, and each that rests is
     /// held by its friction. Then `w` is the solution.
-    fn slides_as_guessed(&mut self, b: &[f64], friction: &[f64], bounds: &[[f64; 2]], w: &mut [f64]) -> bool {
-        let n = w.len();
-        for i in 0..n {
+    #[inline(always)]
+    fn slides_as_guessed(
+        &mut self,
+        n: usize,
+        b: &[f64],
+        friction: &[f64],
+        bounds: &[[f64; 2]],
+        w: &mut [f64],
+    ) -> bool {
+        let (b, friction, bounds, w) = (&b[..n], &friction[..n], &bounds[..n], &mut w[..n]);
+        let mut are_all_free = true;
+        for (i, free) in self.free[..n].iter_mut().enumerate() {
             let is_free = w[i] != 0.0 && bounds[i][0] < w[i] && w[i] < bounds[i][1];
-            self.is_factored &= self.free[i] == is_free;
-            self.free[i] = is_free;
+            self.is_factored &= *free == is_free;
+            are_all_free &= is_free;
+            *free = is_free;
         }
         if !self.is_factored {
             self.factorise(n);
         }
-        if self.free.iter().all(|is_free| *is_free) {
-            self.substitute_all(b, friction, w);
+        if are_all_free {
+            self.substitute_all(n, b, friction, w);
         } else {
-            self.substitute(b, friction, w);
+            self.substitute(n, b, friction, w);
         }
+        let (free, solution, matrix) = (&self.free[..n], &self.solution[..n], &self.matrix[..n * n]);
         for i in 0..n {
-            let x = self.solution[i];
-            let holds = if self.free[i] {
+            let x = solution[i];
+            let holds = if free[i] {
                 x * w[i] > 0.0 && bounds[i][0] <= x && x <= bounds[i][1]
             } else {
-                let row = &self.matrix[i * n..(i + 1) * n];
-                let coupled: f64 = row.iter().zip(&self.solution).map(|(a, x)| a * x).sum();
+                let row = &matrix[i * n..(i + 1) * n];
+                let coupled: f64 = row.iter().zip(solution).map(|(a, x)| a * x).sum();
                 x == 0.0 && (b[i] - coupled).abs() <= friction[i]
             };
             if !holds {
                 return false;
             }
         }
-        w.copy_from_slice(&self.solution);
+        w.copy_from_slice(solution);
         true
     }
 
@@ -129,40 +140,41 @@ impl Sliding {
     }
 
     /// The speeds with the factor where all joints slide as in `w`: the same as [`Sliding::substitute`], without looking who does.
-    #[inline]
-    fn substitute_all(&mut self, b: &[f64], friction: &[f64], w: &[f64]) {
-        let n = w.len();
+    #[inline(always)]
+    fn substitute_all(&mut self, n: usize, b: &[f64], friction: &[f64], w: &[f64]) {
+        let (factor, solution) = (&self.factor[..n * n], &mut self.solution[..n]);
         for i in 0..n {
-            let (row, before) = (&self.factor[i * n..i * n + i], &self.solution[..i]);
+            let (row, before) = (&factor[i * n..i * n + i], &solution[..i]);
             let known: f64 = row.iter().zip(before).map(|(factor, x)| factor * x).sum();
-            self.solution[i] = (b[i] - friction[i].copysign(w[i]) - known) * self.factor[i * n + i];
+            solution[i] = (b[i] - friction[i].copysign(w[i]) - known) * factor[i * n + i];
         }
         for i in (0..n).rev() {
-            let known: f64 = (i + 1..n).map(|k| self.factor[k * n + i] * self.solution[k]).sum();
-            self.solution[i] = (self.solution[i] - known) * self.factor[i * n + i];
+            let known: f64 = (i + 1..n).map(|k| factor[k * n + i] * solution[k]).sum();
+            solution[i] = (solution[i] - known) * factor[i * n + i];
         }
     }
 
     /// The speeds with the factor: those of joints that are held as they are in `w`. The factor's diagonal holds reciprocals.
-    fn substitute(&mut self, b: &[f64], friction: &[f64], w: &[f64]) {
-        let n = w.len();
-        for (i, w) in w.iter().enumerate().filter(|(i, _)| !self.free[*i]) {
-            self.solution[i] = *w;
+    #[inline(always)]
+    fn substitute(&mut self, n: usize, b: &[f64], friction: &[f64], w: &[f64]) {
+        let (free, factor, matrix) = (&self.free[..n], &self.factor[..n * n], &self.matrix[..n * n]);
+        let solution = &mut self.solution[..n];
+        for i in (0..n).filter(|&i| !free[i]) {
+            solution[i] = w[i];
         }
-        for i in (0..n).filter(|&i| self.free[i]) {
-            let row = i * n..(i + 1) * n;
-            let (held, above) = (&self.matrix[row.clone()], &self.factor[row]);
+        for i in (0..n).filter(|&i| free[i]) {
+            let (held, above) = (&matrix[i * n..(i + 1) * n], &factor[i * n..(i + 1) * n]);
             let known = |j: usize| {
-                let of_row = if self.free[j] { if j < i { above[j] } else { 0.0 } } else { held[j] };
-                of_row * self.solution[j]
+                let of_row = if free[j] { if j < i { above[j] } else { 0.0 } } else { held[j] };
+                of_row * solution[j]
             };
             let right = b[i] - friction[i].copysign(w[i]) - (0..n).map(known).sum::<f64>();
-            self.solution[i] = right * self.factor[i * n + i];
+            solution[i] = right * factor[i * n + i];
         }
-        for i in (0..n).rev().filter(|&i| self.free[i]) {
-            let below = (i + 1..n).filter(|&k| self.free[k]);
-            let known: f64 = below.map(|k| self.factor[k * n + i] * self.solution[k]).sum();
-            self.solution[i] = (self.solution[i] - known) * self.factor[i * n + i];
+        for i in (0..n).rev().filter(|&i| free[i]) {
+            let below = (i + 1..n).filter(|&k| free[k]);
+            let known: f64 = below.map(|k| factor[k * n + i] * solution[k]).sum();
+            solution[i] = (solution[i] - known) * factor[i * n + i];
         }
     }
 }

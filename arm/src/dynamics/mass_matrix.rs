@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Vector3};
 
 use crate::arm::Arm;
-use crate::dynamics::inverse::along_axis;
+use crate::dynamics::inverse::{along_axis, bias};
 use crate::joint::JointKind;
 use crate::kinematics::place_links;
 use crate::spatial::{Symmetric3, Wrench};
@@ -16,9 +16,32 @@ use crate::workspace::Workspace;
 /// # Panics
 /// If the length of `q`, the size of `m` or the workspace does not fit the arm.
 pub fn crba(arm: &Arm, ws: &mut Workspace, q: &[f64], m: &mut DMatrix<f64>) {
+    place_links(arm, ws, q);
+    fill(arm, ws, m);
+}
+
+/// What the motion of the arm depends on at `q` and `v`: the mass matrix `m`, as [`crba`] has it, and the torques `h` of [`bias`], with the links placed
+/// once for both.
+///
+/// # Panics
+/// If the length of a slice, the size of `m` or the workspace does not fit the arm.
+pub fn mass_and_bias(
+    arm: &Arm,
+    ws: &mut Workspace,
+    q: &[f64],
+    v: &[f64],
+    m: &mut DMatrix<f64>,
+    h: &mut [f64],
+) {
+    bias(arm, ws, q, v, h);
+    fill(arm, ws, m);
+}
+
+/// The mass matrix `m`, after `place_links`.
+#[inline(always)]
+fn fill(arm: &Arm, ws: &mut Workspace, m: &mut DMatrix<f64>) {
     let n = arm.dof();
     assert_eq!(m.shape(), (n, n), "the mass matrix is square, with one row per joint");
-    place_links(arm, ws, q);
     compose_inertias(arm, ws);
     for i in 0..n {
         let link = &ws.links[i];

@@ -92,8 +92,10 @@ pub fn add_burden(
     let least = BELIEVED + (candidates.len() as f64).ln();
     let masses = masses(file, tolerances);
     let beside: Vec<Unknown> = unknowns.iter().chain(&masses).copied().collect();
-    let score = |one: &Burdened| fit.scores(&fitted, &beside, &one.unknowns).iter().sum::<f64>();
-    let scored = candidates.iter().filter(|one| score(one) > least);
+    let all: Vec<Unknown> = candidates.iter().flat_map(|one| one.unknowns.iter().copied()).collect();
+    let mut scores = fit.scores(&fitted, &beside, &all).into_iter();
+    let scored =
+        candidates.iter().filter(|one| scores.by_ref().take(one.unknowns.len()).sum::<f64>() > least);
     let mut begun: Vec<(ServoArm, Burdened)> =
         scored.map(|one| (fitted.model.clone(), one.clone())).collect();
     if let Some(given) = given {

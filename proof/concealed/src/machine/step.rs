@@ -4,7 +4,7 @@
 //! is fast and local: transmissions, bearings, bristles, and dry friction, whose impulses are found implicitly, all joints together,
 //! by projected Gauss–Seidel: each impulse is what stops its joint, as far as its bounds allow. A joint that sticks has speed zero.
 
-use freeplay_arm::{Workspace, bias, crba, jacobian};
+use freeplay_arm::{Workspace, jacobian, mass_and_bias};
 use nalgebra::{DMatrix, Matrix2, Vector2};
 
 use super::plan::{BearingLaw, Plan, PlanError};
@@ -126,8 +126,7 @@ impl<'a> Stepper<'a> {
             self.speed[i] = self.u[i] + 0.5 * step * self.a[i];
         }
         let arm = self.plan.arm_at(self.t);
-        crba(arm, &mut self.ws, &self.middle, &mut self.m_arm);
-        bias(arm, &mut self.ws, &self.middle, &self.speed, &mut self.bias);
+        mass_and_bias(arm, &mut self.ws, &self.middle, &self.speed, &mut self.m_arm, &mut self.bias);
         if let Some(push) = self.plan.push.filter(|push| self.t >= push.start && self.t < push.end) {
             jacobian(arm, &mut self.ws, &self.middle, &mut self.tool_jacobian);
             for (i, bias) in self.bias.iter_mut().enumerate() {
