@@ -3,18 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use comfy_table::CellAlignment;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_harness::run::{ControllerSelection, Files, load, play};
+use freeplay_harness::run::{ControllerSelection, load};
 use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
 use freeplay_harness::swaps;
-use freeplay_recording::Recording;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{claim, write};
@@ -25,6 +24,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use crate::recorded::play_recorded;
 use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
 
 /// The schema of `swap.json`.
@@ -182,7 +182,9 @@ impl Stage {
         for (asked, name) in asked.iter().zip(swaps::names(first, standby)) {
             bar.set_message(format!("{name} alone"));
             let folder = self.out.join("alone").join(&name);
-            let Some((summary, recording)) = self.play(&self.scenario, asked, &folder)? else {
+            let Some((summary, recording)) =
+                play_recorded(&self.scenario, &ControllerSelection::of(asked)?, &folder, &self.stop)?
+            else {
                 return Ok(played);
             };
             alone.push(Alone::new(&summary, &name, &recording)?);
@@ -221,30 +223,12 @@ impl Stage {
         let mut names: Vec<String> = alone.iter().map(|alone| alone.name.clone()).collect();
         names.rotate_left(first);
         let folder = self.out.join("swapped");
-        let asked = scenario.controllers[0].clone();
-        let Some((mut summary, recording)) = self.play(&scenario, &asked, &folder)? else { return Ok(None) };
-        rename(&mut summary, &swaps::names(&asked, &scenario.standby), &names);
-        measure(&summary, &recording, alone, &names, scenario.seed, window).map(Some)
-    }
-
-    /// Plays `scenario` with the controller `asked` in charge; `None` if interrupted.
-    fn play(
-        &self,
-        scenario: &Scenario,
-        asked: &str,
-        folder: &Path,
-    ) -> Result<Option<(RunSummary, Recording)>, Failure> {
-        let setup = Setup::new(scenario)?;
-        let files = Files::write(scenario, &setup, folder)?;
-        let (exit, summary) = play(scenario, &ControllerSelection::of(asked)?, &files, 0.0, &self.stop)?;
-        if self.stop.load(Ordering::Relaxed) {
+        let asked = ControllerSelection::of(&scenario.controllers[0])?;
+        let Some((mut summary, recording)) = play_recorded(&scenario, &asked, &folder, &self.stop)? else {
             return Ok(None);
-        }
-        let no_end = || Failure { exit, message: format!("{asked}: a run ended early") };
-        let summary = summary.ok_or_else(no_end)?;
-        let name = summary.recording.clone().ok_or_else(no_end)?;
-        let recording = freeplay_recording::read(&files.out.join(name), None).map_err(Failure::input)?;
-        Ok(Some((summary, recording)))
+        };
+        rename(&mut summary, &swaps::names(asked.asked(), &scenario.standby), &names);
+        measure(&summary, &recording, alone, &names, scenario.seed, window).map(Some)
     }
 }
 

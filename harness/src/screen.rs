@@ -47,7 +47,8 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
     let _ = writeln!(text, "summary     {}", pasted(&out.join("summary.json")));
     if let Some(run) = runs.last() {
         if let Some(recording) = &run.recording {
-            let _ = writeln!(text, "recording   {}   (one a controller)", pasted(&out.join(recording)));
+            let others = if runs.len() > 1 { "   (each controller has its own)" } else { "" };
+            let _ = writeln!(text, "recording   {}{others}", pasted(&out.join(recording)));
         }
         let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", pasted(out));
     }

@@ -14,9 +14,9 @@ pub struct Deviation {
     pub mean: f64,
     /// Standard deviation about the mean.
     pub std: f64,
-    /// Root mean square after the start.
+    /// Root mean square after the start; not a number where nothing came after it.
     pub rms_after_start: f64,
-    /// Greatest magnitude after the start.
+    /// Greatest magnitude after the start; not a number where nothing came after it.
     pub max_after_start: f64,
 }
 
@@ -80,8 +80,8 @@ impl DeviationStatistics {
                 max: all.max,
                 mean,
                 std: (square - mean * mean).max(0.0).sqrt(),
-                rms_after_start: after.per(after.squares).sqrt(),
-                max_after_start: after.max,
+                rms_after_start: if after.count == 0 { f64::NAN } else { after.per(after.squares).sqrt() },
+                max_after_start: if after.count == 0 { f64::NAN } else { after.max },
             }
         })
     }

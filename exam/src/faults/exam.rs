@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-use freeplay_harness::run::{ControllerSelection, Files, play};
+use freeplay_harness::run::ControllerSelection;
 use freeplay_harness::scenario::{Drive, Pacing, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
@@ -19,6 +19,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::faults::findings::{Finding, RunFindings, Verdict};
 use crate::faults::kinds::{Injection, Kind, Plan};
+use crate::recorded::play_recorded;
 use crate::swap_measures::{Alone, stalls};
 
 /// First tick of a fault: the arm has settled.
@@ -216,7 +217,9 @@ impl Exam {
     ) -> Result<Option<(RunSummary, Recording)>, Failure> {
         let mut scenario = scenario.clone();
         for _ in 1..ATTEMPTS {
-            let Some((summary, recording)) = self.play(&scenario, contestant, folder)? else {
+            let Some((summary, recording)) =
+                play_recorded(&scenario, contestant, &self.out.join(folder), &self.stop)?
+            else {
                 return Ok(None);
             };
             match &mut scenario.answer_patience {
@@ -224,26 +227,7 @@ impl Exam {
                 _ => return Ok(Some((summary, recording))),
             }
         }
-        self.play(&scenario, contestant, folder)
-    }
-
-    fn play(
-        &self,
-        scenario: &Scenario,
-        contestant: &ControllerSelection,
-        folder: &str,
-    ) -> Result<Option<(RunSummary, Recording)>, Failure> {
-        let setup = Setup::new(scenario)?;
-        let files = Files::write(scenario, &setup, &self.out.join(folder))?;
-        let (exit, summary) = play(scenario, contestant, &files, 0.0, &self.stop)?;
-        if self.stop.load(Ordering::Relaxed) {
-            return Ok(None);
-        }
-        let no_end = || Failure { exit, message: format!("{folder}: a run ended early") };
-        let summary = summary.ok_or_else(no_end)?;
-        let name = summary.recording.clone().ok_or_else(no_end)?;
-        let recording = freeplay_recording::read(&files.out.join(name), None).map_err(Failure::input)?;
-        Ok(Some((summary, recording)))
+        play_recorded(&scenario, contestant, &self.out.join(folder), &self.stop)
     }
 }
 

@@ -194,10 +194,10 @@ impl Dashboard {
         });
         let rejected: u64 = now.rejected.values().sum();
         format!(
-            "{:7.3} s  deviation {size:.4} mm (rms {:.4}, max {:.4})  {}  {} active{compute}, {rejected} rejected by the gate",
+            "{:7.3} s  deviation {size:.4} mm (rms {}, max {})  {}  {} active{compute}, {rejected} rejected by the gate",
             self.time(),
-            now.rms_max[0] * 1e3,
-            now.rms_max[1] * 1e3,
+            millimetres(now.rms_max[0]),
+            millimetres(now.rms_max[1]),
             plays.join(", "),
             self.controller(now.in_charge),
         )
@@ -209,6 +209,11 @@ fn push<T>(queue: &mut VecDeque<T>, value: T, most: usize) {
         queue.pop_front();
     }
     queue.push_back(value);
+}
+
+/// `metres` in mm; a dash where nothing is known yet.
+pub(super) fn millimetres(metres: f64) -> String {
+    if metres.is_nan() { "–".to_owned() } else { format!("{:.4}", metres * 1e3) }
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ use ratatui::widgets::{
 
 use freeplay_terminal::layout::wrapped;
 
+use super::dashboard::millimetres;
 use super::keys::HELP;
 use super::{ContactMode, ControllerState, Dashboard, LiveSnapshot};
 
@@ -96,9 +97,9 @@ fn deviation(frame: &mut Frame, board: &Dashboard, area: Rect, ink: Ink) {
     let [size, rms, max] = board
         .now
         .as_ref()
-        .map_or([0.0; 3], |now| [now.size(), now.rms_max[0], now.rms_max[1]].map(|metres| metres * 1e3));
-    let title =
-        format!(" tool deviation [mm]   now {size:.4}   rms {rms:.4}   max {max:.4}   (after 0.5 s) ");
+        .map_or([f64::NAN; 3], |now| [now.size(), now.rms_max[0], now.rms_max[1]])
+        .map(millimetres);
+    let title = format!(" tool deviation [mm]   now {size}   rms {rms}   max {max}   (after 0.5 s) ");
     let dataset = Dataset::default()
         .marker(Marker::Braille)
         .graph_type(GraphType::Line)

@@ -68,7 +68,7 @@ impl Observer {
             snapshot: LiveSnapshot {
                 tick: 0,
                 deviation: [0.0; 3],
-                rms_max: [0.0; 2],
+                rms_max: [f64::NAN; 2],
                 trace: Vec::new(),
                 plays: vec![play; plays],
                 in_charge: 0,
