@@ -110,6 +110,17 @@ fn driven_joints_follow_the_reference_and_the_deviation_is_the_journal() {
     assert!((rms - 0.6).abs() < 0.006, "{rms}");
 }
 
+/// Of what comes after the start nothing is said where a run ends before: no deviation would read as a perfect one.
+#[test]
+fn a_short_run_has_no_deviation_after_the_start() {
+    let ran = lockstep(0.3, &["--controller", "computed-torque"]).expect(0);
+    let deviation = &ran.summary()["runs"][0]["deviation_mm"];
+    assert!(deviation["rms_after_start"].is_null() && deviation["max_after_start"].is_null(), "{deviation}");
+    assert!(number(&deviation["rms"]) > 0.0);
+    let row = ran.stdout().lines().find(|line| line.starts_with("computed-torque")).expect("a row").to_owned();
+    assert!(row.split_whitespace().skip(1).take(3).all(|cell| cell == "–"), "{row}");
+}
+
 /// What moves the tool beside the joints is no fault of the tracker: a journal in oil that has sunk by 0.5 mm is that much of the tool's deviation, and
 /// who has a tracker takes it out.
 #[test]

@@ -169,7 +169,7 @@ class Run(Portable):
         Returns
         -------
         DataFrame, one row a controller
-            rms, max, rms_after_start, max_after_start: deviation of the tool, mm, of the whole run and after 0.5 s; missed: ticks without
+            rms, max, rms_after_start, max_after_start: deviation of the tool, mm, of the whole run and after its first 0.5 s, if it is longer; missed: ticks without
             an answer in time; rejected: commands that the gate refused; state_hash: SHA-256 of every state and command.
         """
         rows = []
