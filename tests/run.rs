@@ -117,7 +117,8 @@ fn a_short_run_has_no_deviation_after_the_start() {
     let deviation = &ran.summary()["runs"][0]["deviation_mm"];
     assert!(deviation["rms_after_start"].is_null() && deviation["max_after_start"].is_null(), "{deviation}");
     assert!(number(&deviation["rms"]) > 0.0);
-    let row = ran.stdout().lines().find(|line| line.starts_with("computed-torque")).expect("a row").to_owned();
+    let row =
+        ran.stdout().lines().find(|line| line.starts_with("computed-torque")).expect("a row").to_owned();
     assert!(row.split_whitespace().skip(1).take(3).all(|cell| cell == "–"), "{row}");
 }
 

@@ -17,6 +17,8 @@ const LEAPS: [f64; 4] = [0.0, 0.5, 0.8, 1.25];
 const MOST_STEPS: usize = 40;
 /// A fit ends with a step that gains less log-likelihood for each number: it moves them by a tenth of a standard deviation (½ · 0.1²).
 const LEAST_GAIN: f64 = 5e-3;
+/// Distances at which a number is tried from where it is, over the deviation of what is believed of it: in one dimension a search sees what a descent does not.
+const DISTANCES: [f64; 10] = [-0.8, -0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4, 0.8];
 /// One window in so many makes the coarse fit that the whole one begins from: a tenth of the work for nearly all of the way.
 const COARSE: usize = 5;
 /// Share of their steps by which finite differences end, once a fit gains no more by the whole.
@@ -128,12 +130,49 @@ impl Problem<'_> {
         unknowns: &[Unknown],
         progress: &mut dyn FnMut(usize, f64),
     ) -> Fitted {
-        let few: Vec<_> = self.windows.iter().skip(COARSE / 2).step_by(COARSE).cloned().collect();
-        if few.len() < 2 {
-            return self.fit(model, unknowns, progress);
+        match self.coarse() {
+            Some(coarse) => coarse.forgetting(model).fit(model, unknowns, progress),
+            None => self.fit(model, unknowns, progress),
         }
-        let coarse = Problem { windows: few, counted: Vec::new(), rounding: self.rounding.clone(), ..*self };
-        coarse.forgetting(model).fit(model, unknowns, progress)
+    }
+
+    /// Moves one of `unknowns` of `model` after the other to where it fits best alone, each time the one that gains most, as long as it gains `least` log-likelihood: what
+    /// differs from a model that is nearly right in a few numbers is found by these, where all numbers at once bend to each other. Asked is one window in five.
+    pub fn one_by_one(&self, model: &ServoArm, unknowns: &[Unknown], least: f64) -> ServoArm {
+        let coarse = self.coarse().unwrap_or_else(|| self.clone()).forgetting(model);
+        let mut model = model.clone();
+        for _ in unknowns {
+            let state = coarse.state(model.clone(), unknowns);
+            let lost = |model: &ServoArm| {
+                let x: Vec<f64> = unknowns.iter().map(|unknown| unknown.of(model)).collect();
+                coarse.lost(&coarse.residuals(model), &state.noise, &x, unknowns)
+            };
+            let tried = unknowns.iter().zip(&state.x).flat_map(|(unknown, x)| {
+                let values = DISTANCES.map(|share| x + share * unknown.deviation);
+                let physical = values.into_iter().filter(|x| *x >= unknown.quantity.least());
+                let model = &model;
+                physical.map(move |x| (unknown, placed(model, std::slice::from_ref(unknown), &[x])))
+            });
+            let nearest = tried.map(|(unknown, moved)| (lost(&moved), unknown, moved));
+            let Some((_, unknown, near)) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            let moved = coarse.fit(&near, std::slice::from_ref(unknown), &mut |_, _| {}).model;
+            if lost(&model) - lost(&moved) <= least {
+                break;
+            }
+            model = moved;
+        }
+        model
+    }
+
+    /// One window in five; `None` where there are few.
+    fn coarse(&self) -> Option<Problem<'_>> {
+        let few: Vec<_> = self.windows.iter().skip(COARSE / 2).step_by(COARSE).cloned().collect();
+        (few.len() > 1).then(|| Problem {
+            windows: few,
+            counted: Vec::new(),
+            rounding: self.rounding.clone(),
+            ..*self
+        })
     }
 
     /// Fits `unknowns` from `model` onwards, in at most 40 steps. `progress` is told the step's number and what it gained.

@@ -49,17 +49,19 @@ fn recorded(truth: &ServoArm, seconds: usize, pressed: f64) -> Track {
     Track { measured: vec![column(0), column(1)], commands, stamps: times }
 }
 
-fn fitted(track: &Track, threads: usize) -> (Vec<Unknown>, Fitted) {
-    let tracks = std::slice::from_ref(track);
-    let windows = track.windows(0.1, 10.0).into_iter().map(|rows| (0, rows)).collect();
-    let problem = Problem {
-        tracks,
-        windows,
+fn problem(track: &Track, threads: usize) -> Problem<'_> {
+    Problem {
+        tracks: std::slice::from_ref(track),
+        windows: track.windows(0.1, 10.0).into_iter().map(|rows| (0, rows)).collect(),
         counted: Vec::new(),
         rounding: vec![TICK / 12.0_f64.sqrt(); 2],
         longest_step: 0.005,
         threads,
-    };
+    }
+}
+
+fn fitted(track: &Track, threads: usize) -> (Vec<Unknown>, Fitted) {
+    let problem = problem(track, threads);
     let (model, seen) = first_model(&two_links(9.81), &problem);
     let unknowns = unknowns(&seen, &model, 1e-4);
     let fitted = problem.fit(&model, &unknowns, &mut |_, _| ());
@@ -172,4 +174,32 @@ fn a_simulation_without_numbers_explains_nothing() {
         &[TICK; 2],
     );
     assert!(residual.iter().enumerate().map(|(at, r)| noise.loss(at % 2, *r)).sum::<f64>().is_infinite());
+}
+
+/// A model that lacks one number is led to by that number alone.
+#[test]
+fn one_number_that_is_off_is_the_one_that_moves() {
+    let truth = truth();
+    let track = recorded(&truth, 40, 0.0);
+    let problem = problem(&track, 2);
+    let (first, seen) = first_model(&two_links(9.81), &problem);
+    let unknowns = unknowns(&seen, &first, 1e-4);
+    for quantity in [Quantity::Coulomb, Quantity::Delay, Quantity::Lag] {
+        let mut given = truth.clone();
+        let off = *unknowns.iter().find(|one| one.joint == 0 && one.quantity == quantity).unwrap();
+        off.set(&mut given, 0.0);
+        let found = problem.one_by_one(&given, &unknowns, 5.0);
+        for unknown in &unknowns {
+            let [found, given, true_value] = [&found, &given, &truth].map(|model| unknown.of(model));
+            if *unknown == off {
+                println!("{quantity:?}: {found:.4}, in truth {true_value:.4}");
+                assert!((found / true_value - 1.0).abs() < 0.1, "{found} for {true_value}");
+            } else {
+                assert!(
+                    (found - given).abs() < 0.1 * unknown.deviation,
+                    "{quantity:?}: {unknown:?} moved to {found}"
+                );
+            }
+        }
+    }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_recording::{Group, Recording};
-use freeplay_servo::{Problem, Quantity, ServoArm, Sight, Track, Unknown};
+use freeplay_servo::{JointServo, Problem, Quantity, ServoArm, Sight, Track, Unknown};
 use toml::Value;
 
 use super::burdens::Burdened;
@@ -127,12 +127,20 @@ impl Conclusion<'_> {
     }
 
     /// The numbers of `finding` with the values that the given model has, or that nothing has: index of the unknown, and value. None for a servo where there was none.
+    /// What resists the servo is given in N·m: where a load tells the stiffness, another stiffness makes another ratio of the same friction.
     fn references(&self, finding: &Finding) -> Vec<(usize, f64)> {
-        let given = self.given.map(|given| &given.joints[finding.joint]);
+        let joint = finding.joint;
+        let given = self.given.map(|given| &given.joints[joint]);
+        let stiffness = self.numbers.fitted.model.joints[joint].stiffness;
+        let of_given = |given: &JointServo, quantity: Quantity| {
+            let is_absolute = matches!(quantity, Quantity::Coulomb | Quantity::Stiction | Quantity::Rotor)
+                && self.numbers.is_known(joint);
+            quantity.of(given) * if is_absolute { given.stiffness / stiffness } else { 1.0 }
+        };
         let reference = |quantity: Quantity| {
-            let index = self.numbers.index(finding.joint, quantity)?;
+            let index = self.numbers.index(joint, quantity)?;
             let absent = finding.absent.map(|(_, value)| value);
-            Some((index, given.map(|given| quantity.of(given)).or(absent)?))
+            Some((index, given.map(|given| of_given(given, quantity)).or(absent)?))
         };
         finding.quantities().filter_map(reference).collect()
     }

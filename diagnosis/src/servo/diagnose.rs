@@ -13,7 +13,7 @@ use super::burdens::add_burden;
 use super::compare::{late, simulated};
 use super::conclude::Conclusion;
 use super::events::{Event, Judging, What};
-use super::findings::Numbers;
+use super::findings::{Numbers, named_from};
 use super::limits::add_limits;
 use super::parts::{Parts, Rows, WINDOW, problem};
 use super::rotors::{add_rotors, without_rotors};
@@ -57,9 +57,19 @@ pub fn diagnose(
     let believed = unknowns(&seen, &first, settings.tolerances.zero);
     let believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
     let (mut believed, rotors) = without_rotors(believed, &first);
-    let begun = fit.begin(&first, &believed, &mut |step, _| {
-        progress(&format!("fitting the servos to a few of the windows, step {step}"));
+    // Where the given model lacks little, the way from it is short, or leads through a few of its numbers; where it lacks much, that from the lags is shorter.
+    let least = named_from(file.arm.dof());
+    let few = given.as_ref().map(|given| fit.one_by_one(given, &believed, least));
+    let starts = std::iter::once(&first).chain(&given).chain(&few);
+    let begun = starts.map(|start| {
+        fit.begin(start, &believed, &mut |step, _| {
+            progress(&format!("fitting the servos to a few of the windows, step {step}"));
+        })
     });
+    let begun: Vec<Fitted> = begun.collect();
+    let Some(begun) = nearer(&fit, begun) else {
+        return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
+    };
     let is_known = |fitted: &Fitted| {
         let numbers =
             Numbers { file, fitted, unknowns: &believed, sights: &seen, tolerances: &settings.tolerances };
@@ -172,6 +182,13 @@ fn nearest(fit: &Problem, mut first: ServoArm, given: Option<&ServoArm>) -> Serv
         }
     }
     first
+}
+
+/// The one of `fits` that is nearest to the data of `fit`, under the noise of the first.
+fn nearer(fit: &Problem, fits: Vec<Fitted>) -> Option<Fitted> {
+    let noise = fits.first()?.noise.clone();
+    let loss = |one: &Fitted| super::limits::lost(fit, &one.model, &noise);
+    fits.into_iter().map(|one| (loss(&one), one)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, one)| one)
 }
 
 /// Measured minus simulated positions of all recordings.
