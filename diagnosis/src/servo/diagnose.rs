@@ -14,7 +14,7 @@ use super::compare::{late, simulated};
 use super::conclude::Conclusion;
 use super::events::{Event, Judging, What};
 use super::findings::{Numbers, named_from};
-use super::limits::add_limits;
+use super::limits::{add_limits, lost};
 use super::parts::{Parts, Rows, WINDOW, problem};
 use super::rotors::{add_rotors, without_rotors};
 use super::scores::{Deviations, deviations};
@@ -57,19 +57,9 @@ pub fn diagnose(
     let believed = unknowns(&seen, &first, settings.tolerances.zero);
     let believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
     let (mut believed, rotors) = without_rotors(believed, &first);
-    // Where the given model lacks little, the way from it is short, or leads through a few of its numbers; where it lacks much, that from the lags is shorter.
-    let least = named_from(file.arm.dof());
-    let few = given.as_ref().map(|given| fit.one_by_one(given, &believed, least));
-    let starts = std::iter::once(&first).chain(&given).chain(&few);
-    let begun = starts.map(|start| {
-        fit.begin(start, &believed, &mut |step, _| {
-            progress(&format!("fitting the servos to a few of the windows, step {step}"));
-        })
+    let begun = begin(&fit, (&first, given.as_ref()), &believed, &mut |step, _| {
+        progress(&format!("fitting the servos to a few of the windows, step {step}"));
     });
-    let begun: Vec<Fitted> = begun.collect();
-    let Some(begun) = nearer(&fit, begun) else {
-        return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
-    };
     let is_known = |fitted: &Fitted| {
         let numbers =
             Numbers { file, fitted, unknowns: &believed, sights: &seen, tolerances: &settings.tolerances };
@@ -184,11 +174,25 @@ fn nearest(fit: &Problem, mut first: ServoArm, given: Option<&ServoArm>) -> Serv
     first
 }
 
-/// The one of `fits` that is nearest to the data of `fit`, under the noise of the first.
-fn nearer(fit: &Problem, fits: Vec<Fitted>) -> Option<Fitted> {
-    let noise = fits.first()?.noise.clone();
-    let loss = |one: &Fitted| super::limits::lost(fit, &one.model, &noise);
-    fits.into_iter().map(|one| (loss(&one), one)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, one)| one)
+/// A fit to a few windows from the model with which it ends nearest to the data. Where a `given` model lacks little, the way from it is short, or leads through a few of its numbers; where it lacks
+/// much, that from the `first`, which the lags tell, is shorter.
+fn begin(
+    fit: &Problem,
+    (first, given): (&ServoArm, Option<&ServoArm>),
+    believed: &[Unknown],
+    progress: &mut dyn FnMut(usize, f64),
+) -> Fitted {
+    let mut nearest = fit.begin(first, believed, progress);
+    let Some(given) = given else { return nearest };
+    let noise = nearest.noise.clone();
+    let few = fit.one_by_one(given, believed, named_from(given.joints.len()));
+    for start in [given, &few] {
+        let other = fit.begin(start, believed, progress);
+        if lost(fit, &other.model, &noise) < lost(fit, &nearest.model, &noise) {
+            nearest = other;
+        }
+    }
+    nearest
 }
 
 /// Measured minus simulated positions of all recordings.
