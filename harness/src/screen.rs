@@ -35,7 +35,7 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
         let _ = writeln!(text, "(no controller can compensate the drop of a centred journal)");
     }
     text.push('\n');
-    for run in runs {
+    for run in runs.iter().filter(|run| run.deviation_mm["rms_after_start"].is_number()) {
         let _ = writeln!(text, "{}", drives(run));
     }
     for run in runs {
