@@ -112,12 +112,12 @@ impl Instant {
         law.sag(arm, &self.workspace)
     }
 
-    /// How far the tool is off by `sag`, m.
+    /// Displacement of the tool by `sag`, m, world axes.
     fn tool(&self, sag: &Sag, arm: &Arm) -> Vector3<f64> {
         sag.at((self.workspace.link_pose(arm.dof() - 1) * arm.tool()).translation.vector)
     }
 
-    /// What presses on each joint in addition by `sag`, N·m (N).
+    /// Additional torque of each joint's drive that `sag` asks for, N·m (N).
     fn load(&mut self, sag: &Sag, arm: &Arm) -> &[f64] {
         sag.load(arm, &self.workspace, &mut self.tau);
         &self.tau
@@ -163,7 +163,7 @@ impl<L: SagLaw> Effect for Sagging<L> {
     }
 }
 
-/// Takes what presses on each joint off the torques of the drives at `point`.
+/// Subtracts the additional `load` of each joint from its torque at `point`.
 fn take_load(load: &[f64], point: usize, torque: &mut Columns) {
     load.iter().enumerate().for_each(|(joint, load)| torque[joint][point] -= load);
 }

@@ -17,7 +17,7 @@ const LEAPS: [f64; 4] = [0.0, 0.5, 0.8, 1.25];
 const MOST_STEPS: usize = 40;
 /// A fit ends with a step that gains less log-likelihood for each number: it moves them by a tenth of a standard deviation (½ · 0.1²).
 const LEAST_GAIN: f64 = 5e-3;
-/// Distances at which a number is tried from where it is, over the deviation of what is believed of it: in one dimension a search sees what a descent does not.
+/// Changes of a number that the search of one number tries, as shares of the standard deviation of its prior. A descent from the present value alone can end in a local minimum.
 const DISTANCES: [f64; 10] = [-0.8, -0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4, 0.8];
 /// One window in so many makes the coarse fit that the whole one begins from: a tenth of the work for nearly all of the way.
 const COARSE: usize = 5;
@@ -136,32 +136,30 @@ impl Problem<'_> {
         }
     }
 
-    /// Moves one of `unknowns` of `model` after the other to where it fits best alone, each time the one that gains most, as long as it gains `least` log-likelihood: what
-    /// differs from a model that is nearly right in a few numbers is found by these, where all numbers at once bend to each other. Asked is one window in five.
-    pub fn one_by_one(&self, model: &ServoArm, unknowns: &[Unknown], least: f64) -> ServoArm {
+    /// Changes `model` one number at a time: in each round each of `unknowns` is searched alone, and the one that gains most log-likelihood is fitted, as long as it gains `least`. A model that is
+    /// wrong in a few numbers is corrected in these, whereas a fit of all numbers at once changes all of them. One window in five is simulated. `None` if no number gains `least`.
+    pub fn one_by_one(&self, model: &ServoArm, unknowns: &[Unknown], least: f64) -> Option<ServoArm> {
         let coarse = self.coarse().unwrap_or_else(|| self.clone()).forgetting(model);
-        let mut model = model.clone();
+        let mut changed: Option<ServoArm> = None;
         for _ in unknowns {
+            let model = changed.as_ref().unwrap_or(model);
             let state = coarse.state(model.clone(), unknowns);
-            let lost = |model: &ServoArm| {
-                let x: Vec<f64> = unknowns.iter().map(|unknown| unknown.of(model)).collect();
-                coarse.lost(&coarse.residuals(model), &state.noise, &x, unknowns)
-            };
+            let here = coarse.lost(&state.residuals, &state.noise, &state.x, unknowns);
             let tried = unknowns.iter().zip(&state.x).flat_map(|(unknown, x)| {
                 let values = DISTANCES.map(|share| x + share * unknown.deviation);
                 let physical = values.into_iter().filter(|x| *x >= unknown.quantity.least());
-                let model = &model;
                 physical.map(move |x| (unknown, placed(model, std::slice::from_ref(unknown), &[x])))
             });
-            let nearest = tried.map(|(unknown, moved)| (lost(&moved), unknown, moved));
+            let nearest = tried
+                .map(|(unknown, moved)| (coarse.lost_by(&moved, &state.noise, unknowns), unknown, moved));
             let Some((_, unknown, near)) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
             let moved = coarse.fit(&near, std::slice::from_ref(unknown), &mut |_, _| {}).model;
-            if lost(&model) - lost(&moved) <= least {
+            if here - coarse.lost_by(&moved, &state.noise, unknowns) <= least {
                 break;
             }
-            model = moved;
+            changed = Some(moved);
         }
-        model
+        changed
     }
 
     /// One window in five; `None` where there are few.
@@ -228,8 +226,7 @@ impl Problem<'_> {
         let leaps = positive.flat_map(|(index, _)| LEAPS.map(|share| (index, share)));
         let tried = leaps.map(|(index, share)| {
             let model = fitted.with(unknowns, index, share * state.x[index]);
-            let x: Vec<f64> = unknowns.iter().map(|unknown| unknown.of(&model)).collect();
-            (here - self.lost(&self.residuals(&model), &state.noise, &x, unknowns), model)
+            (here - self.lost_by(&model, &state.noise, unknowns), model)
         });
         tried.filter(|(gain, _)| *gain > 0.0).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, model)| model)
     }
@@ -256,7 +253,7 @@ impl Problem<'_> {
     fn state(&self, model: ServoArm, unknowns: &[Unknown]) -> FitState {
         let residuals = self.residuals(&model);
         let noise = Noise::of(&residuals, &self.rounding);
-        let x = unknowns.iter().map(|unknown| unknown.of(&model)).collect();
+        let x = values(&model, unknowns);
         FitState { x, model, residuals, noise, reach: 1.0 }
     }
 
@@ -278,6 +275,11 @@ impl Problem<'_> {
             *damping *= DAMPING[2];
         }
         0.0
+    }
+
+    /// Log-likelihood and prior that `model` loses under `noise`.
+    fn lost_by(&self, model: &ServoArm, noise: &Noise, unknowns: &[Unknown]) -> f64 {
+        self.lost(&self.residuals(model), noise, &values(model, unknowns), unknowns)
     }
 
     fn lost(&self, residuals: &[Vec<f64>], noise: &Noise, x: &[f64], unknowns: &[Unknown]) -> f64 {
@@ -452,6 +454,11 @@ fn student(freedom: f64) -> f64 {
     let second = (5.0 * z.powi(4) + 16.0 * z.powi(2) + 3.0) / 96.0;
     let third = (3.0 * z.powi(6) + 19.0 * z.powi(4) + 17.0 * z.powi(2) - 15.0) / 384.0;
     1.0 + first / n + second / n.powi(2) + third / n.powi(3)
+}
+
+/// The values of `unknowns` in `model`.
+fn values(model: &ServoArm, unknowns: &[Unknown]) -> Vec<f64> {
+    unknowns.iter().map(|unknown| unknown.of(model)).collect()
 }
 
 /// `model` with the values `x`.

@@ -220,7 +220,7 @@ impl Rollout {
                 matrix[i * n + i] += piece.damping + piece.stiffness * 0.5 * h;
             }
         }
-        self.sliding.solve(n, right, friction, bounds, speed);
+        self.sliding.solve(right, friction, bounds, speed);
         for i in 0..n {
             q[i] += h * speed[i];
             // A joint that rests at the middle of the step rests at its end.

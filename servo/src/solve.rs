@@ -43,14 +43,14 @@ impl Sliding {
         &mut self.matrix
     }
 
-    /// Solves for `w`, which holds a guess, of `n` joints. All have one number a joint.
+    /// Solves for `w`, which holds a guess. All have one number a joint. Inlined, so that loops know the number of joints of a caller that does.
     ///
     /// # Panics
     /// If the sizes do not fit.
     #[inline(always)]
-    pub fn solve(&mut self, n: usize, b: &[f64], friction: &[f64], bounds: &[[f64; 2]], w: &mut [f64]) {
+    pub fn solve(&mut self, b: &[f64], friction: &[f64], bounds: &[[f64; 2]], w: &mut [f64]) {
         for _ in 0..MOST_SWEEPS / SWEEPS {
-            if self.slides_as_guessed(n, b, friction, bounds, w) {
+            if self.slides_as_guessed(b, friction, bounds, w) {
                 return;
             }
             for _ in 0..SWEEPS {
@@ -82,15 +82,9 @@ impl Sliding {
     /// Solves for the joints that slide in the guess `w`, the others held where they are; whether each slides as guessed, inside its bounds, and each that rests is
     /// held by its friction. Then `w` is the solution.
     #[inline(always)]
-    fn slides_as_guessed(
-        &mut self,
-        n: usize,
-        b: &[f64],
-        friction: &[f64],
-        bounds: &[[f64; 2]],
-        w: &mut [f64],
-    ) -> bool {
-        let (b, friction, bounds, w) = (&b[..n], &friction[..n], &bounds[..n], &mut w[..n]);
+    fn slides_as_guessed(&mut self, b: &[f64], friction: &[f64], bounds: &[[f64; 2]], w: &mut [f64]) -> bool {
+        let n = w.len();
+        let (b, friction, bounds) = (&b[..n], &friction[..n], &bounds[..n]);
         let mut are_all_free = true;
         for (i, free) in self.free[..n].iter_mut().enumerate() {
             let is_free = w[i] != 0.0 && bounds[i][0] < w[i] && w[i] < bounds[i][1];
@@ -102,9 +96,9 @@ impl Sliding {
             self.factorise(n);
         }
         if are_all_free {
-            self.substitute_all(n, b, friction, w);
+            self.substitute_all(b, friction, w);
         } else {
-            self.substitute(n, b, friction, w);
+            self.substitute(b, friction, w);
         }
         let (free, solution, matrix) = (&self.free[..n], &self.solution[..n], &self.matrix[..n * n]);
         for i in 0..n {
@@ -141,7 +135,8 @@ impl Sliding {
 
     /// The speeds with the factor where all joints slide as in `w`: the same as [`Sliding::substitute`], without looking who does.
     #[inline(always)]
-    fn substitute_all(&mut self, n: usize, b: &[f64], friction: &[f64], w: &[f64]) {
+    fn substitute_all(&mut self, b: &[f64], friction: &[f64], w: &[f64]) {
+        let n = w.len();
         let (factor, solution) = (&self.factor[..n * n], &mut self.solution[..n]);
         for i in 0..n {
             let (row, before) = (&factor[i * n..i * n + i], &solution[..i]);
@@ -156,7 +151,8 @@ impl Sliding {
 
     /// The speeds with the factor: those of joints that are held as they are in `w`. The factor's diagonal holds reciprocals.
     #[inline(always)]
-    fn substitute(&mut self, n: usize, b: &[f64], friction: &[f64], w: &[f64]) {
+    fn substitute(&mut self, b: &[f64], friction: &[f64], w: &[f64]) {
+        let n = w.len();
         let (free, factor, matrix) = (&self.free[..n], &self.factor[..n * n], &self.matrix[..n * n]);
         let solution = &mut self.solution[..n];
         for i in (0..n).filter(|&i| !free[i]) {

@@ -176,7 +176,7 @@ fn a_simulation_without_numbers_explains_nothing() {
     assert!(residual.iter().enumerate().map(|(at, r)| noise.loss(at % 2, *r)).sum::<f64>().is_infinite());
 }
 
-/// A model that lacks one number is led to by that number alone.
+/// Where one number of a model is off, the search moves this number and no other.
 #[test]
 fn one_number_that_is_off_is_the_one_that_moves() {
     let truth = truth();
@@ -188,7 +188,7 @@ fn one_number_that_is_off_is_the_one_that_moves() {
         let mut given = truth.clone();
         let off = *unknowns.iter().find(|one| one.joint == 0 && one.quantity == quantity).unwrap();
         off.set(&mut given, 0.0);
-        let found = problem.one_by_one(&given, &unknowns, 5.0);
+        let found = problem.one_by_one(&given, &unknowns, 5.0).unwrap();
         for unknown in &unknowns {
             let [found, given, true_value] = [&found, &given, &truth].map(|model| unknown.of(model));
             if *unknown == off {

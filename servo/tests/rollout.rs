@@ -188,7 +188,7 @@ fn the_solver_finds_what_enumeration_finds() {
         let b = [number(1), number(2), number(3)];
         let friction = [number(4).abs(), number(5).abs(), number(6).abs()];
         let mut w = [0.0; 3];
-        system.solve(3, &b, &friction, &bounds, &mut w);
+        system.solve(&b, &friction, &bounds, &mut w);
         resting += w.iter().filter(|w| **w == 0.0).count();
         sliding += w.iter().filter(|w| **w != 0.0).count();
         stopped += usize::from(w[0] == -0.2 || w[1] == 0.1);

@@ -20,8 +20,7 @@ pub fn crba(arm: &Arm, ws: &mut Workspace, q: &[f64], m: &mut DMatrix<f64>) {
     fill(arm, ws, m);
 }
 
-/// What the motion of the arm depends on at `q` and `v`: the mass matrix `m`, as [`crba`] has it, and the torques `h` of [`bias`], with the links placed
-/// once for both.
+/// Computes the mass matrix `m` at `q`, as [`crba`] does, and the bias torques `h` at `q` and `v`, as [`bias`] does. The links are placed once for both.
 ///
 /// # Panics
 /// If the length of a slice, the size of `m` or the workspace does not fit the arm.

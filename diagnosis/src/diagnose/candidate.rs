@@ -61,7 +61,7 @@ pub(crate) struct Candidate {
     pub forms: usize,
     /// Whether it changes what is read of the machine, and so acts on all that the machine does.
     pub is_read: bool,
-    /// Whether the effect changes masses, lengths or gravity of the arm. Its columns are then laid out once: other effects that are found do not change the columns.
+    /// Whether the effect changes masses, lengths or gravity of the arm. The diagnosis computes the columns of such an effect once, because no other effect changes these columns.
     pub changes_arm: bool,
     /// The effect parts its joint: by play in the bearing (first), by a spring or a gap in the gear (second).
     parts: [bool; 2],

@@ -679,7 +679,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             .collect()
     }
 
-    /// Whether the errors of `fit`, in the rows of the search or in those of the test part, are so large that a law outside the catalogue is missing.
+    /// Whether `fit` leaves errors so large that a law must act that the catalogue does not have. Both the rows of the search and the rows of the test part are examined.
     fn leaves_more(&self, fit: &Fit) -> bool {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);

@@ -332,9 +332,9 @@ impl Study<'_> {
 /// Laws that stand.
 struct Stood {
     found: Found,
-    /// Whether the error that the laws leave is so large that a law outside the catalogue is missing.
+    /// Whether `found` leaves errors so large that a law must act that the catalogue does not have.
     leaves_more: bool,
-    /// Whether the laws that stand are fewer than the laws that were confirmed before.
+    /// Whether the test part rejected some of the laws that the search had confirmed, so that `found` has fewer laws.
     is_less: bool,
 }
 

@@ -127,7 +127,8 @@ impl Conclusion<'_> {
     }
 
     /// The numbers of `finding` with the values that the given model has, or that nothing has: index of the unknown, and value. None for a servo where there was none.
-    /// What resists the servo is given in N·m: where a load tells the stiffness, another stiffness makes another ratio of the same friction.
+    /// The fit holds friction and rotor inertia as ratios to the stiffness. Where a load tells the stiffness, the given friction in N·m is divided by the fitted stiffness: the ratio to
+    /// the given stiffness would differ although the friction is the same.
     fn references(&self, finding: &Finding) -> Vec<(usize, f64)> {
         let joint = finding.joint;
         let given = self.given.map(|given| &given.joints[joint]);

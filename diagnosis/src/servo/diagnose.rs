@@ -174,8 +174,8 @@ fn nearest(fit: &Problem, mut first: ServoArm, given: Option<&ServoArm>) -> Serv
     first
 }
 
-/// A fit to a few windows from the model with which it ends nearest to the data. Where a `given` model lacks little, the way from it is short, or leads through a few of its numbers; where it lacks
-/// much, that from the `first`, which the lags tell, is shorter.
+/// Fits `believed` to a few windows from several models and keeps the fit that is nearest to the data. The models are the `first`, which rests on the lags alone, the `given` one, and the given one with
+/// a few of its numbers changed: a given model that lacks little is nearer to the solution than the first.
 fn begin(
     fit: &Problem,
     (first, given): (&ServoArm, Option<&ServoArm>),
@@ -185,11 +185,13 @@ fn begin(
     let mut nearest = fit.begin(first, believed, progress);
     let Some(given) = given else { return nearest };
     let noise = nearest.noise.clone();
-    let few = fit.one_by_one(given, believed, named_from(given.joints.len()));
-    for start in [given, &few] {
+    let mut least = lost(fit, &nearest.model, &noise);
+    let changed = fit.one_by_one(given, believed, named_from(given.joints.len()));
+    for start in std::iter::once(given).chain(&changed) {
         let other = fit.begin(start, believed, progress);
-        if lost(fit, &other.model, &noise) < lost(fit, &nearest.model, &noise) {
-            nearest = other;
+        let of_other = lost(fit, &other.model, &noise);
+        if of_other < least {
+            (nearest, least) = (other, of_other);
         }
     }
     nearest
