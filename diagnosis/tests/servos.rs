@@ -150,6 +150,58 @@ fn the_machines_own_model_lacks_nothing() {
     assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "{}", diagnosis.statement);
 }
 
+/// The machine with its numbers off by up to `share` of the tolerances of the model, one up and the next down.
+fn off_by(machine: &ArmFile, share: f64) -> ArmFile {
+    let mut machine = machine.clone();
+    let mut sign = 1.0;
+    for effect in &mut machine.effects {
+        for (name, value) in &mut effect.parameters {
+            let number = value.as_float().unwrap();
+            let off = match name.as_str() {
+                "delay" => 6e-4,
+                "lower" => 0.0,
+                _ => 0.05 * number,
+            };
+            *value = toml::Value::Float(number + sign * share * off);
+            sign = -sign;
+        }
+    }
+    machine
+}
+
+/// A model that is off by its tolerances everywhere, and lacks one thing, is told this one thing and no other.
+#[test]
+fn of_a_given_model_only_what_it_lacks_is_named() {
+    // With the tool in the elbow a payload would load the shoulder as its own link does.
+    let text = format!("{TWO_LINKS}\n[tool]\nxyz = [0.3, 0.0, 0.0]\n{TRUTH}");
+    let machine = file(&text);
+    let given = off_by(&machine, 0.8);
+    let heavier = "[[effect]]\nkind = \"link_mass\"\njoint = \"shoulder\"\nscale = 2.0\n";
+    let heavier = file(&format!("{text}\n{heavier}"));
+    let mut weaker = machine.clone();
+    let servo = weaker.effects.iter_mut().find(|effect| effect.kind == "servo").unwrap();
+    servo.parameters.insert("torque_limit".to_owned(), toml::Value::Float(1.9));
+    let mut plain = given.clone();
+    plain
+        .effects
+        .retain(|effect| effect.kind != "coulomb_friction" || effect.joint.as_deref() != Some("shoulder"));
+    let cases = [
+        (&heavier, &given, "link_mass", "scale", 2.0),
+        (&weaker, &given, "servo", "torque_limit", 1.9),
+        (&machine, &plain, "coulomb_friction", "coulomb", 0.6),
+    ];
+    for (truth, given, kind, parameter, expected) in cases {
+        let recordings =
+            [recorded(truth, "a.csv", 0.0, 0.5, NEVER), recorded(truth, "b.csv", 1.7, 0.7, NEVER)];
+        let diagnosis = diagnose(given, &recordings, &DiagnoseSettings::default(), &mut |_| ()).unwrap();
+        let value = number(found(&diagnosis, kind, Some("shoulder")), parameter);
+        println!("{kind} {parameter}: {value:.3}, in truth {expected}");
+        // Torques are known no better than the stiffness, and that no better than the model says.
+        assert!((value / expected - 1.0).abs() < 0.12, "{value} for {expected}");
+        assert_eq!(diagnosis.effects.len(), 1, "{}", diagnosis.statement);
+    }
+}
+
 #[test]
 fn commands_that_never_move_tell_nothing() {
     let plain = file(TWO_LINKS);

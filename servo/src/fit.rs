@@ -13,12 +13,10 @@ use crate::unknowns::Unknown;
 
 /// Shares of a number that is positive or nothing to which a fit leaps.
 const LEAPS: [f64; 4] = [0.0, 0.5, 0.8, 1.25];
-/// Most steps; a fit that is not done by then says so.
-const MOST_STEPS: usize = 40;
+/// Most times that slopes are taken in a fit.
+const MOST_SLOPES: usize = 40;
 /// A fit ends with a step that gains less log-likelihood for each number: it moves them by a tenth of a standard deviation (½ · 0.1²).
 const LEAST_GAIN: f64 = 5e-3;
-/// Changes of a number that the search of one number tries, as shares of the standard deviation of its prior. A descent from the present value alone can end in a local minimum.
-const DISTANCES: [f64; 10] = [-0.8, -0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4, 0.8];
 /// One window in so many makes the coarse fit that the whole one begins from: a tenth of the work for nearly all of the way.
 const COARSE: usize = 5;
 /// Share of their steps by which finite differences end, once a fit gains no more by the whole.
@@ -73,7 +71,7 @@ impl Fitted {
         let x: Vec<f64> = others
             .map(|(at, (unknown, (x, _)))| {
                 let followed = x + share * self.inverse[(at, index)];
-                if at == index { value } else { followed.max(unknown.quantity.least()) }
+                if at == index { value } else { followed.max(unknown.least) }
             })
             .collect();
         placed(&self.model, unknowns, &x)
@@ -136,32 +134,6 @@ impl Problem<'_> {
         }
     }
 
-    /// Changes `model` one number at a time: in each round each of `unknowns` is searched alone, and the one that gains most log-likelihood is fitted, as long as it gains `least`. A model that is
-    /// wrong in a few numbers is corrected in these, whereas a fit of all numbers at once changes all of them. One window in five is simulated. `None` if no number gains `least`.
-    pub fn one_by_one(&self, model: &ServoArm, unknowns: &[Unknown], least: f64) -> Option<ServoArm> {
-        let coarse = self.coarse().unwrap_or_else(|| self.clone()).forgetting(model);
-        let mut changed: Option<ServoArm> = None;
-        for _ in unknowns {
-            let model = changed.as_ref().unwrap_or(model);
-            let state = coarse.state(model.clone(), unknowns);
-            let here = coarse.lost(&state.residuals, &state.noise, &state.x, unknowns);
-            let tried = unknowns.iter().zip(&state.x).flat_map(|(unknown, x)| {
-                let values = DISTANCES.map(|share| x + share * unknown.deviation);
-                let physical = values.into_iter().filter(|x| *x >= unknown.quantity.least());
-                physical.map(move |x| (unknown, placed(model, std::slice::from_ref(unknown), &[x])))
-            });
-            let nearest = tried
-                .map(|(unknown, moved)| (coarse.lost_by(&moved, &state.noise, unknowns), unknown, moved));
-            let Some((_, unknown, near)) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-            let moved = coarse.fit(&near, std::slice::from_ref(unknown), &mut |_, _| {}).model;
-            if here - coarse.lost_by(&moved, &state.noise, unknowns) <= least {
-                break;
-            }
-            changed = Some(moved);
-        }
-        changed
-    }
-
     /// One window in five; `None` where there are few.
     fn coarse(&self) -> Option<Problem<'_>> {
         let few: Vec<_> = self.windows.iter().skip(COARSE / 2).step_by(COARSE).cloned().collect();
@@ -173,7 +145,7 @@ impl Problem<'_> {
         })
     }
 
-    /// Fits `unknowns` from `model` onwards, in at most 40 steps. `progress` is told the step's number and what it gained.
+    /// Fits `unknowns` from `model` onwards, with slopes that are taken at most 40 times. `progress` is told the step's number and what it gained.
     pub fn fit(
         &self,
         model: &ServoArm,
@@ -182,12 +154,22 @@ impl Problem<'_> {
     ) -> Fitted {
         let mut state = self.state(model.clone(), unknowns);
         let mut damping = DAMPING[0];
-        let mut steps = 0;
-        while steps < MOST_STEPS {
-            let gain = self.step(&mut state, unknowns, &mut damping);
-            steps += 1;
-            progress(steps, gain);
-            if gain < LEAST_GAIN * unknowns.len() as f64 {
+        let (mut steps, least) = (0, LEAST_GAIN * unknowns.len() as f64);
+        for _ in 0..MOST_SLOPES {
+            let slopes = self.slopes(&state, unknowns);
+            let mut gained = 0.0;
+            // Slopes serve for as long as steps with them gain.
+            loop {
+                let tries = if gained == 0.0 { TRIES } else { 1 };
+                let gain = self.step(&mut state, (&slopes, unknowns), &mut damping, tries);
+                steps += 1;
+                progress(steps, gain);
+                gained += gain;
+                if gain < least {
+                    break;
+                }
+            }
+            if gained < least {
                 if state.reach < 1.0 {
                     break;
                 }
@@ -197,7 +179,16 @@ impl Problem<'_> {
         }
         // Rough derivatives would say that the data know more than they do.
         state.reach = 1.0;
-        let groups = self.groups(&state, unknowns);
+        self.fitted(state, unknowns, steps)
+    }
+
+    /// `model` as it is, as the outcome of a fit of `unknowns` in no steps.
+    pub fn as_it_is(&self, model: &ServoArm, unknowns: &[Unknown]) -> Fitted {
+        self.fitted(self.state(model.clone(), unknowns), unknowns, 0)
+    }
+
+    fn fitted(&self, state: FitState, unknowns: &[Unknown], steps: usize) -> Fitted {
+        let groups = self.groups(&state, &self.slopes(&state, unknowns), unknowns.len());
         let (deviations, inverse) = deviations(&groups, unknowns);
         let values = state.x.iter().copied().zip(deviations).collect();
         Fitted { model: state.model, values, inverse, noise: state.noise, steps }
@@ -222,7 +213,7 @@ impl Problem<'_> {
     fn nearest_leap(&self, fitted: &Fitted, unknowns: &[Unknown]) -> Option<ServoArm> {
         let state = self.state(fitted.model.clone(), unknowns);
         let here = self.lost(&state.residuals, &state.noise, &state.x, unknowns);
-        let positive = unknowns.iter().enumerate().filter(|(_, unknown)| unknown.quantity.least() == 0.0);
+        let positive = unknowns.iter().enumerate().filter(|(_, unknown)| unknown.least == 0.0);
         let leaps = positive.flat_map(|(index, _)| LEAPS.map(|share| (index, share)));
         let tried = leaps.map(|(index, share)| {
             let model = fitted.with(unknowns, index, share * state.x[index]);
@@ -235,7 +226,8 @@ impl Problem<'_> {
     /// order: Rao's score of one more number. Nothing where the number would have to pass its bound.
     pub fn scores(&self, fitted: &Fitted, unknowns: &[Unknown], more: &[Unknown]) -> Vec<f64> {
         let all: Vec<Unknown> = unknowns.iter().chain(more).copied().collect();
-        let curvature = self.curvature(&self.state(fitted.model.clone(), &all), &all);
+        let state = self.state(fitted.model.clone(), &all);
+        let curvature = self.curvature(&state, &self.slopes(&state, &all), &all);
         let count = unknowns.len();
         let own = curvature.hessian.view((0, 0), (count, count)).clone_owned().cholesky();
         let score = |index: usize| {
@@ -245,7 +237,7 @@ impl Problem<'_> {
             let open = curvature.hessian[(index, index)] - follow.dot(&beside);
             let unknown = &all[index];
             let reached = unknown.of(&fitted.model) - slope / open;
-            (open > 0.0 && reached > unknown.quantity.least()).then(|| 0.5 * slope * slope / open)
+            (open > 0.0 && reached > unknown.least).then(|| 0.5 * slope * slope / open)
         };
         (count..all.len()).map(|index| score(index).unwrap_or(0.0)).collect()
     }
@@ -257,11 +249,17 @@ impl Problem<'_> {
         FitState { x, model, residuals, noise, reach: 1.0 }
     }
 
-    /// Takes a step; what it gained, log-likelihood and prior.
-    fn step(&self, state: &mut FitState, unknowns: &[Unknown], damping: &mut f64) -> f64 {
-        let curvature = self.curvature(state, unknowns);
+    /// Takes a step along `slopes`, in at most so many `tries`; what it gained, log-likelihood and prior.
+    fn step(
+        &self,
+        state: &mut FitState,
+        (slopes, unknowns): (&[Slopes], &[Unknown]),
+        damping: &mut f64,
+        tries: usize,
+    ) -> f64 {
+        let curvature = self.curvature(state, slopes, unknowns);
         let before = self.lost(&state.residuals, &state.noise, &state.x, unknowns);
-        for _ in 0..TRIES {
+        for _ in 0..tries {
             let x = curvature.next(&state.x, unknowns, *damping);
             let model = placed(&state.model, unknowns, &x);
             let residuals = self.residuals(&model);
@@ -278,7 +276,7 @@ impl Problem<'_> {
     }
 
     /// Log-likelihood and prior that `model` loses under `noise`.
-    fn lost_by(&self, model: &ServoArm, noise: &Noise, unknowns: &[Unknown]) -> f64 {
+    pub fn lost_by(&self, model: &ServoArm, noise: &Noise, unknowns: &[Unknown]) -> f64 {
         self.lost(&self.residuals(model), noise, &values(model, unknowns), unknowns)
     }
 
@@ -289,50 +287,54 @@ impl Problem<'_> {
     }
 
     /// First and second derivatives (Gauss–Newton) of what is lost, and of what the beliefs lose.
-    fn curvature(&self, state: &FitState, unknowns: &[Unknown]) -> Curvature {
+    fn curvature(&self, state: &FitState, slopes: &[Slopes], unknowns: &[Unknown]) -> Curvature {
         let mut sum = Curvature::of_beliefs(unknowns, &state.x);
-        self.groups(state, unknowns).iter().for_each(|group| sum.add(group));
+        self.groups(state, slopes, unknowns.len()).iter().for_each(|group| sum.add(group));
         sum
     }
 
-    /// Derivatives of what is lost in groups of rows that are taken as independent, window by window on all threads.
-    fn groups(&self, state: &FitState, unknowns: &[Unknown]) -> Vec<Curvature> {
-        let cuts = GROUPS.div_ceil(self.windows.len().max(1)).min(MOST_CUTS);
-        let windows =
-            each(self.windows.len(), self.threads, |index| self.window(state, unknowns, index, cuts));
-        windows.into_iter().flatten().collect()
-    }
-
-    /// The groups of the window `index`, cut in `cuts`.
-    fn window(&self, state: &FitState, unknowns: &[Unknown], index: usize, cuts: usize) -> Vec<Curvature> {
-        let rows = &self.windows[index].1;
-        let mut rollout = Rollout::new(&state.model.arm, self.longest_step);
-        let (base, joints) = (&state.residuals[index], self.rounding.len());
-        let slopes: Vec<Vec<f64>> = unknowns
-            .iter()
-            .zip(&state.x)
-            .map(|(unknown, x)| {
+    /// Derivatives of the residuals of each window by finite differences, on all threads.
+    fn slopes(&self, state: &FitState, unknowns: &[Unknown]) -> Vec<Slopes> {
+        each(self.windows.len(), self.threads, |index| {
+            let mut rollout = Rollout::new(&state.model.arm, self.longest_step);
+            let of = |(unknown, x): (&Unknown, &f64)| {
                 let mut model = state.model.clone();
                 let reach = state.reach * unknown.step;
                 unknown.set(&mut model, x + reach);
                 let moved = self.residual(index, &model, &mut rollout);
-                moved.iter().zip(base).map(|(moved, base)| (moved - base) / reach).collect()
-            })
-            .collect();
-        let length = rows.len().div_ceil(cuts).max(1) * joints;
-        let starts = (0..base.len()).step_by(length);
-        starts
-            .map(|begin| {
-                let mut group = Curvature::zero(unknowns.len());
+                moved
+                    .iter()
+                    .zip(&state.residuals[index])
+                    .map(|(moved, base)| (moved - base) / reach)
+                    .collect()
+            };
+            unknowns.iter().zip(&state.x).map(of).collect()
+        })
+    }
+
+    /// Derivatives of what is lost in groups of rows that are taken as independent, window by window on all threads.
+    fn groups(&self, state: &FitState, slopes: &[Slopes], count: usize) -> Vec<Curvature> {
+        let cuts = GROUPS.div_ceil(self.windows.len().max(1)).min(MOST_CUTS);
+        let joints = self.rounding.len();
+        let windows = each(self.windows.len(), self.threads, |index| {
+            let base = &state.residuals[index];
+            let length = self.windows[index].1.len().div_ceil(cuts).max(1) * joints;
+            let group = |begin: usize| {
+                let mut group = Curvature::zero(count);
                 for (at, r) in base.iter().enumerate().skip(begin).take(length) {
-                    group.add_row(&slopes, at, *r, state.noise.weight(at % joints, *r));
+                    group.add_row(&slopes[index], at, *r, state.noise.weight(at % joints, *r));
                 }
                 group.hessian.fill_upper_triangle_with_lower_triangle();
                 group
-            })
-            .collect()
+            };
+            (0..base.len()).step_by(length).map(group).collect::<Vec<_>>()
+        });
+        windows.into_iter().flatten().collect()
     }
 }
+
+/// Derivatives of the residuals of a window, `[unknown][row and joint]`.
+type Slopes = Vec<Vec<f64>>;
 
 /// Where a fit stands.
 struct FitState {
@@ -391,13 +393,12 @@ impl Curvature {
         for i in 0..x.len() {
             hessian[(i, i)] *= 1.0 + damping;
         }
-        let least: Vec<f64> =
-            unknowns.iter().zip(x).map(|(unknown, x)| unknown.quantity.least() - x).collect();
+        let least: Vec<f64> = unknowns.iter().zip(x).map(|(unknown, x)| unknown.least - x).collect();
         let step = descend(&hessian, &self.gradient, &least);
         // A number whose change drives the simulation out of all numbers stays where it is.
         let moved = |x: &f64, d: &f64| if d.is_finite() { x + d } else { *x };
         let steps = x.iter().zip(step.iter()).zip(unknowns);
-        steps.map(|((x, d), unknown)| moved(x, d).max(unknown.quantity.least())).collect()
+        steps.map(|((x, d), unknown)| moved(x, d).max(unknown.least)).collect()
     }
 }
 
@@ -494,8 +495,15 @@ mod tests {
             hessian: DMatrix::from_element(1, 1, 1.0),
         };
         let groups: Vec<Curvature> = numbers.iter().map(group).collect();
-        let unknown =
-            Unknown { joint: 0, quantity: Quantity::Offset, expected: 0.0, deviation: 1e6, step: 1.0 };
+        let unknown = Unknown {
+            joint: 0,
+            quantity: Quantity::Offset,
+            expected: 0.0,
+            deviation: 1e6,
+            step: 1.0,
+            is_torque: false,
+            least: f64::NEG_INFINITY,
+        };
         let found = deviations(&groups, &[unknown]).0[0];
         let square: f64 = numbers.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let expected = (square / count).sqrt() * student(count - 1.0);
@@ -505,8 +513,15 @@ mod tests {
     /// What no row tells keeps the deviation of its belief.
     #[test]
     fn without_rows_beliefs_stay() {
-        let unknown =
-            Unknown { joint: 0, quantity: Quantity::Offset, expected: 0.0, deviation: 0.3, step: 1.0 };
+        let unknown = Unknown {
+            joint: 0,
+            quantity: Quantity::Offset,
+            expected: 0.0,
+            deviation: 0.3,
+            step: 1.0,
+            is_torque: false,
+            least: f64::NEG_INFINITY,
+        };
         let groups: Vec<Curvature> = (0..20).map(|_| Curvature::zero(1)).collect();
         assert!((deviations(&groups, &[unknown]).0[0] - 0.3).abs() < 1e-12);
     }

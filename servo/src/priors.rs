@@ -44,6 +44,8 @@ pub fn unknowns(sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
             expected,
             deviation,
             step: STEP * size,
+            is_torque: false,
+            least: quantity.least(),
         })
     };
     sights.iter().enumerate().flat_map(of_joint).collect()

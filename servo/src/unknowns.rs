@@ -74,6 +74,31 @@ impl Quantity {
         }
     }
 
+    /// Its value for `joint` in N·m where [`Quantity::of`] is a ratio to the stiffness; the same elsewhere.
+    pub fn torque_of(self, joint: &JointServo) -> f64 {
+        match self {
+            Quantity::Lag => joint.damping,
+            Quantity::Coulomb => joint.coulomb,
+            Quantity::Stiction => joint.stiction,
+            Quantity::Rotor => joint.rotor_inertia,
+            Quantity::TorqueLimit => joint.torque_limit.ln(),
+            _ => self.of(joint),
+        }
+    }
+
+    /// Gives `joint` the value `x` of [`Quantity::torque_of`]. A new stiffness leaves all else as it is.
+    pub fn set_torque(self, joint: &mut JointServo, x: f64) {
+        match self {
+            Quantity::Stiffness => joint.stiffness = x.exp(),
+            Quantity::Lag => joint.damping = x,
+            Quantity::Coulomb => joint.coulomb = x,
+            Quantity::Stiction => joint.stiction = x,
+            Quantity::Rotor => joint.rotor_inertia = x,
+            Quantity::TorqueLimit => joint.torque_limit = x.exp(),
+            _ => self.set(joint, x),
+        }
+    }
+
     /// Gives `joint` the value `x`. A new stiffness keeps the ratios.
     pub fn set(self, joint: &mut JointServo, x: f64) {
         let stiffness = joint.stiffness;
@@ -114,6 +139,10 @@ pub struct Unknown {
     pub deviation: f64,
     /// Step of its finite differences.
     pub step: f64,
+    /// Whether it stands in N·m ([`Quantity::torque_of`]), as in a model whose stiffness is known: else it is a ratio to the stiffness.
+    pub is_torque: bool,
+    /// The least value that it may have, [`Quantity::least`] if nothing else is known.
+    pub least: f64,
 }
 
 impl Unknown {
@@ -122,7 +151,8 @@ impl Unknown {
         if self.quantity.is_of_arm() {
             return arm.burden.as_ref().map_or(0.0, |burden| burden.of(self.joint, self.quantity));
         }
-        self.quantity.of(&arm.joints[self.joint])
+        let joint = &arm.joints[self.joint];
+        if self.is_torque { self.quantity.torque_of(joint) } else { self.quantity.of(joint) }
     }
 
     /// Gives it the value `x` in `arm`.
@@ -130,6 +160,7 @@ impl Unknown {
         if self.quantity.is_of_arm() {
             return arm.bear(self.joint, self.quantity, x);
         }
-        self.quantity.set(&mut arm.joints[self.joint], x);
+        let joint = &mut arm.joints[self.joint];
+        if self.is_torque { self.quantity.set_torque(joint, x) } else { self.quantity.set(joint, x) }
     }
 }

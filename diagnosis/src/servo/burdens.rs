@@ -1,16 +1,16 @@
 //! Payloads and tilted bases that the model does not have. The droop of the servos changes with the pose in another way for each of them, whatever the servos' stiffness.
 //! One link's mass is not among them: at its own joint it is a softer servo, and of what it is at those before little is left then that tells it from the rest of the law.
 
-use std::collections::BTreeSet;
-
 use freeplay_arm::ArmFile;
-use freeplay_servo::{Fitted, Problem, Quantity, ServoArm, Unknown};
+use freeplay_servo::{Fitted, Problem, Quantity, Unknown};
 
 use super::limits::{BELIEVED, lost};
 use crate::diagnose::Tolerances;
 
 /// Standard deviation of the prior of a base's roll and pitch, rad: a third of a right angle.
 const LEAN: f64 = 0.5;
+/// Standard deviation of the prior of the logarithm of a link's mass over the modelled one: a factor of two.
+const MASS: f64 = std::f64::consts::LN_2;
 /// Steps of finite differences over what a number may be.
 const STEP: f64 = 0.03;
 
@@ -19,6 +19,8 @@ const STEP: f64 = 0.03;
 pub struct Burdened {
     /// Its kind in the catalogue.
     pub kind: &'static str,
+    /// Index of its joint; `None` if it is the whole arm's.
+    pub joint: Option<usize>,
     /// Its numbers.
     pub unknowns: Vec<Unknown>,
     /// Others that the recordings don't tell from it, with the log of the odds against them.
@@ -26,23 +28,44 @@ pub struct Burdened {
 }
 
 fn unknown(joint: usize, quantity: Quantity, deviation: f64) -> Unknown {
-    Unknown { joint, quantity, expected: 0.0, deviation, step: STEP * deviation }
+    Unknown {
+        joint,
+        quantity,
+        expected: 0.0,
+        deviation,
+        step: STEP * deviation,
+        is_torque: false,
+        least: quantity.least(),
+    }
 }
 
-/// All that is looked for in the arm of `file`: nothing that it names already.
-fn candidates(file: &ArmFile) -> Vec<Burdened> {
+/// All that the arm of `file` may carry, or how it may stand, each with values to begin a fit from: nothing that it names already.
+pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
     let joints = file.arm.joints();
-    let is_free = |kind: &str| !file.effects.iter().any(|table| table.kind == kind);
+    let is_free = |kind: &str, joint: Option<usize>| {
+        let name = joint.map(|joint| &joints[joint].name);
+        !file.effects.iter().any(|table| table.kind == kind && table.joint.as_ref() == name)
+    };
     let all: f64 = joints.iter().map(|joint| joint.inertia.mass).sum();
-    let burdened = |kind, unknowns| Burdened { kind, unknowns, rivals: Vec::new() };
+    let burdened = |kind, joint, unknowns| Burdened { kind, joint, unknowns, rivals: Vec::new() };
+    let payload = burdened("payload", None, vec![unknown(0, Quantity::Payload, all)]);
     let lean = [Quantity::Roll, Quantity::Pitch].map(|quantity| unknown(0, quantity, LEAN));
-    let whole =
-        [burdened("payload", vec![unknown(0, Quantity::Payload, all)]), burdened("base_tilt", lean.to_vec())];
-    whole.into_iter().filter(|one| is_free(one.kind)).collect()
+    let lean = burdened("base_tilt", None, lean.to_vec());
+    let mut burdens = vec![
+        (payload, PAYLOADS.map(|share| vec![share * all]).to_vec()),
+        (lean, LEANS.map(|lean| lean.to_vec()).to_vec()),
+    ];
+    let masses = (0..joints.len()).map(|joint| {
+        let mass = burdened("link_mass", Some(joint), vec![unknown(joint, Quantity::LinkMass, MASS)]);
+        (mass, MASSES.map(|scale| vec![scale.ln()]).to_vec())
+    });
+    burdens.extend(masses);
+    burdens.retain(|(one, _)| is_free(one.kind, one.joint));
+    burdens
 }
 
 /// The masses of links inside of their tolerance: no finding, and nothing may be one that they explain.
-fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
+pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
     let named = |joint: usize| {
         let name = &file.arm.joints()[joint].name;
         file.effects.iter().any(|table| table.kind == "link_mass" && table.joint.as_ref() == Some(name))
@@ -51,23 +74,12 @@ fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
     links.map(|joint| unknown(joint, Quantity::LinkMass, tolerances.mass)).collect()
 }
 
-/// What a payload may weigh, as shares of the arm; how far a base may lean, rad: where a fit begins that does not lead there from nothing.
+/// Factors of a link's mass where a fit begins that does not lead there from nothing.
+const MASSES: [f64; 4] = [0.5, 0.75, 1.33, 2.0];
+/// The same: what a payload may weigh, as shares of the arm; how far a base may lean, rad.
 const PAYLOADS: [f64; 5] = [0.03, 0.1, 0.2, 0.4, 0.8];
 const LEANS: [[f64; 2]; 8] =
     [[-0.2, -0.2], [-0.2, 0.0], [-0.2, 0.2], [0.0, -0.2], [0.0, 0.2], [0.2, -0.2], [0.2, 0.0], [0.2, 0.2]];
-
-/// `model` with `burdened` at some sizes.
-fn at_some_sizes(model: &ServoArm, burdened: &Burdened) -> Vec<ServoArm> {
-    let of = |values: &[f64]| {
-        let mut model = model.clone();
-        burdened.unknowns.iter().zip(values).for_each(|(unknown, x)| unknown.set(&mut model, *x));
-        model
-    };
-    match burdened.kind {
-        "payload" => PAYLOADS.iter().map(|share| of(&[share * burdened.unknowns[0].deviation])).collect(),
-        _ => LEANS.iter().map(|lean| of(lean)).collect(),
-    }
-}
 
 /// A fit with a burden.
 struct Tried {
@@ -78,41 +90,31 @@ struct Tried {
     left: [f64; 2],
 }
 
-/// Adds the burden to `fitted` that the fit part would gain most by, if it gains by what a name needs, and the choice part gains, too. The `unknowns` grow with it. Asked are the fitted servos, and those of
-/// the model that was `given`: with them one payload says what else would take other servos at all joints.
+/// Adds the burden to `fitted` that the fit part would gain most by, if it gains by what a name needs, and the choice part gains, too. The `unknowns` grow with it.
 pub fn add_burden(
     [fit, choice]: [&Problem; 2],
-    (file, given): (&ArmFile, Option<&ServoArm>),
+    file: &ArmFile,
     tolerances: &Tolerances,
     unknowns: &mut Vec<Unknown>,
     fitted: Fitted,
     progress: &mut dyn FnMut(&str),
 ) -> (Fitted, Option<Burdened>) {
-    let candidates = candidates(file);
+    let candidates: Vec<Burdened> =
+        burdens(file).into_iter().map(|(one, _)| one).filter(|one| one.joint.is_none()).collect();
     let least = BELIEVED + (candidates.len() as f64).ln();
     let masses = masses(file, tolerances);
     let beside: Vec<Unknown> = unknowns.iter().chain(&masses).copied().collect();
     let all: Vec<Unknown> = candidates.iter().flat_map(|one| one.unknowns.iter().copied()).collect();
     let mut scores = fit.scores(&fitted, &beside, &all).into_iter();
-    let scored =
-        candidates.iter().filter(|one| scores.by_ref().take(one.unknowns.len()).sum::<f64>() > least);
-    let mut begun: Vec<(ServoArm, Burdened)> =
-        scored.map(|one| (fitted.model.clone(), one.clone())).collect();
-    if let Some(given) = given {
-        let as_given = lost(fit, given, &fitted.noise);
-        let nearest = candidates.iter().flat_map(|one| {
-            let sizes = at_some_sizes(given, one).into_iter();
-            let gains = sizes.map(|model| (as_given - lost(fit, &model, &fitted.noise), model));
-            let best = gains.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(gain, _)| *gain > least);
-            best.map(|(_, model)| (model, one.clone()))
-        });
-        begun.extend(nearest);
-    }
+    let scored = candidates
+        .into_iter()
+        .filter(|one| scores.by_ref().take(one.unknowns.len()).sum::<f64>() > least)
+        .collect::<Vec<_>>();
     let before = [fit, choice].map(|part| lost(part, &fitted.model, &fitted.noise));
     let mut tried: Vec<Tried> = Vec::new();
-    for (model, burdened) in begun {
+    for burdened in scored {
         let all: Vec<Unknown> = beside.iter().chain(&burdened.unknowns).copied().collect();
-        let with = fit.fit(&model, &all, &mut |step, _| {
+        let with = fit.fit(&fitted.model, &all, &mut |step, _| {
             progress(&format!("fitting the servos and what the arm carries, step {step}"));
         });
         let left = [fit, choice].map(|part| lost(part, &with.model, &fitted.noise));
@@ -122,9 +124,6 @@ pub fn add_burden(
     }
     let total = |one: &Tried| one.left[0] + one.left[1];
     tried.sort_by(|a, b| total(a).total_cmp(&total(b)));
-    // Of the same burden the better fit.
-    let mut met = BTreeSet::new();
-    tried.retain(|one| met.insert(one.burdened.kind));
     let mut tried = tried.into_iter();
     let Some(best) = tried.next() else { return (fitted, None) };
     let rivals = tried

@@ -8,6 +8,7 @@ use freeplay_servo::{JointServo, Problem, Quantity, ServoArm, Sight, Track, Unkn
 use toml::Value;
 
 use super::burdens::Burdened;
+use super::changes::Change;
 use super::compare::{simulated, unit};
 use super::events::{Event, What};
 use super::findings::{Finding, Numbers, around, known, named_from};
@@ -37,7 +38,9 @@ pub struct Conclusion<'a> {
     pub sights: &'a [Sight],
     pub numbers: Numbers<'a>,
     /// What the arm carries, or how it stands, beside what its model says.
-    pub burdened: Option<Burdened>,
+    pub burdened: &'a [Burdened],
+    /// What of the given model is changed; `None` where no servos were given.
+    pub changes: Option<&'a [Change]>,
     /// Joints whose commands move.
     pub moves: &'a [bool],
     /// The model that was given, if it has servos.
@@ -64,10 +67,8 @@ impl Conclusion<'_> {
         let clean = self.clean_test();
         let mut effects: Vec<Effect> = found
             .iter()
-            .filter(|finding| finding.is_named && self.is_told(finding))
-            .map(|finding| (finding, self.evidence(finding)))
-            .filter(|(_, evidence)| *evidence > named_from(self.moves.len()))
-            .map(|(finding, evidence)| self.effect(finding, evidence, &clean))
+            .filter(|finding| finding.is_named)
+            .filter_map(|finding| Some(self.effect(finding, self.told(finding)?, &clean)))
             .collect();
         let mut model = file.clone();
         let is_replaced = |table: &EffectTable| {
@@ -80,11 +81,12 @@ impl Conclusion<'_> {
         };
         model.effects.retain(|table| !is_replaced(table));
         model.effects.extend(found.iter().map(|finding| finding.table.clone()));
-        let burden = self.burdened.as_ref().and_then(|burdened| self.burden(burdened, &clean));
+        let burdens: Vec<Effect> =
+            self.burdened.iter().filter_map(|burdened| self.burden(burdened, &clean)).collect();
         let alternatives =
             self.burdened.iter().flat_map(|burdened| self.rivals(burdened)).collect::<Vec<_>>();
-        let is_open = burden.is_some() && !alternatives.is_empty();
-        effects.extend(burden);
+        let is_open = !burdens.is_empty() && !alternatives.is_empty();
+        effects.extend(burdens);
         // Masses inside their tolerances belong to the model that was simulated.
         if let Some(burden) = &self.numbers.fitted.model.burden {
             model.effects.extend(burden.tables());
@@ -157,6 +159,21 @@ impl Conclusion<'_> {
             0.5 * distance.powi(2) + lost(self.choice, &other, &fitted.noise) - here
         };
         self.references(finding).into_iter().map(of).reduce(f64::max).unwrap_or(0.5 * CERTAIN.powi(2))
+    }
+
+    /// Log odds of `finding`, if it is told: where servos were given, those of the changes that it says, else those of its numbers.
+    fn told(&self, finding: &Finding) -> Option<f64> {
+        let Some(changes) = self.changes else {
+            let evidence = self.evidence(finding);
+            return (self.is_told(finding) && evidence > named_from(self.moves.len())).then_some(evidence);
+        };
+        let numbers: Vec<&Unknown> = finding
+            .quantities()
+            .filter_map(|quantity| self.numbers.index(finding.joint, quantity))
+            .map(|index| &self.numbers.unknowns[index])
+            .collect();
+        let said = changes.iter().filter(|change| numbers.iter().any(|number| change.has(number)));
+        said.map(|change| change.evidence).reduce(f64::max)
     }
 
     /// Whether the data tell `finding` from what was given: one of its numbers is beyond what fit part and tolerance leave open, and, put back with all else as it fits best then, moves the simulated position
@@ -238,29 +255,14 @@ impl Conclusion<'_> {
         let (fitted, kind) = (self.numbers.fitted, known(burdened.kind));
         let index = |unknown: &Unknown| self.numbers.unknowns.iter().position(|one| one == unknown);
         let numbers: Vec<usize> = burdened.unknowns.iter().filter_map(index).collect();
-        let here = lost(self.choice, &fitted.model, &fitted.noise);
-        let evidence = |index: usize| {
-            let without = fitted.with(self.numbers.unknowns, index, 0.0);
-            let distance = self.numbers.distance(index, 0.0, &self.settings.tolerances).min(CERTAIN);
-            0.5 * distance.powi(2) + lost(self.choice, &without, &fitted.noise) - here
-        };
-        // As of any finding, a number has to be beyond what the fit leaves open.
-        let is_told = |index: &&usize| {
-            self.numbers.distance(**index, 0.0, &self.settings.tolerances) > self.numbers.named_from()
-        };
-        let (evidence, strongest) = numbers
-            .iter()
-            .filter(is_told)
-            .map(|index| (evidence(*index), *index))
-            .max_by(|a, b| a.0.total_cmp(&b.0))?;
-        if evidence <= named_from(self.moves.len()) {
-            return None;
-        }
+        let (evidence, strongest) = self.told_burden(burdened, &numbers)?;
         let tables = fitted.model.burden.as_ref()?.tables();
-        let table = tables.into_iter().find(|table| table.kind == kind.name)?;
+        let joint = burdened.joint.map(|joint| self.numbers.file.arm.joints()[joint].name.clone());
+        let table = tables.into_iter().find(|table| table.kind == kind.name && table.joint == joint)?;
         let interval = |name: &str| -> Option<[f64; 2]> {
             let quantity = match name {
                 "mass" => Quantity::Payload,
+                "scale" => Quantity::LinkMass,
                 "roll" => Quantity::Roll,
                 "pitch" => Quantity::Pitch,
                 _ => return None,
@@ -270,6 +272,9 @@ impl Conclusion<'_> {
             // A payload is weighed against what the arm itself weighs out there.
             let last = self.numbers.file.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
             let hidden = if quantity == Quantity::Payload { value.abs() + last } else { 0.0 };
+            if quantity == Quantity::LinkMass {
+                return Some(around(value, deviation).map(f64::exp));
+            }
             Some(around(value, deviation.hypot(self.settings.tolerances.mass * hidden)))
         };
         let parameter = |(name, value): (String, Value)| {
@@ -295,12 +300,32 @@ impl Conclusion<'_> {
             },
             statement: format!(
                 "{} It is told by how the droop of the joints goes with the pose.",
-                statement(&phrase, None)
+                statement(&phrase, joint.as_deref())
             ),
             phrase,
             parameters,
-            joint: None,
+            joint,
         })
+    }
+
+    /// Log odds of `burdened`, which has the unknowns `numbers`, if it is told, and the number that tells most.
+    fn told_burden(&self, burdened: &Burdened, numbers: &[usize]) -> Option<(f64, usize)> {
+        let fitted = self.numbers.fitted;
+        let distance = |index: usize| self.numbers.distance(index, 0.0, &self.settings.tolerances);
+        if let Some(changes) = self.changes {
+            let change = changes.iter().find(|change| burdened.unknowns.iter().any(|one| change.has(one)))?;
+            let strongest = numbers.iter().copied().max_by(|a, b| distance(*a).total_cmp(&distance(*b)))?;
+            return Some((change.evidence, strongest));
+        }
+        let here = lost(self.choice, &fitted.model, &fitted.noise);
+        let evidence = |index: usize| {
+            let without = fitted.with(self.numbers.unknowns, index, 0.0);
+            0.5 * distance(index).min(CERTAIN).powi(2) + lost(self.choice, &without, &fitted.noise) - here
+        };
+        // As of any finding, a number has to be beyond what the fit leaves open.
+        let told = numbers.iter().copied().filter(|index| distance(*index) > self.numbers.named_from());
+        let best = told.map(|index| (evidence(index), index)).max_by(|a, b| a.0.total_cmp(&b.0));
+        best.filter(|(evidence, _)| *evidence > named_from(self.moves.len()))
     }
 
     /// What the recordings don't tell from `burdened`.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{ArmFile, EffectTable, Joint, JointKind, Workspace, crba};
+use freeplay_arm::{Arm, ArmFile, EffectTable, Joint, JointKind, Workspace, crba};
 use freeplay_laws::{Kind, kind};
 use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
 use nalgebra::DMatrix;
@@ -89,28 +89,20 @@ impl Numbers<'_> {
     /// By how many standard deviations the unknown number `index` is off `old`, which a model says within `tolerances`.
     pub fn distance(&self, index: usize, old: f64, tolerances: &Tolerances) -> f64 {
         let (value, deviation) = self.fitted.values[index];
-        let tolerance = match self.unknowns[index].quantity {
-            // Logarithms.
-            Quantity::Stiffness | Quantity::TorqueLimit | Quantity::SpeedLimit => tolerances.friction,
-            Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Deadband => {
-                tolerances.friction * old.abs()
-            }
+        let quantity = self.unknowns[index].quantity;
+        let tolerance = match quantity {
             // What the joint moves is known no better, and is told by the same accelerations.
-            Quantity::Rotor => tolerances.inertia * (old.abs() + self.moved(self.unknowns[index].joint)),
-            Quantity::Delay => tolerances.delay,
-            Quantity::Offset => tolerances.zero,
-            Quantity::LinkMass => tolerances.mass,
-            Quantity::Payload | Quantity::Roll | Quantity::Pitch => 0.0,
+            Quantity::Rotor => {
+                tolerance(quantity, old.abs() + self.moved(self.unknowns[index].joint), tolerances)
+            }
+            _ => tolerance(quantity, old, tolerances),
         };
         (value - old).abs() / deviation.hypot(tolerance)
     }
 
     /// Inertia that `joint` moves where all joints are at zero, over the stiffness of its servo, s².
     fn moved(&self, joint: usize) -> f64 {
-        let arm = &self.fitted.model.arm;
-        let mut mass = DMatrix::zeros(arm.dof(), arm.dof());
-        crba(arm, &mut Workspace::new(arm), &vec![0.0; arm.dof()], &mut mass);
-        mass[(joint, joint)] / self.servo(joint).stiffness
+        moved(&self.fitted.model.arm)[joint] / self.servo(joint).stiffness
     }
 
     /// Standard deviations from nothing that a name needs: ½ z² is the ratio.
@@ -314,6 +306,29 @@ impl Numbers<'_> {
         ];
         all.extend(arm.map(|(kind, because)| Untestable { kind, joint: None, because: because.to_owned() }));
         all
+    }
+}
+
+/// Inertia that each joint of `arm` moves where all joints are at zero, kg·m² (kg).
+pub fn moved(arm: &Arm) -> Vec<f64> {
+    let mut mass = DMatrix::zeros(arm.dof(), arm.dof());
+    crba(arm, &mut Workspace::new(arm), &vec![0.0; arm.dof()], &mut mass);
+    mass.diagonal().iter().copied().collect()
+}
+
+/// How far `quantity`, which a model says is `value`, may be off on a machine of that model.
+pub fn tolerance(quantity: Quantity, value: f64, tolerances: &Tolerances) -> f64 {
+    match quantity {
+        // Logarithms.
+        Quantity::Stiffness | Quantity::TorqueLimit | Quantity::SpeedLimit => tolerances.friction,
+        Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Deadband => {
+            tolerances.friction * value.abs()
+        }
+        Quantity::Rotor => tolerances.inertia * value.abs(),
+        Quantity::Delay => tolerances.delay,
+        Quantity::Offset => tolerances.zero,
+        Quantity::LinkMass => tolerances.mass,
+        Quantity::Payload | Quantity::Roll | Quantity::Pitch => 0.0,
     }
 }
 

@@ -60,43 +60,79 @@ pub fn lost(problem: &Problem, model: &ServoArm, noise: &Noise) -> f64 {
 /// The limit that gains most where it is tried; all other numbers stand.
 fn best(problem: &Problem, sights: &[Sight], unknowns: &[Unknown], fitted: &Fitted) -> Option<Candidate> {
     let before = lost(problem, &fitted.model, &fitted.noise);
-    let has = |joint: usize, quantity: Quantity| {
-        unknowns.iter().any(|unknown| unknown.joint == joint && unknown.quantity == quantity)
+    let is_new = |limit: &&Limit| {
+        !unknowns.iter().any(|one| one.joint == limit.unknown.joint && one.quantity == limit.unknown.quantity)
     };
-    let most = greatest(problem, &fitted.model);
-    let mut candidates = Vec::new();
-    for (joint, sight) in sights.iter().enumerate() {
-        let tried = [
-            (Quantity::TorqueLimit, TRIED.map(|share| (share * most[joint][0]).ln()).to_vec(), 1.0),
-            (Quantity::SpeedLimit, TRIED.map(|share| (share * most[joint][1]).ln()).to_vec(), 1.0),
-            (Quantity::Deadband, BANDS.map(|share| share * sight.error).to_vec(), sight.error),
-        ];
-        for (quantity, values, deviation) in tried {
-            for value in values.into_iter().filter(|value| value.is_finite() && !has(joint, quantity)) {
-                let unknown = Unknown { joint, quantity, expected: value, deviation, step: 0.03 * deviation };
-                let mut model = fitted.model.clone();
-                unknown.set(&mut model, value);
-                let gain = before - lost(problem, &model, &fitted.noise);
-                candidates.push(Candidate { unknown, value, gain, fastest: most[joint][1] });
-            }
-        }
-    }
-    candidates.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))
+    let limits = limits(problem, sights, &fitted.model);
+    let candidates = limits.iter().filter(is_new).flat_map(|limit| {
+        limit.places.iter().map(|value| {
+            let mut model = fitted.model.clone();
+            limit.unknown.set(&mut model, *value);
+            let gain = before - lost(problem, &model, &fitted.noise);
+            let unknown = Unknown { expected: *value, ..limit.unknown };
+            Candidate { unknown, value: *value, gain, fastest: limit.fastest }
+        })
+    });
+    candidates.max_by(|a, b| a.gain.total_cmp(&b.gain))
 }
 
-/// Greatest error of the set-point, rad, and greatest speed that was measured, rad/s, of each joint.
+/// A limit or dead band that a joint may have.
+pub struct Limit {
+    /// Its number.
+    pub unknown: Unknown,
+    /// Where it may be.
+    pub places: Vec<f64>,
+    /// Greatest speed at which the joint was measured, rad/s (m/s).
+    pub fastest: f64,
+}
+
+/// All limits and dead bands that the joints of `model` may have.
+pub fn limits(problem: &Problem, sights: &[Sight], model: &ServoArm) -> Vec<Limit> {
+    let most = greatest(problem, model);
+    let of_joint = |(joint, sight): (usize, &Sight)| {
+        let [error, fastest] = most[joint];
+        let limit = move |quantity, places: Vec<f64>, deviation: f64| Limit {
+            unknown: Unknown {
+                joint,
+                quantity,
+                expected: places[places.len() / 2],
+                deviation,
+                step: 0.03 * deviation,
+                is_torque: false,
+                least: quantity.least(),
+            },
+            places: places.into_iter().filter(|value| value.is_finite()).collect(),
+            fastest,
+        };
+        [
+            limit(Quantity::TorqueLimit, TRIED.map(|share| (share * error).ln()).to_vec(), 1.0),
+            limit(Quantity::SpeedLimit, TRIED.map(|share| (share * fastest).ln()).to_vec(), 1.0),
+            limit(Quantity::Deadband, BANDS.map(|share| share * sight.error).to_vec(), sight.error),
+        ]
+    };
+    sights.iter().enumerate().flat_map(of_joint).collect()
+}
+
+/// Greatest torque of each servo over its stiffness, rad, in the simulation, and greatest speed that was measured, rad/s.
 fn greatest(problem: &Problem, model: &ServoArm) -> Vec<[f64; 2]> {
     let mut most = vec![[0.0_f64; 2]; model.joints.len()];
     let residuals = problem.residuals(model);
     for ((index, rows), residual) in problem.windows.iter().zip(&residuals) {
         let track = &problem.tracks[*index];
-        for (joint, most) in most.iter_mut().enumerate() {
-            let r = residual.iter().skip(joint).step_by(model.joints.len());
-            for (row, r) in rows.clone().zip(r).skip(SPAN).filter(|(_, r)| r.is_finite()) {
-                let (q, t) = (&track.measured[joint], &track.stamps);
-                most[0] = most[0].max((track.commands[joint].held(t[row]) - (q[row] - r)).abs());
-                let speed = (q[row] - q[row - SPAN]).abs() / (t[row] - t[row - SPAN]);
-                most[1] = most[1].max(speed);
+        let t = &track.stamps;
+        for (joint, (most, servo)) in most.iter_mut().zip(&model.joints).enumerate() {
+            let q = &track.measured[joint];
+            let r: Vec<f64> = residual.iter().skip(joint).step_by(model.joints.len()).copied().collect();
+            let simulated = |row: usize| q[row] - r[row - rows.start];
+            for row in rows.clone().skip(SPAN) {
+                let before = row - SPAN;
+                let [now, then] = [row, before].map(simulated);
+                if (now - then).is_finite() {
+                    let speed = (now - then) / (t[row] - t[before]);
+                    let error = track.commands[joint].at(servo, t[row]) - now;
+                    most[0] = most[0].max(servo.torque(error, speed).abs() / servo.stiffness);
+                    most[1] = most[1].max((q[row] - q[before]).abs() / (t[row] - t[before]));
+                }
             }
         }
     }

@@ -4,6 +4,7 @@
 //! - `compare`: measured positions against those simulated from the commands.
 //! - `parts`: what is fitted, what chooses and what judges.
 //! - `limits`: limits and dead bands, weighed one by one; the fit itself is in the crate `freeplay-servo`.
+//! - `recorded`: what was recorded, and what happened in it; `servos`: servos of which nothing is known; `changes`, `search`: what a given model with servos lacks.
 //! - `burdens`, `rotors`: what the arm carries, how it stands, inertia of its motors, asked for when the servos are known.
 //! - `black_box`: filters without a name, to be beaten.
 //! - `scores`: errors on what no step has seen.
@@ -14,6 +15,7 @@
 mod beside_torque;
 mod black_box;
 mod burdens;
+mod changes;
 mod compare;
 mod conclude;
 mod diagnose;
@@ -23,8 +25,11 @@ mod happenings;
 mod limits;
 mod parts;
 mod passages;
+mod recorded;
 mod rotors;
 mod scores;
+mod search;
+mod servos;
 mod torque_law;
 mod torque_servos;
 mod tracks;

@@ -1,0 +1,192 @@
+//! What a given model with servos may lack, and how well its numbers are known.
+
+use freeplay_arm::ArmFile;
+use freeplay_servo::{Problem, Quantity, ServoArm, Sight, Unknown, unknowns};
+
+use super::burdens::{Burdened, burdens, masses};
+use super::findings::{moved, tolerance};
+use super::limits::limits;
+use crate::diagnose::Tolerances;
+
+/// Changes of a number that are tried, as shares of the standard deviation of its prior: a descent from the given value alone can end in a local minimum.
+const SHARES: [f64; 10] = [-0.8, -0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4, 0.8];
+/// Steps of finite differences over what a number may be.
+const STEP: f64 = 0.03;
+/// One cause that a given model may lack.
+#[derive(Clone, Debug)]
+pub struct Change {
+    /// Its kind in the catalogue.
+    pub kind: &'static str,
+    /// Index of its joint; `None` if it is the whole arm's.
+    pub joint: Option<usize>,
+    /// Its numbers.
+    pub unknowns: Vec<Unknown>,
+    /// Values of its numbers from which a fit may begin.
+    pub places: Vec<Vec<f64>>,
+    /// Log odds of the changed model against the one without it, all else as it fits best then.
+    pub evidence: f64,
+}
+
+impl Change {
+    fn of_joint(kind: &'static str, unknown: Unknown, given: &ServoArm) -> Change {
+        let value = unknown.of(given);
+        let places = SHARES.map(|share| vec![value + share * unknown.deviation]);
+        let places = places.into_iter().filter(|place| place[0] >= unknown.least).collect();
+        Change { kind, joint: Some(unknown.joint), unknowns: vec![unknown], places, evidence: 0.0 }
+    }
+
+    /// A servo of another stiffness and damping: both begin in one proportion.
+    fn of_servo([stiffness, damping]: [Unknown; 2], given: &ServoArm) -> Change {
+        let [k, d] = [&stiffness, &damping].map(|unknown| unknown.of(given));
+        let place = |share: f64| {
+            let log = share * stiffness.deviation;
+            vec![k + log, d * log.exp()]
+        };
+        let places = SHARES.map(place).to_vec();
+        Change {
+            kind: "servo",
+            joint: Some(stiffness.joint),
+            unknowns: vec![stiffness, damping],
+            places,
+            evidence: 0.0,
+        }
+    }
+
+    fn of_arm(burden: Burdened, places: Vec<Vec<f64>>) -> Change {
+        Change { kind: burden.kind, joint: burden.joint, unknowns: burden.unknowns, places, evidence: 0.0 }
+    }
+
+    /// `model` with its numbers at `place`.
+    pub fn placed(&self, model: &ServoArm, place: &[f64]) -> ServoArm {
+        let mut model = model.clone();
+        self.unknowns.iter().zip(place).for_each(|(unknown, x)| unknown.set(&mut model, *x));
+        model
+    }
+
+    /// Whether it is the arm's, and no servo's.
+    pub fn is_burden(&self) -> bool {
+        self.unknowns.iter().any(|unknown| unknown.quantity.is_of_arm())
+    }
+
+    /// The same as a burden.
+    pub fn burdened(&self) -> Burdened {
+        Burdened { kind: self.kind, joint: self.joint, unknowns: self.unknowns.clone(), rivals: Vec::new() }
+    }
+
+    /// Whether `unknown` is one of its numbers.
+    pub fn has(&self, unknown: &Unknown) -> bool {
+        self.unknowns.iter().any(|one| one.joint == unknown.joint && one.quantity == unknown.quantity)
+    }
+}
+
+/// The given model, and how far it may be off.
+pub struct Given<'a> {
+    /// Its file.
+    pub file: &'a ArmFile,
+    /// The model.
+    pub model: &'a ServoArm,
+    /// What the recordings say of each joint.
+    pub sights: &'a [Sight],
+    /// Whether each joint is commanded to move.
+    pub moves: &'a [bool],
+    /// How far a machine may be off its model.
+    pub tolerances: &'a Tolerances,
+}
+
+impl Given<'_> {
+    /// All numbers of the joints as far as a model knows nothing of them, in N·m.
+    fn broad(&self) -> Vec<Unknown> {
+        let all = unknowns(self.sights, self.model, self.tolerances.zero).into_iter();
+        let in_torque = |unknown: Unknown| {
+            let stiffness = self.model.joints[unknown.joint].stiffness;
+            let is_ratio = matches!(
+                unknown.quantity,
+                Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Rotor
+            );
+            let scale = if is_ratio { stiffness } else { 1.0 };
+            Unknown {
+                expected: unknown.expected * scale,
+                deviation: unknown.deviation * scale,
+                step: unknown.step * scale,
+                is_torque: true,
+                ..unknown
+            }
+        };
+        all.filter(|unknown| self.moves[unknown.joint]).map(in_torque).collect()
+    }
+
+    /// All numbers that the model has, as well as it knows them.
+    pub fn known(&self) -> Vec<Unknown> {
+        let moved = moved(&self.model.arm);
+        let about = |unknown: Unknown| {
+            let value = unknown.of(self.model);
+            let (of, least) = match unknown.quantity {
+                // What the joint moves is known no better, and may be less than the model says.
+                Quantity::Rotor => (value + moved[unknown.joint], f64::NEG_INFINITY),
+                _ => (value, unknown.least),
+            };
+            let tolerance = tolerance(unknown.quantity, of, self.tolerances);
+            // The zeros of commands and encoder lie as far apart as rounding puts them, too.
+            let deviation = if unknown.quantity == Quantity::Offset { unknown.deviation } else { tolerance };
+            Unknown { expected: value, deviation, least, ..unknown }
+        };
+        let all = self.broad().into_iter().chain(self.limits()).map(about);
+        all.filter(|unknown| unknown.deviation > 0.0).chain(masses(self.file, self.tolerances)).collect()
+    }
+
+    /// The limits that the model has.
+    fn limits(&self) -> Vec<Unknown> {
+        let of_joint = |joint: usize| {
+            let limit = move |quantity, deviation: f64| Unknown {
+                joint,
+                quantity,
+                expected: 0.0,
+                deviation,
+                step: STEP * deviation,
+                is_torque: true,
+                least: quantity.least(),
+            };
+            let servo = &self.model.joints[joint];
+            let torque = servo.torque_limit.is_finite().then(|| limit(Quantity::TorqueLimit, 1.0));
+            let speed = servo.speed_limit.is_finite().then(|| limit(Quantity::SpeedLimit, 1.0));
+            let band = (servo.deadband > 0.0).then(|| limit(Quantity::Deadband, servo.deadband));
+            [torque, speed, band].into_iter().flatten()
+        };
+        (0..self.moves.len()).filter(|joint| self.moves[*joint]).flat_map(of_joint).collect()
+    }
+
+    /// All that is looked for.
+    pub fn candidates(&self, fit: &Problem) -> Vec<Change> {
+        let broad = self.broad();
+        let of = |joint: usize, quantity: Quantity| {
+            broad.iter().find(|one| one.joint == joint && one.quantity == quantity).copied()
+        };
+        let single = [
+            (Quantity::Coulomb, "coulomb_friction"),
+            (Quantity::Stiction, "stribeck_friction"),
+            (Quantity::Rotor, "rotor_inertia"),
+            (Quantity::Delay, "command_delay"),
+        ];
+        let of_joint = |joint: usize| {
+            let servo = of(joint, Quantity::Stiffness).zip(of(joint, Quantity::Lag));
+            let servo = servo.map(|(k, d)| Change::of_servo([k, d], self.model));
+            let single =
+                single.iter().filter_map(move |(quantity, kind)| Some((of(joint, *quantity)?, *kind)));
+            let single = single.map(|(unknown, kind)| Change::of_joint(kind, unknown, self.model));
+            servo.into_iter().chain(single).collect::<Vec<_>>()
+        };
+        let joints = (0..self.moves.len()).flat_map(of_joint);
+        let limits = limits(fit, self.sights, self.model).into_iter();
+        let limits = limits.filter(|limit| self.moves[limit.unknown.joint]).map(|limit| {
+            let joint = limit.unknown.joint;
+            let is_torque = limit.unknown.quantity == Quantity::TorqueLimit;
+            let unit = if is_torque { self.model.joints[joint].stiffness.ln() } else { 0.0 };
+            let unknown =
+                Unknown { expected: limit.unknown.expected + unit, is_torque: true, ..limit.unknown };
+            let places = limit.places.into_iter().map(|x| vec![x + unit]).collect();
+            Change { kind: "servo", joint: Some(joint), unknowns: vec![unknown], places, evidence: 0.0 }
+        });
+        let arm = burdens(self.file).into_iter().map(|(burden, places)| Change::of_arm(burden, places));
+        joints.chain(limits).chain(arm).collect()
+    }
+}

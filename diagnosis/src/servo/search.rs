@@ -1,0 +1,274 @@
+//! The search for what a given model with servos lacks. Its numbers hold within their tolerances, but for those of a few causes. These are added one after the other, each the one that leaves least, all
+//! numbers of the given model being free within their tolerances beside it. What the recordings lose nothing without is taken back.
+
+use freeplay_servo::{Fitted, Noise, Problem, Quantity, ServoArm, Track, Unknown};
+
+use super::changes::{Change, Given};
+use super::findings::named_from;
+use super::limits::lost;
+use super::recorded::{Found, Recorded, is_same, stop};
+
+/// Causes that are fitted before the best of them is taken, for each way in which they are ranked.
+const FITTED: usize = 2;
+
+/// A model with changes, fitted.
+#[derive(Clone, Debug)]
+struct Changed {
+    changes: Vec<Change>,
+    fitted: Fitted,
+    /// Those of the changes, and all others within their tolerances.
+    unknowns: Vec<Unknown>,
+}
+
+impl Changed {
+    /// The numbers as ratios to the stiffness, as far as they are torques.
+    fn ratios(&self) -> Vec<Unknown> {
+        let ratio = |unknown: &Unknown| {
+            let stiffness = self.fitted.model.joints[unknown.joint].stiffness;
+            let (scale, log) = match unknown.quantity {
+                _ if !unknown.is_torque => (1.0, 0.0),
+                Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Rotor => {
+                    (1.0 / stiffness, 0.0)
+                }
+                Quantity::TorqueLimit => (1.0, stiffness.ln()),
+                _ => (1.0, 0.0),
+            };
+            Unknown {
+                expected: unknown.expected * scale - log,
+                deviation: unknown.deviation * scale,
+                step: unknown.step * scale,
+                is_torque: false,
+                ..*unknown
+            }
+        };
+        self.unknowns.iter().map(ratio).collect()
+    }
+}
+
+/// The search for changes.
+struct Search<'a> {
+    parts: [&'a Problem<'a>; 2],
+    known: Vec<Unknown>,
+    candidates: Vec<Change>,
+    given: &'a ServoArm,
+}
+
+impl<'a> Search<'a> {
+    /// A search in the fit and the choice part.
+    fn new(parts: [&'a Problem<'a>; 2], given: &Given<'a>) -> Search<'a> {
+        Search { parts, known: given.known(), candidates: given.candidates(parts[0]), given: given.model }
+    }
+
+    /// The given model and the changes that the recordings ask for, beginning with those of `begun`.
+    fn run(&self, begun: Option<Changed>, progress: &mut dyn FnMut(&str)) -> Changed {
+        let mut changed = match begun {
+            Some(begun) => self.fit(&begun.fitted.model, begun.changes, progress),
+            None => self.fit(self.given, Vec::new(), progress),
+        };
+        // No cause is added twice.
+        for _ in 0..self.candidates.len() {
+            let Some(more) = self.add(&changed, progress) else { break };
+            changed = more;
+        }
+        while let Some(fewer) = self.drop(&mut changed, progress) {
+            changed = fewer;
+        }
+        changed
+    }
+
+    /// The numbers of a model with `changes`.
+    fn unknowns(&self, changes: &[Change]) -> Vec<Unknown> {
+        let is_known = |unknown: &&Unknown| !changes.iter().any(|change| change.has(unknown));
+        let known = self.known.iter().filter(is_known).copied();
+        known.chain(changes.iter().flat_map(|change| change.unknowns.iter().copied())).collect()
+    }
+
+    fn fit(&self, model: &ServoArm, changes: Vec<Change>, progress: &mut dyn FnMut(&str)) -> Changed {
+        let unknowns = self.unknowns(&changes);
+        let words = format!("fitting the given model with {} changes", changes.len());
+        let fitted =
+            self.parts[0].fit(model, &unknowns, &mut |step, _| progress(&format!("{words}, step {step}")));
+        Changed { changes, fitted, unknowns }
+    }
+
+    /// What the fit part loses by `changed`.
+    fn left(&self, changed: &Changed, noise: &Noise) -> f64 {
+        self.parts[0].lost_by(&changed.fitted.model, noise, &changed.unknowns)
+    }
+
+    /// The value and the standard deviation of `unknown` in `changed`.
+    fn value(unknown: &Unknown, changed: &Changed) -> (f64, f64) {
+        let is_it = |one: &Unknown| one.joint == unknown.joint && one.quantity == unknown.quantity;
+        let at = changed.unknowns.iter().position(is_it);
+        at.map_or((unknown.expected, unknown.deviation), |at| changed.fitted.values[at])
+    }
+
+    /// How much wider the priors of the numbers of `change` are than what the data leave of them (Occam's factor).
+    fn price(change: &Change, changed: &Changed) -> f64 {
+        let narrowed =
+            |unknown: &Unknown| (unknown.deviation / Search::value(unknown, changed).1).ln().max(0.0);
+        change.unknowns.iter().map(narrowed).sum::<f64>()
+    }
+
+    /// Log odds of `changed`, which has `change`, against `without` it: what is lost without it beyond its price, but no more than one of its numbers is beyond its tolerance and what the data leave open.
+    fn evidence(&self, change: &Change, changed: &Changed, without: &Changed) -> f64 {
+        // Under the noise of the poorer fit all else looks alike, and what it misses looks correlated.
+        let noise = &changed.fitted.noise;
+        let left =
+            |changed: &Changed| self.left(changed, noise) + lost(self.parts[1], &changed.fitted.model, noise);
+        let distance = |unknown: &Unknown| {
+            let (value, deviation) = Search::value(unknown, changed);
+            let known =
+                self.known.iter().find(|known| change.has(known) && known.quantity == unknown.quantity);
+            let tolerance = known.map_or(0.0, |known| known.deviation);
+            let given = unknown.of(self.given);
+            // Of a limit that the given model lacks, there is no distance.
+            if given.is_finite() { (value - given) / deviation.hypot(tolerance) } else { f64::INFINITY }
+        };
+        let beyond =
+            change.unknowns.iter().map(|unknown| 0.5 * distance(unknown).powi(2)).fold(0.0, f64::max);
+        (left(without) - left(changed) - Search::price(change, changed)).min(beyond)
+    }
+
+    /// `changed` with one more change: of those that a name could be given the one that leaves least.
+    fn add(&self, changed: &Changed, progress: &mut dyn FnMut(&str)) -> Option<Changed> {
+        progress("asking which change of the given model explains most");
+        let mut best: Option<(Changed, Change)> = None;
+        for (change, begin) in self.promising(changed) {
+            let changes = changed.changes.iter().cloned().chain([change.clone()]).collect();
+            let with = self.fit(&begin, changes, progress);
+            let evidence = self.evidence(&change, &with, changed);
+            let is_better = best.as_ref().is_none_or(|(other, before)| {
+                let noise = nearer_noise(&with, other);
+                self.left(&with, noise) + Search::price(&change, &with)
+                    < self.left(other, noise) + Search::price(before, other)
+            });
+            if is_better && evidence > named_from(self.given.joints.len()) {
+                best = Some((with, change));
+            }
+        }
+        best.map(|(with, _)| with)
+    }
+
+    /// The changes that may explain most beside those of `changed`, each with a model to begin its fit from. A cause that changes all of the motion shows where all else is as it was given; one that acts
+    /// now and then, where all else explains the rest; one that others were bent to hide, by how far these are beyond their tolerances.
+    fn promising(&self, changed: &Changed) -> Vec<(Change, ServoArm)> {
+        let Fitted { model, noise, .. } = &changed.fitted;
+        let given = changed.changes.iter().fold(self.given.clone(), |given, change| {
+            let values: Vec<f64> = change.unknowns.iter().map(|unknown| unknown.of(model)).collect();
+            change.placed(&given, &values)
+        });
+        let is_new = |one: &&Change| {
+            !changed.changes.iter().any(|made| one.unknowns.iter().any(|unknown| made.has(unknown)))
+        };
+        let new: Vec<&Change> = self.candidates.iter().filter(is_new).collect();
+        let beyond = |change: &Change| {
+            let known = self.known.iter().filter(|known| change.has(known));
+            known.map(|known| ((known.of(model) - known.expected) / known.deviation).powi(2)).sum::<f64>()
+        };
+        let hidden = new.iter().max_by(|a, b| beyond(a).total_cmp(&beyond(b)));
+        let mut promising = nearest(&new, &given, |model| self.usual(model));
+        promising.extend(nearest(&new, model, |model| lost(self.parts[0], model, noise)));
+        promising.extend(hidden.map(|change| ((*change).clone(), model.clone())));
+        promising
+    }
+
+    /// Sum over the joints of the logarithm of what `model` usually leaves: of two models that do not leave the same noise, it tells the nearer one.
+    fn usual(&self, model: &ServoArm) -> f64 {
+        let fit = self.parts[0];
+        Noise::of(&fit.residuals(model), &fit.rounding).size.iter().map(|size| size.ln()).sum()
+    }
+
+    /// `changed` without the change that least is lost without, if that is less than a name needs. Else the changes of `changed` are told by how much is lost without them.
+    fn drop(&self, changed: &mut Changed, progress: &mut dyn FnMut(&str)) -> Option<Changed> {
+        let mut least: Option<(f64, Changed)> = None;
+        for index in 0..changed.changes.len() {
+            let mut changes = changed.changes.clone();
+            let dropped = changes.remove(index);
+            let back: Vec<f64> = dropped.unknowns.iter().map(|unknown| unknown.of(self.given)).collect();
+            let fewer = self.fit(&dropped.placed(&changed.fitted.model, &back), changes, progress);
+            let evidence = self.evidence(&dropped, changed, &fewer);
+            changed.changes[index].evidence = evidence;
+            if least.as_ref().is_none_or(|(other, _)| evidence < *other) {
+                least = Some((evidence, fewer));
+            }
+        }
+        let named = named_from(self.given.joints.len());
+        least.filter(|(evidence, _)| *evidence < named).map(|(_, fewer)| fewer)
+    }
+}
+
+/// Those of `changes` that bring `model` nearest to the recordings, by how `far` it is then, each with the model that it makes.
+fn nearest(changes: &[&Change], model: &ServoArm, far: impl Fn(&ServoArm) -> f64) -> Vec<(Change, ServoArm)> {
+    let of_change = |change: &&Change| {
+        let models = change.places.iter().map(|place| change.placed(model, place));
+        let nearest = models.map(|model| (far(&model), model)).min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map(|(far, model)| (far, (*change).clone(), model))
+    };
+    let mut tried: Vec<(f64, Change, ServoArm)> = changes.iter().filter_map(of_change).collect();
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    tried.into_iter().take(FITTED).map(|(_, change, model)| (change, model)).collect()
+}
+
+/// The noise of the one of two fits that leaves less: under the other's both look alike.
+fn nearer_noise<'a>(one: &'a Changed, other: &'a Changed) -> &'a Noise {
+    let size = |changed: &Changed| changed.fitted.noise.size.iter().map(|size| size.ln()).sum::<f64>();
+    if size(one) < size(other) { &one.fitted.noise } else { &other.fitted.noise }
+}
+
+/// What the recordings ask to change in the `given` model.
+pub fn changes(recorded: &Recorded, given: &ServoArm, progress: &mut dyn FnMut(&str)) -> Found {
+    progress("looking for stops");
+    let mut given = with_stops(recorded, given);
+    let first = search(recorded, (&given, recorded.tracks), None, progress);
+    progress("looking for contacts and stops");
+    let events = recorded.events(&first.fitted, &first.unknowns);
+    let is_stopped = events.iter().filter(|event| stop(&mut given, event)).count() > 0;
+    // What happened to the arm is no change of its model: the search goes on without it.
+    let undisturbed = recorded.undisturbed(&first.fitted, &first.unknowns);
+    let changed = if is_stopped || !is_same(&undisturbed, recorded.tracks) {
+        search(recorded, (&given, &undisturbed), Some(first), progress)
+    } else {
+        first
+    };
+    let unknowns = changed.ratios();
+    let [fit, _] = recorded.fit_and_choice(&undisturbed, &changed.fitted.model);
+    let fitted = fit.fit(&changed.fitted.model, &unknowns, &mut |step, _| {
+        progress(&format!("fitting the changed model, step {step}"));
+    });
+    drop(fit);
+    let burdened = changed.changes.iter().filter(|change| change.is_burden()).map(Change::burdened).collect();
+    Found { fitted, unknowns, burdened, changes: Some(changed.changes), undisturbed }
+}
+
+/// Searches `tracks` for the changes of `given`, beginning with those of `begun`.
+fn search(
+    recorded: &Recorded,
+    (given, tracks): (&ServoArm, &[Track]),
+    begun: Option<Changed>,
+    progress: &mut dyn FnMut(&str),
+) -> Changed {
+    let begun = begun.map(|mut begun| {
+        let joints = begun.fitted.model.joints.iter_mut().zip(&given.joints);
+        joints.for_each(|(joint, given)| joint.stops = given.stops);
+        begun
+    });
+    let [fit, choice] =
+        recorded.fit_and_choice(tracks, begun.as_ref().map_or(given, |begun| &begun.fitted.model));
+    Search::new([&fit, &choice], &recorded.given(given)).run(begun, progress)
+}
+
+/// `given` with the stops that it shows as it is: they are none of its changes.
+fn with_stops(recorded: &Recorded, given: &ServoArm) -> ServoArm {
+    let mut given = given.clone();
+    let [fit, _] = recorded.fit_and_choice(recorded.tracks, &given);
+    // A joint has two.
+    for _ in 0..2 * given.joints.len() {
+        let known = recorded.given(&given).known();
+        let events = recorded.events(&fit.as_it_is(&given, &known), &known);
+        if events.iter().filter(|event| stop(&mut given, event)).count() == 0 {
+            break;
+        }
+    }
+    given
+}
