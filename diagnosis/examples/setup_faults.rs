@@ -1,6 +1,7 @@
 //! Set-up faults put into recordings of concealed and of real machines, and what is found of them:
-//! `cargo run --release -p freeplay-diagnosis --example setup_faults -- single|two|clean|real ROUNDS SEED [KIND]`.
-//! `real` reads the folder that `FREEPLAY_RECORDINGS` names.
+//! `cargo run --release -p freeplay-diagnosis --example setup_faults -- single|two|clean|real|physics ROUNDS SEED [KIND]`.
+//! `real` reads the folder that `FREEPLAY_RECORDINGS` names. `physics` diagnoses the same machine, effect and noise without a fault and with one, ROUNDS
+//! pairs a kind of fault, and compares what is named beside the fault with the twin's and with the truth.
 //!
 //! Prints each case that is not answered right, and a table at the end: right kind and joint, missed, wrong, time. Of the missed ones of real
 //! machines, `hidden` counts those that add less to the error of every channel than the model has there anyway: no reader could tell.
@@ -11,10 +12,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use freeplay_concealed::{
-    CATALOGUE, Case, Demand, Kept, Machine, Made, Noise, SETUP, Samples, SetupFault, Severity, generate,
-    with_setup_faults,
+    CATALOGUE, Case, Demand, Kept, Machine, Made, Noise, SETUP, Samples, SetupFault, Severity, TruthEffect,
+    generate, with_setup_faults,
 };
-use freeplay_diagnosis::{Certainty, Settings, compare, examine};
+use freeplay_diagnosis::{Certainty, DiagnoseSettings, Diagnosis, Settings, compare, diagnose, examine};
 use freeplay_recording::Recording;
 
 /// What is missing from the model beside the fault.
@@ -31,11 +32,14 @@ struct Row {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().collect();
-    let usage = "give single, two, clean or real, a number of rounds and a seed";
+    let usage = "give single, two, clean, real or physics, a number of rounds and a seed";
     let mode = arguments.get(1).ok_or(usage)?;
     let rounds: u64 = arguments.get(2).ok_or(usage)?.parse()?;
     let seed: u64 = arguments.get(3).ok_or(usage)?.parse()?;
     let only = arguments.get(4).map(String::as_str);
+    if mode == "physics" {
+        return physics(rounds, seed, only);
+    }
     let mut rows: BTreeMap<String, Row> = BTreeMap::new();
     if mode == "real" {
         real(rounds, seed, only, &mut rows)?;
@@ -83,6 +87,137 @@ fn concealed(
         }
     }
     Ok(())
+}
+
+/// What is named beside a fault, against what is named without it.
+#[derive(Default)]
+struct Beside {
+    pairs: usize,
+    unmended: usize,
+    same: usize,
+    /// Without the fault and with it: pairs in which all that is missing is named, pairs with an effect that is not there.
+    found: [usize; 2],
+    invented: [usize; 2],
+    /// Without the fault and with it: error of each parameter over its true value.
+    errors: [Vec<f64>; 2],
+}
+
+/// An effect that is named: kind and joint.
+type Named = (String, Option<String>);
+
+/// The physics beside single faults: the same recordings are diagnosed as they are and with a fault in them.
+fn physics(rounds: u64, seed: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> {
+    let mut count = Beside::default();
+    let kinds: Vec<&str> = SETUP
+        .into_iter()
+        .filter(|kind| {
+            only.is_none_or(|only| only == *kind) && !["frozen_channel", "another_arm"].contains(kind)
+        })
+        .collect();
+    for round in 0..rounds {
+        for (number, fault) in kinds.iter().enumerate() {
+            let draw = (seed * 7919 + round) as usize * 17 + number;
+            let machine = Machine::ALL[draw % Machine::ALL.len()];
+            let severity = Severity::ALL[1 + (draw / 2) % 2];
+            let kind = BESIDE[1 + (draw / 3) % 3];
+            let effects = vec![Demand { kind: kind.to_owned(), joint: None, severity }];
+            let noise = Noise::ALL[(draw / 5) % 3];
+            let case = Case { machine, effects, family: None, noise, hollow: false, seed: draw as u64 };
+            let Ok(made) = generate(&case) else { continue };
+            let kept = Kept { torque: true, tool: draw.is_multiple_of(4), friction: true };
+            let twin = with_setup_faults(&made, &[], kept, draw as u64)?;
+            let faulty = with_setup_faults(&made, &[*fault], kept, draw as u64)?;
+            let (Some((twin, _)), Some((faulty, truth))) = (twin, faulty) else { continue };
+            let label = format!("{machine:?} {kind} + {fault} {:?} {:.3?}", truth[0].joints, truth[0].values);
+            count.add(&label, &made, fault, [&diagnosed(&twin)?, &diagnosed(&faulty)?]);
+        }
+    }
+    count.print();
+    Ok(())
+}
+
+fn diagnosed(made: &Made) -> Result<Diagnosis, Box<dyn Error>> {
+    let file = freeplay_arm::parse_toml(&made.model, Path::new("model.toml"))?;
+    let recordings = [recording(&made.recording)?, recording(&made.second)?];
+    Ok(diagnose(&file, &recordings, &DiagnoseSettings::default(), &mut |_| {})?)
+}
+
+impl Beside {
+    /// Counts one pair: the diagnosis without the fault and the one with it.
+    fn add(&mut self, label: &str, made: &Made, fault: &str, pair: [&Diagnosis; 2]) {
+        let is_mended = pair[1].setup.iter().any(|finding| finding.kind == fault);
+        if !is_mended {
+            self.unmended += 1;
+            println!("{label}: not mended");
+            return;
+        }
+        self.pairs += 1;
+        let missing = &made.truth.effects;
+        let named = pair.map(|diagnosis| -> Vec<Named> {
+            diagnosis.effects.iter().map(|effect| (effect.kind.to_owned(), effect.joint.clone())).collect()
+        });
+        let same = named[0].len() == named[1].len() && named[0].iter().all(|one| named[1].contains(one));
+        self.same += usize::from(same);
+        for (k, named) in named.iter().enumerate() {
+            // One by its name, or all of an equivalent.
+            let ways: Vec<Vec<Vec<Named>>> = missing
+                .iter()
+                .map(|effect| {
+                    let own = vec![(effect.kind.clone(), effect.joint.clone())];
+                    let others = effect.equivalents.iter().map(|other| {
+                        other.kinds.iter().map(|kind| ((*kind).to_owned(), other.joint.clone())).collect()
+                    });
+                    std::iter::once(own).chain(others).collect()
+                })
+                .collect();
+            let is_said =
+                |ways: &Vec<Vec<Named>>| ways.iter().any(|way| way.iter().all(|one| named.contains(one)));
+            self.found[k] += usize::from(ways.iter().all(is_said));
+            let is_true = |one: &Named| ways.iter().flatten().any(|way| way.contains(one));
+            self.invented[k] += usize::from(!named.iter().all(is_true));
+            self.errors[k].extend(missing.iter().flat_map(|effect| errors_of(effect, pair[k])));
+        }
+        if !same {
+            println!("{label}: {:?} {:?}", missing[0].kind, missing[0].joint);
+            println!("    without {:?}", named[0]);
+            println!("    with    {:?}", named[1]);
+            pair[1].setup.iter().for_each(|finding| println!("    {}", finding.statement));
+        }
+    }
+
+    fn print(&mut self) {
+        println!(
+            "{} pairs mended, {} not mended, the same effects named in {}",
+            self.pairs, self.unmended, self.same
+        );
+        for (k, name) in ["without", "with"].into_iter().enumerate() {
+            let errors = &mut self.errors[k];
+            errors.sort_by(f64::total_cmp);
+            let at =
+                |share: f64| errors.get((errors.len() as f64 * share) as usize).copied().unwrap_or(f64::NAN);
+            println!(
+                "{name:8} all missing physics named {:3}  an effect invented {:3}  parameter error median {:.4} 90 % {:.4} of {}",
+                self.found[k],
+                self.invented[k],
+                at(0.5),
+                at(0.9),
+                errors.len()
+            );
+        }
+    }
+}
+
+/// How far each numeric parameter of a true effect is off where it is named, over the true value.
+fn errors_of(effect: &TruthEffect, diagnosis: &Diagnosis) -> Vec<f64> {
+    let named = diagnosis.effects.iter().find(|one| one.kind == effect.kind && one.joint == effect.joint);
+    let (Some(named), Some(parameters)) = (named, effect.parameters.as_object()) else { return Vec::new() };
+    let strong = parameters.iter().filter(|(name, _)| !effect.weak.contains(&name.as_str()));
+    strong
+        .filter_map(|(name, value)| {
+            let (truth, value) = (value.as_f64()?, named.parameters.get(name)?.value.as_float()?);
+            (truth != 0.0).then(|| (value / truth - 1.0).abs())
+        })
+        .collect()
 }
 
 /// Sets of real machines with their models, and the recording of each into which faults are put.
