@@ -74,7 +74,7 @@ pub struct ExciteArgs {
     /// Posture about which the arm moves, rad (m), one value a joint; without it: the middle of the recording, else of the joints' ranges.
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "Q1,Q2,…")]
     posture: Option<Vec<f64>>,
-    /// How far a joint may go from there, rad (m).
+    /// How far a joint may move from the posture, rad (m).
     #[arg(long, default_value_t = 1.2, value_name = "RAD")]
     reach: f64,
     /// Seed of the search.

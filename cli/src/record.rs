@@ -28,11 +28,11 @@ pub struct RecordArgs {
 
 #[derive(Subcommand, Debug)]
 enum Action {
-    /// What a recording holds: joints, samples, rate, columns with their ranges, metadata, marks.
+    /// Show what a recording holds: joints, samples, rate, columns with their ranges, metadata, marks.
     Info(InfoArgs),
     /// Write a recording in another form: CSV, Parquet or MCAP.
     Export(ExportArgs),
-    /// Turn somebody else's recording into one of ours: a ROS bag, a CSV with other columns, Parquet, NumPy, MATLAB, a robot's log.
+    /// Convert a recording of another tool into Freeplay's form: a ROS bag, a CSV with other columns, Parquet, NumPy, MATLAB, a robot's log.
     Import(ImportArgs),
 }
 
@@ -40,7 +40,7 @@ enum Action {
 struct InfoArgs {
     /// The recording, of any kind that can be read.
     recording: PathBuf,
-    /// The model of its arm, URDF or TOML: with it, whether both mean the same (units, signs, order, zeros, gravity, clocks).
+    /// The model of its arm, URDF or TOML: with it, also check that model and recording agree in their conventions (units, signs, order, zeros, gravity, clocks).
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
     /// The mapping file, which says what the columns mean; `record import` and `diagnose` write such files.

@@ -22,11 +22,11 @@ pub struct ScenarioArgs {
 
 #[derive(Subcommand, Debug)]
 enum Action {
-    /// Whether a scenario can be run: keys, values, arm files, path, controllers; what is wrong with line and column.
+    /// Check that a scenario can be run: keys, values, arm files, path, controllers; what is wrong with line and column.
     Check(CheckArgs),
-    /// The effective value of every key, and where it is from: the default, the file or --set.
+    /// Show the effective value of every key and its origin: the default, the file or --set.
     Show(ShowArgs),
-    /// The JSON schema of scenarios, for editors.
+    /// Print the JSON schema of scenarios, for editors.
     Schema,
 }
 
@@ -142,7 +142,7 @@ impl Origin<'_> {
     }
 }
 
-/// The JSON schema of scenarios.
+/// Print the JSON schema of scenarios.
 fn schema() -> Result<String, Failure> {
     let schema = schemars::schema_for!(Scenario);
     Ok(format!("{}\n", serde_json::to_string_pretty(&schema).map_err(Failure::internal)?))

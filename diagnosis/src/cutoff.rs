@@ -12,11 +12,11 @@ use freeplay_laws::rigid_torques;
 use freeplay_recording::Recording;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
 use crate::filter::{LowPass, derivatives};
 use crate::motion::{LEAST_CUTOFF, Treatment};
 use crate::presence::only;
+use crate::random::normals;
 use crate::statistics::{Moments, Quantile};
 
 /// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
@@ -66,8 +66,7 @@ fn white_noise(recording: &Recording, treatment: &Treatment) -> Vec<Vec<f64>> {
     let of_joint = |q: &Vec<f64>| {
         let whole = treatment.whole_column(recording, q);
         let deviation = treatment.deviation_above(&whole, None, Quantile::MEDIAN);
-        let normal = |_| deviation * Distribution::<f64>::sample(&StandardNormal, &mut rng);
-        (0..whole.len()).map(normal).collect()
+        normals(&mut rng, whole.len(), deviation)
     };
     recording.q.iter().map(of_joint).collect()
 }

@@ -42,6 +42,7 @@ mod motion;
 mod notes;
 pub mod page;
 mod presence;
+mod random;
 pub mod recorded;
 mod residual;
 mod rest;

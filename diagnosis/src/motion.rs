@@ -249,20 +249,15 @@ impl Treatment {
 
     /// The same of positions that are read with `noise`, by joint and grid point.
     pub(crate) fn fine_motion_with(&self, recording: &Recording, noise: &[Vec<f64>]) -> Trajectory {
-        self.motion_of(&self.fine, recording, |joint, point| noise[joint][point])
+        self.motion_of(&self.fine, recording, Some(noise))
     }
 
     fn motion_through(&self, filter: &LowPass, recording: &Recording) -> Trajectory {
-        self.motion_of(filter, recording, |_, _| 0.0)
+        self.motion_of(filter, recording, None)
     }
 
-    /// The motion of the recorded positions and what is `more` at each joint and grid point.
-    fn motion_of(
-        &self,
-        filter: &LowPass,
-        recording: &Recording,
-        more: impl Fn(usize, usize) -> f64,
-    ) -> Trajectory {
+    /// The motion of the recorded positions, with `noise` by joint and grid point added where there is any.
+    fn motion_of(&self, filter: &LowPass, recording: &Recording, noise: Option<&[Vec<f64>]>) -> Trajectory {
         let mut whole = Trajectory::default();
         let mut begin = 0;
         for stretch in &self.grid.stretches {
@@ -273,8 +268,13 @@ impl Treatment {
         for (number, column) in recording.q.iter().enumerate() {
             let mut joint = [const { Vec::new() }; 3];
             for (stretch, points) in self.grid.stretches.iter().zip(&whole.stretches) {
-                let mut read = self.grid.resample(stretch, recording, column).into_owned();
-                read.iter_mut().zip(points.clone()).for_each(|(q, point)| *q += more(number, point));
+                let mut read = self.grid.resample(stretch, recording, column);
+                if let Some(noise) = noise {
+                    read.to_mut()
+                        .iter_mut()
+                        .zip(&noise[number][points.clone()])
+                        .for_each(|(q, noise)| *q += noise);
+                }
                 let smooth = filter.apply(&read);
                 let (first, second) = derivatives(&smooth, self.grid.step);
                 joint.iter_mut().zip([smooth, first, second]).for_each(|(out, part)| out.extend(part));

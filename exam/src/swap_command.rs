@@ -52,7 +52,7 @@ pub struct SwapArgs {
     /// Swaps of one run.
     #[arg(long, default_value_t = 15)]
     per_run: u32,
-    /// By the wall clock or in lockstep.
+    /// Schedule of the ticks.
     #[arg(long)]
     pace: Option<Pacing>,
     /// Change a key of the scenario, as in --set path.period=12.

@@ -32,10 +32,10 @@ pub struct ControllerArgs {
     /// Lock all memory.
     #[arg(long)]
     pub lock_memory: bool,
-    /// Seconds that it computes in vain for each answer.
+    /// Computing time added to each answer, s.
     #[arg(long, default_value_t = 0.0, value_name = "S")]
     pub load: f64,
-    /// A plan of faults that it is made to have.
+    /// File with the plan of faults to inject into it.
     #[arg(long, value_name = "FILE")]
     pub faults: Option<PathBuf>,
     /// End when this process, the parent, ends.

@@ -50,7 +50,7 @@ pub struct PlantArgs {
     /// End when this process, the parent, ends.
     #[arg(long, value_name = "PID")]
     with_parent: Option<u32>,
-    /// Tell of the run on standard output, and hear requests on standard input.
+    /// Report the run on standard output, and take requests from standard input.
     #[arg(long)]
     live: bool,
 }

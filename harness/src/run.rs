@@ -112,7 +112,7 @@ pub struct ControllerSelection {
     name: String,
     /// Executable of its own, if it is none of the built-in.
     pub executable: Option<PathBuf>,
-    /// A plan of faults that it is made to have.
+    /// File with the plan of faults to inject into it.
     pub faults: Option<PathBuf>,
 }
 

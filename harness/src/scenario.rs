@@ -35,9 +35,9 @@ pub enum Drive {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Pacing {
-    /// By the wall clock.
+    /// The wall clock is the schedule: a late answer is a miss.
     Realtime,
-    /// When the answer is there: the same to the bit on every machine, and as fast as it goes.
+    /// The plant waits for each answer: results are the same to the bit on every machine.
     #[default]
     Lockstep,
 }
@@ -51,7 +51,7 @@ pub enum RecordingKind {
     Mcap,
     /// CSV: any tool reads it.
     Csv,
-    /// Not at all.
+    /// No recording.
     None,
 }
 

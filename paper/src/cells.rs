@@ -39,7 +39,7 @@ pub enum Part {
     Tracked,
     /// True model, no tracked tool.
     Untracked,
-    /// The controllers believe in 10 % less, and in 10 % more clearance than there is; tracked tool.
+    /// The controllers' models have 10 % less and 10 % more clearance than the plant; tracked tool.
     Wrong,
     /// The same, no tracked tool.
     WrongUntracked,

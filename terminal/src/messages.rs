@@ -33,13 +33,13 @@ pub const STYLES: [Style; 3] = [GOOD, OPEN, BAD];
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
-    /// Only results and errors: no progress, no notes.
+    /// Print results and errors alone: no progress, no notes.
     #[arg(short, long, global = true)]
     quiet: bool,
     /// Print each step on standard error.
     #[arg(short, long, global = true, conflicts_with = "quiet")]
     verbose: bool,
-    /// Colour of what a person reads; auto: on a terminal, unless NO_COLOR is set.
+    /// When to print in colour; auto: on a terminal, unless NO_COLOR is set.
     #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
     color: ColorChoice,
 }

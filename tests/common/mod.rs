@@ -1,6 +1,7 @@
 //! Runs of the real binary in fresh folders, each with shared memory of its own.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub mod jargon;
 pub mod sealed;
 
 use std::path::{Path, PathBuf};

@@ -8,9 +8,11 @@
 //! ```
 //!
 //! A golden file holds one `key = value` a line. A change that moves code leaves every line as it is; a change that means to alter results
-//! keeps the new lines and says why in its commit. Results of real machines are drawn where `FREEPLAY_RECORDINGS` names their folder.
+//! keeps the new lines and says why in its commit. The results of real machines, `compare` and `diagnose`, need their recordings, which
+//! `FREEPLAY_RECORDINGS` names; without it they are passed over, and what is on file of them stays.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -19,12 +21,23 @@ use serde_json::Value;
 /// A golden file: values by key.
 type Golden = BTreeMap<String, String>;
 type Fault = Box<dyn std::error::Error>;
-/// Draws one golden file with the executable, in an empty folder.
-type Draw = fn(&Tool) -> Result<Golden, Fault>;
+
+/// How the executable draws a golden file, in an empty folder.
+enum Draw {
+    /// By itself.
+    Alone(fn(&Tool) -> Result<Golden, Fault>),
+    /// From the recordings of real machines.
+    From(fn(&Tool, &[Machine]) -> Result<Golden, Fault>),
+}
 
 /// The golden files, and how each is drawn.
-const GOLDENS: [(&str, Draw); 5] =
-    [("lockstep", lockstep), ("compare", compare), ("diagnose", diagnose), ("blind", blind), ("exam", exam)];
+const GOLDENS: [(&str, Draw); 5] = [
+    ("lockstep", Draw::Alone(lockstep)),
+    ("compare", Draw::From(compare)),
+    ("diagnose", Draw::From(diagnose)),
+    ("blind", Draw::Alone(blind)),
+    ("exam", Draw::Alone(exam)),
+];
 
 /// Seed of the sealed set: any, as long as it stays.
 const BLIND_SEED: &str = "4242";
@@ -80,12 +93,8 @@ struct Machine {
     recordings: Vec<String>,
 }
 
-/// The machines in the folder that `FREEPLAY_RECORDINGS` names; none without it.
-fn machines() -> Result<Vec<Machine>, Fault> {
-    let Some(folder) = std::env::var_os("FREEPLAY_RECORDINGS") else {
-        println!("skipped: FREEPLAY_RECORDINGS names no folder of recordings of real machines");
-        return Ok(Vec::new());
-    };
+/// The machines in `folder`, by name.
+fn machines(folder: &OsStr) -> Result<Vec<Machine>, Fault> {
     let mut machines = Vec::new();
     for entry in std::fs::read_dir(std::path::absolute(folder)?)?
         .filter(|e| e.as_ref().is_ok_and(|e| e.path().is_dir()))
@@ -108,9 +117,9 @@ fn file_name(path: &str) -> String {
 }
 
 /// How far each model is from each recording of its machine.
-fn compare(tool: &Tool) -> Result<Golden, Fault> {
+fn compare(tool: &Tool, machines: &[Machine]) -> Result<Golden, Fault> {
     let mut golden = Golden::new();
-    for machine in machines()? {
+    for machine in machines {
         for recording in &machine.recordings {
             let arguments =
                 ["compare", "--model", &machine.model, "--recording", recording, "--format", "json"];
@@ -125,9 +134,9 @@ fn compare(tool: &Tool) -> Result<Golden, Fault> {
 }
 
 /// Verdict, effects, parameters and errors of the diagnosis of each machine's training recordings.
-fn diagnose(tool: &Tool) -> Result<Golden, Fault> {
+fn diagnose(tool: &Tool, machines: &[Machine]) -> Result<Golden, Fault> {
     let mut golden = Golden::new();
-    for machine in machines()? {
+    for machine in machines {
         let mut arguments = vec!["diagnose", "--model", &machine.model, "--format", "json"];
         for recording in machine.recordings.iter().filter(|file| file_name(file).starts_with("train")) {
             arguments.extend(["--recording", recording.as_str()]);
@@ -241,9 +250,20 @@ fn draw() -> Result<bool, Fault> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/goldens");
     let beside = std::env::current_exe()?.with_file_name("").join("../freeplay");
     let executable = given("--executable").next().map_or(beside, PathBuf::from);
+    let machines = std::env::var_os("FREEPLAY_RECORDINGS").map(|folder| machines(&folder)).transpose()?;
     let mut same = true;
     for (name, draw) in GOLDENS.iter().filter(|(name, _)| only.is_empty() || only.iter().any(|o| o == name)) {
-        let new = draw(&Tool { executable: executable.clone(), folder: tempfile::tempdir()? })?;
+        let tool = Tool { executable: executable.clone(), folder: tempfile::tempdir()? };
+        let new = match (draw, &machines) {
+            (Draw::Alone(draw), _) => draw(&tool)?,
+            (Draw::From(draw), Some(machines)) => draw(&tool, machines)?,
+            (Draw::From(_), None) => {
+                println!(
+                    "{name}: passed over: FREEPLAY_RECORDINGS names no folder of recordings of real machines"
+                );
+                continue;
+            }
+        };
         let file = folder.join(format!("{name}.txt"));
         if write {
             std::fs::write(&file, text_of(&new))?;

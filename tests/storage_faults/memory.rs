@@ -31,7 +31,8 @@ fn limited(folder: tempfile::TempDir, kib: u64, arguments: &[&str]) -> Call {
     call
 }
 
-/// The least limit, KiB, under which `succeeds`, as far as that is more likely with more memory.
+/// The least limit, KiB, under which `succeeds`, as far as that is more likely with more memory. From above: where several processes share the work, a smaller
+/// one is enough now and then.
 fn least(mut below: u64, succeeds: impl Fn(u64) -> bool) -> u64 {
     let mut enough = PLENTY;
     while enough - below > GRAIN {
@@ -41,9 +42,13 @@ fn least(mut below: u64, succeeds: impl Fn(u64) -> bool) -> u64 {
     enough
 }
 
-/// Plays `subject` under many limits; how many of them were too little.
-pub fn starve(subject: &Subject) -> usize {
-    let starts = least(0, |kib| limited(fresh_folder(), kib, &["--version"]).run().output.status.success());
+/// The least limit, KiB, under which the program starts.
+pub fn least_to_start() -> u64 {
+    least(0, |kib| limited(fresh_folder(), kib, &["--version"]).run().output.status.success())
+}
+
+/// Plays `subject` under many limits from `starts` KiB on, under which the program starts; how many of them were too little.
+pub fn starve(subject: &Subject, starts: u64) -> usize {
     let good = Call::new(subject.folder(), &subject.arguments).run().expect(0);
     let good = contents(good.folder.path());
     let enough = least(starts, |kib| {

@@ -35,7 +35,7 @@ const EVERY: f64 = 0.02;
 /// Exit code 1 if what was learned did not prove itself in simulated runs: no controller uses it then.
 #[derive(Args, Debug)]
 pub struct TrainArgs {
-    /// A recording with a tracked tool, or the folder of a run; of two paths or more, better of three.
+    /// Recordings with a tracked tool, or folders of runs: at least two paths, better three.
     #[arg(long = "recording", value_name = "RUN", required = true, num_args = 1..)]
     recordings: Vec<PathBuf>,
     /// The model whose remainder is learned: "paper", or an arm file such as the one of a diagnosis.
@@ -50,13 +50,13 @@ pub struct TrainArgs {
     /// Units of each hidden layer; without it: those of several that predict held-out paths best.
     #[arg(long, value_delimiter = ',', value_parser = at_least_one)]
     hidden: Vec<usize>,
-    /// Most epochs.
+    /// Largest number of epochs.
     #[arg(long, default_value_t = 60, value_parser = at_least_one)]
     epochs: usize,
     /// Seed of the start weights.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -66,7 +66,7 @@ pub struct TrainArgs {
 pub struct Settings {
     /// Hidden layers; empty: chosen.
     pub hidden: Vec<usize>,
-    /// Most epochs.
+    /// Largest number of epochs.
     pub epochs: usize,
     /// Seed of the start weights.
     pub seed: u64,

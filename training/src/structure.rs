@@ -78,7 +78,7 @@ impl Structure {
 pub struct Fitting {
     /// Samples from one window to the next.
     pub stride: usize,
-    /// Most epochs.
+    /// Largest number of epochs.
     pub epochs: usize,
     /// Seed of the start weights; members of a mean have this one and the next.
     pub seed: u64,

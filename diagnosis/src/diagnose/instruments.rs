@@ -5,9 +5,10 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::data::Data;
-use super::noise::{Noise, normals};
+use super::noise::Noise;
 use super::stage::Stage;
 use crate::filter::derivatives;
+use crate::random::normals;
 use crate::residual::Kind;
 
 /// Measured minus model in every channel of `data`, were nothing missing and every number of the model exact: what noise and rounding of positions and

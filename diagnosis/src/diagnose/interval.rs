@@ -10,9 +10,9 @@ use toml::{Table, Value};
 #[cfg(doc)]
 use super::candidate::Candidate;
 use super::data::sum_of;
-use super::noise::normal;
 use super::report::Parameter;
 use super::system::{Fit, System};
+use crate::random::normal;
 
 /// Draws of the posterior: a quantile of 2.5 % is known to half a percent of them.
 const DRAWS: usize = 1000;

@@ -1,8 +1,6 @@
-//! What a recording's noise and rounding are, by its own samples; and numbers at random.
+//! What a recording's noise and rounding are, by its own samples.
 
 use freeplay_recording::Recording;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
 use crate::motion::Treatment;
 use crate::presence::only;
@@ -141,16 +139,6 @@ fn are_multiples(changes: &[f64], step: f64) -> bool {
     near.len() * 10 > changes.len() * 9 && beside <= 0.01 * apart + 1e-8 * mean * mean * near.len() as f64
 }
 
-/// `count` normal numbers of deviation `deviation`.
-pub(crate) fn normals(rng: &mut ChaCha8Rng, count: usize, deviation: f64) -> Vec<f64> {
-    (0..count).map(|_| deviation * normal(rng)).collect()
-}
-
-/// A normal number of deviation one.
-pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    StandardNormal.sample(rng)
-}
-
 /// Number of samples that `x` is worth, its mean being zero: n/(1 + 2Σρ_k), the sum ending where the autocorrelation first falls
 /// below zero (Geyer 1992, initial positive sequence).
 pub(crate) fn effective_samples(x: &[f64]) -> f64 {
@@ -175,7 +163,8 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    use super::{Noise, effective_samples, normals};
+    use super::{Noise, effective_samples};
+    use crate::random::normals;
 
     #[test]
     fn noise_is_found_under_a_motion() {

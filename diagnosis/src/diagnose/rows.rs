@@ -9,10 +9,10 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::instruments::misread_whole;
-use super::noise::normals;
 use super::stage::Stage;
 use crate::motion::Treatment;
 use crate::presence::masked;
+use crate::random::normals;
 use crate::residual::{Channel, Kind};
 use crate::statistics::Moments;
 

@@ -34,7 +34,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::log_likelihood;
-    use crate::diagnose::noise::normals;
+    use crate::random::normals;
 
     /// Of normal rows the log-likelihood is that of a normal, but for what the choice of the tails gains; a row far out costs less than its square.
     #[test]

@@ -256,7 +256,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::{Wandering, size};
-    use crate::diagnose::noise::normal;
+    use crate::random::normal;
 
     /// Rows of a wandering and noise are white once filtered: of the size of the noise, and no two neighbours alike, gaps or none.
     #[test]

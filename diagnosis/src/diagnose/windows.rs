@@ -162,8 +162,8 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::{Step, Torque, windows};
-    use crate::diagnose::noise::normals;
     use crate::diagnose::whitening::Wandering;
+    use crate::random::normals;
 
     /// What is explained is what least squares on white rows say, and the window of a push is found to the row.
     #[test]

@@ -55,7 +55,7 @@ pub struct BenchArgs {
     /// A controller: a built-in name, or the path of an executable or an FMU; without any: all built-in ones.
     #[arg(long)]
     controller: Vec<String>,
-    /// Ticks of each controller, and of each yardstick.
+    /// Ticks of each controller, of the bare clock loop and of bare iceoryx2.
     #[arg(long, default_value_t = 10_000)]
     ticks: u64,
     /// Number of blocks in which the full loop and the yardsticks alternate; short blocks meet the same state of the machine.

@@ -6,33 +6,33 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// Nothing: what is told of a sound controller is a false alarm.
+    /// No fault: any fault that is reported is a false alarm.
     Ok,
     /// No answers.
     Off,
-    /// The values of the last good answer again and again, each as if it were new.
+    /// The values of the last good answer are sent again and again as new answers.
     Stuck,
     /// Random bits as numbers.
     Garbage,
     /// One joint's value shifted by a fifth of its range.
     Wrong,
-    /// Every fourth answer only.
+    /// Only every fourth answer arrives.
     Slow,
     /// Answers that come three ticks late.
     Delayed,
-    /// About every second answer.
+    /// About every second answer arrives.
     Intermittent,
     /// The process is killed with SIGKILL.
     Crash,
     /// The process is stopped with SIGSTOP, and goes on later.
     Hang,
-    /// Each answer 64 times.
+    /// Each answer is sent 64 times.
     Flood,
     /// Answers in the wrong order.
     Reorder,
     /// Messages of another layout version.
     StaleVersion,
-    /// A number that is none.
+    /// NaN in the place of a number.
     Nan,
     /// One joint's value just beyond its limit.
     Limit,

@@ -49,7 +49,7 @@ pub struct FaultsArgs {
     /// Kill this many runs at random moments, with SIGKILL, instead: the plant, the controller or the run itself.
     #[arg(long, value_name = "COUNT", conflicts_with_all = ["kind", "seeds"], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     kills: Option<u32>,
-    /// By the wall clock or in lockstep.
+    /// Schedule of the ticks.
     #[arg(long)]
     pace: Option<Pacing>,
     /// Change a key of the scenario, as in --set path.kind=square_sharp.

@@ -85,7 +85,7 @@ pub struct ReproduceArgs {
 struct Effort {
     /// Trainings of each network.
     seeds: u64,
-    /// Most epochs of a training.
+    /// Largest number of epochs of a training.
     epochs: usize,
 }
 

@@ -81,7 +81,7 @@ pub struct BlindArgs {
     #[command(flatten)]
     sweep: Sweep,
     /// Generator of the recordings: mujoco, or mujoco-servos for commanded and measured positions alone (both need Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
-    /// file or folder that keeps the contract of proof/mujoco/README.md. Without it: this program, by the crate concealed.
+    /// file or folder that keeps the contract of proof/mujoco/README.md. Without it: the generator in this program.
     #[arg(long, value_name = "PROGRAM", conflicts_with_all = ["matrix", "merge", "analyse", "score", "verify"])]
     generator: Option<PathBuf>,
     /// Only every N-th case, from the I-th on, so that N machines can share a set: give all the same --seed. Merge with --merge.
@@ -105,7 +105,7 @@ pub struct BlindArgs {
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// Processes at work at a time; without it: one a core.
+    /// Number of processes at a time; without it: one for each core.
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     jobs: Option<usize>,
     /// How long an analyst may take for a case, s; one that takes longer has answered wrongly.

@@ -57,7 +57,7 @@ pub struct DemoArgs {
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// Write the picture of the first finding as SVG, too.
+    /// Also write the picture of the first finding, as SVG.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     /// With machines that have physics without a name: take those that an earlier call has finished in the folder, and go on with the others.

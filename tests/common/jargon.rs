@@ -1,0 +1,30 @@
+//! Words that belong to the program, not to the person who reads a message.
+
+/// Words that a message must not hold: types of the program, and sentences of its parsers.
+pub const JARGON: [&str; 25] = [
+    "f64",
+    "f32",
+    "u8",
+    "u32",
+    "u64",
+    "usize",
+    "i64",
+    "struct ",
+    "enum ",
+    "variant",
+    "untagged",
+    "newtype",
+    "sequence",
+    "unit value",
+    "literal",
+    "digit found",
+    "in string",
+    "empty string",
+    "target type",
+    "FromStr",
+    "EOF",
+    "invalid type",
+    "invalid length",
+    "os error",
+    "Some(",
+];
