@@ -320,12 +320,19 @@ impl Problem<'_> {
             let base = &state.residuals[index];
             let length = self.windows[index].1.len().div_ceil(cuts).max(1) * joints;
             let group = |begin: usize| {
-                let mut group = Curvature::zero(count);
-                for (at, r) in base.iter().enumerate().skip(begin).take(length) {
-                    group.add_row(&slopes[index], at, *r, state.noise.weight(at % joints, *r));
-                }
-                group.hessian.fill_upper_triangle_with_lower_triangle();
-                group
+                let of_group = base.iter().enumerate().skip(begin).take(length);
+                // The root of the weight of each row that has one.
+                let rows: Vec<(usize, f64)> = of_group
+                    .map(|(at, r)| (at, state.noise.weight(at % joints, *r).sqrt()))
+                    .filter(|(_, root)| *root > 0.0)
+                    .collect();
+                let weighed = |column: &Vec<f64>| {
+                    DVector::from_iterator(rows.len(), rows.iter().map(|(at, root)| root * column[*at]))
+                };
+                let columns: Vec<DVector<f64>> = slopes[index].iter().map(weighed).collect();
+                let columns = DMatrix::from_fn(rows.len(), count, |row, column| columns[column][row]);
+                let transposed = columns.transpose();
+                Curvature { gradient: &transposed * weighed(base), hessian: &transposed * columns }
             };
             (0..base.len()).step_by(length).map(group).collect::<Vec<_>>()
         });
@@ -371,20 +378,6 @@ impl Curvature {
     fn add(&mut self, other: &Curvature) {
         self.gradient += &other.gradient;
         self.hessian += &other.hessian;
-    }
-
-    /// Adds the row `at` with the residual `r` to the lower triangle.
-    fn add_row(&mut self, slopes: &[Vec<f64>], at: usize, r: f64, weight: f64) {
-        if weight == 0.0 {
-            return;
-        }
-        for (i, slope) in slopes.iter().enumerate() {
-            let weighed = weight * slope[at];
-            self.gradient[i] += weighed * r;
-            for (j, other) in slopes.iter().enumerate().take(i + 1) {
-                self.hessian[(i, j)] += weighed * other[at];
-            }
-        }
     }
 
     /// The values after a damped step inside the bounds.
