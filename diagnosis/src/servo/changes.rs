@@ -97,22 +97,8 @@ impl Given<'_> {
     /// All numbers of the joints as far as a model knows nothing of them, in N·m.
     fn broad(&self) -> Vec<Unknown> {
         let all = unknowns(self.sights, self.model, self.tolerances.zero).into_iter();
-        let in_torque = |unknown: Unknown| {
-            let stiffness = self.model.joints[unknown.joint].stiffness;
-            let is_ratio = matches!(
-                unknown.quantity,
-                Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Rotor
-            );
-            let scale = if is_ratio { stiffness } else { 1.0 };
-            Unknown {
-                expected: unknown.expected * scale,
-                deviation: unknown.deviation * scale,
-                step: unknown.step * scale,
-                is_torque: true,
-                ..unknown
-            }
-        };
-        all.filter(|unknown| self.moves[unknown.joint]).map(in_torque).collect()
+        let moving = all.filter(|unknown| self.moves[unknown.joint]);
+        moving.map(|unknown| unknown.in_torque(self.model.joints[unknown.joint].stiffness)).collect()
     }
 
     /// All numbers that the model has, as well as it knows them.
@@ -179,11 +165,9 @@ impl Given<'_> {
         let limits = limits(fit, self.sights, self.model).into_iter();
         let limits = limits.filter(|limit| self.moves[limit.unknown.joint]).map(|limit| {
             let joint = limit.unknown.joint;
-            let is_torque = limit.unknown.quantity == Quantity::TorqueLimit;
-            let unit = if is_torque { self.model.joints[joint].stiffness.ln() } else { 0.0 };
-            let unknown =
-                Unknown { expected: limit.unknown.expected + unit, is_torque: true, ..limit.unknown };
-            let places = limit.places.into_iter().map(|x| vec![x + unit]).collect();
+            let unknown = limit.unknown.in_torque(self.model.joints[joint].stiffness);
+            let shift = unknown.expected - limit.unknown.expected;
+            let places = limit.places.into_iter().map(|x| vec![x + shift]).collect();
             Change { kind: "servo", joint: Some(joint), unknowns: vec![unknown], places, evidence: 0.0 }
         });
         let arm = burdens(self.file).into_iter().map(|(burden, places)| Change::of_arm(burden, places));

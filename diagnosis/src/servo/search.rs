@@ -1,7 +1,7 @@
 //! The search for what a given model with servos lacks. Its numbers hold within their tolerances, but for those of a few causes. These are added one after the other, each the one that leaves least, all
 //! numbers of the given model being free within their tolerances beside it. What the recordings lose nothing without is taken back.
 
-use freeplay_servo::{Fitted, Noise, Problem, Quantity, ServoArm, Track, Unknown};
+use freeplay_servo::{Fitted, Noise, Problem, ServoArm, Track, Unknown};
 
 use super::changes::{Change, Given};
 use super::findings::named_from;
@@ -23,25 +23,8 @@ struct Changed {
 impl Changed {
     /// The numbers as ratios to the stiffness, as far as they are torques.
     fn ratios(&self) -> Vec<Unknown> {
-        let ratio = |unknown: &Unknown| {
-            let stiffness = self.fitted.model.joints[unknown.joint].stiffness;
-            let (scale, log) = match unknown.quantity {
-                _ if !unknown.is_torque => (1.0, 0.0),
-                Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Rotor => {
-                    (1.0 / stiffness, 0.0)
-                }
-                Quantity::TorqueLimit => (1.0, stiffness.ln()),
-                _ => (1.0, 0.0),
-            };
-            Unknown {
-                expected: unknown.expected * scale - log,
-                deviation: unknown.deviation * scale,
-                step: unknown.step * scale,
-                is_torque: false,
-                ..*unknown
-            }
-        };
-        self.unknowns.iter().map(ratio).collect()
+        let joints = &self.fitted.model.joints;
+        self.unknowns.iter().map(|unknown| unknown.as_ratio(joints[unknown.joint].stiffness)).collect()
     }
 }
 
