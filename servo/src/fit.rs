@@ -13,8 +13,8 @@ use crate::unknowns::Unknown;
 
 /// Shares of a number that is positive or nothing to which a fit leaps.
 const LEAPS: [f64; 4] = [0.0, 0.5, 0.8, 1.25];
-/// Most times that slopes are taken in a fit.
-const MOST_SLOPES: usize = 40;
+/// Most steps; a fit that is not done by then says so.
+const MOST_STEPS: usize = 40;
 /// A fit ends with a step that gains less log-likelihood for each number: it moves them by a tenth of a standard deviation (½ · 0.1²).
 const LEAST_GAIN: f64 = 5e-3;
 /// One window in so many makes the coarse fit that the whole one begins from: a tenth of the work for nearly all of the way.
@@ -145,7 +145,7 @@ impl Problem<'_> {
         })
     }
 
-    /// Fits `unknowns` from `model` onwards, with slopes that are taken at most 40 times. `progress` is told the step's number and what it gained.
+    /// Fits `unknowns` from `model` onwards, in at most 40 steps. `progress` is told the step's number and what it gained.
     pub fn fit(
         &self,
         model: &ServoArm,
@@ -155,21 +155,12 @@ impl Problem<'_> {
         let mut state = self.state(model.clone(), unknowns);
         let mut damping = DAMPING[0];
         let (mut steps, least) = (0, LEAST_GAIN * unknowns.len() as f64);
-        for _ in 0..MOST_SLOPES {
+        while steps < MOST_STEPS {
             let slopes = self.slopes(&state, unknowns);
-            let mut gained = 0.0;
-            // Slopes serve for as long as steps with them gain.
-            loop {
-                let tries = if gained == 0.0 { TRIES } else { 1 };
-                let gain = self.step(&mut state, (&slopes, unknowns), &mut damping, tries);
-                steps += 1;
-                progress(steps, gain);
-                gained += gain;
-                if gain < least {
-                    break;
-                }
-            }
-            if gained < least {
+            let gain = self.step(&mut state, (&slopes, unknowns), &mut damping);
+            steps += 1;
+            progress(steps, gain);
+            if gain < least {
                 if state.reach < 1.0 {
                     break;
                 }
@@ -249,17 +240,16 @@ impl Problem<'_> {
         FitState { x, model, residuals, noise, reach: 1.0 }
     }
 
-    /// Takes a step along `slopes`, in at most so many `tries`; what it gained, log-likelihood and prior.
+    /// Takes a step along `slopes`; what it gained, log-likelihood and prior.
     fn step(
         &self,
         state: &mut FitState,
         (slopes, unknowns): (&[Slopes], &[Unknown]),
         damping: &mut f64,
-        tries: usize,
     ) -> f64 {
         let curvature = self.curvature(state, slopes, unknowns);
         let before = self.lost(&state.residuals, &state.noise, &state.x, unknowns);
-        for _ in 0..tries {
+        for _ in 0..TRIES {
             let x = curvature.next(&state.x, unknowns, *damping);
             let model = placed(&state.model, unknowns, &x);
             let residuals = self.residuals(&model);
