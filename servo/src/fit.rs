@@ -316,13 +316,14 @@ impl Problem<'_> {
                     .map(|(at, r)| (at, state.noise.weight(at % joints, *r).sqrt()))
                     .filter(|(_, root)| *root > 0.0)
                     .collect();
-                let weighed = |column: &Vec<f64>| {
-                    DVector::from_iterator(rows.len(), rows.iter().map(|(at, root)| root * column[*at]))
-                };
-                let columns: Vec<DVector<f64>> = slopes[index].iter().map(weighed).collect();
-                let columns = DMatrix::from_fn(rows.len(), count, |row, column| columns[column][row]);
+                let columns = DMatrix::from_fn(rows.len(), count, |row, column| {
+                    let (at, root) = rows[row];
+                    root * slopes[index][column][at]
+                });
+                let right =
+                    DVector::from_iterator(rows.len(), rows.iter().map(|(at, root)| root * base[*at]));
                 let transposed = columns.transpose();
-                Curvature { gradient: &transposed * weighed(base), hessian: &transposed * columns }
+                Curvature { gradient: &transposed * right, hessian: &transposed * columns }
             };
             (0..base.len()).step_by(length).map(group).collect::<Vec<_>>()
         });

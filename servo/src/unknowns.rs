@@ -146,6 +146,11 @@ pub struct Unknown {
 }
 
 impl Unknown {
+    /// Whether `other` is the same quantity of the same joint, whatever is believed of it.
+    pub fn is_same(&self, other: &Unknown) -> bool {
+        self.joint == other.joint && self.quantity == other.quantity
+    }
+
     /// The same in N·m, where the servo has `stiffness`, N·m/rad.
     #[must_use]
     pub fn in_torque(self, stiffness: f64) -> Unknown {

@@ -1,5 +1,5 @@
 //! Payloads and tilted bases that the model does not have. The droop of the servos changes with the pose in another way for each of them, whatever the servos' stiffness.
-//! One link's mass is not among them: at its own joint it is a softer servo, and of what it is at those before little is left then that tells it from the rest of the law.
+//! One link's mass is asked for beside given servos alone: beside unknown ones it is a softer servo at its own joint, and what it does at those before hardly tells it from the rest of the law.
 
 use freeplay_arm::ArmFile;
 use freeplay_servo::{Fitted, Problem, Quantity, Unknown};
@@ -74,9 +74,9 @@ pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
     links.map(|joint| unknown(joint, Quantity::LinkMass, tolerances.mass)).collect()
 }
 
-/// Factors of a link's mass where a fit begins that does not lead there from nothing.
+/// Factors of a link's mass at which a fit begins, as a fit from the modelled mass may not lead there.
 const MASSES: [f64; 4] = [0.5, 0.75, 1.33, 2.0];
-/// The same: what a payload may weigh, as shares of the arm; how far a base may lean, rad.
+/// The same for payloads and leans: what a payload may weigh, as shares of the arm; how far a base may lean, rad.
 const PAYLOADS: [f64; 5] = [0.03, 0.1, 0.2, 0.4, 0.8];
 const LEANS: [[f64; 2]; 8] =
     [[-0.2, -0.2], [-0.2, 0.0], [-0.2, 0.2], [0.0, -0.2], [0.0, 0.2], [0.2, -0.2], [0.2, 0.0], [0.2, 0.2]];

@@ -1,4 +1,4 @@
-//! What a given model with servos may lack, and how well its numbers are known.
+//! The causes that a given model with servos may lack, and the tolerances of the numbers that it has.
 
 use freeplay_arm::ArmFile;
 use freeplay_servo::{Problem, Quantity, ServoArm, Sight, Unknown, unknowns};
@@ -12,6 +12,7 @@ use crate::diagnose::Tolerances;
 const SHARES: [f64; 10] = [-0.8, -0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4, 0.8];
 /// Steps of finite differences over what a number may be.
 const STEP: f64 = 0.03;
+
 /// One cause that a given model may lack.
 #[derive(Clone, Debug)]
 pub struct Change {
@@ -63,7 +64,7 @@ impl Change {
         model
     }
 
-    /// Whether it is the arm's, and no servo's.
+    /// Whether the change is of the arm (a payload, a lean, a link's mass), and not of a servo.
     pub fn is_burden(&self) -> bool {
         self.unknowns.iter().any(|unknown| unknown.quantity.is_of_arm())
     }
@@ -73,9 +74,9 @@ impl Change {
         Burdened { kind: self.kind, joint: self.joint, unknowns: self.unknowns.clone(), rivals: Vec::new() }
     }
 
-    /// Whether `unknown` is one of its numbers.
+    /// Whether the change has the number `unknown`.
     pub fn has(&self, unknown: &Unknown) -> bool {
-        self.unknowns.iter().any(|one| one.joint == unknown.joint && one.quantity == unknown.quantity)
+        self.unknowns.iter().any(|one| one.is_same(unknown))
     }
 }
 
@@ -85,7 +86,7 @@ pub struct Given<'a> {
     pub file: &'a ArmFile,
     /// The model.
     pub model: &'a ServoArm,
-    /// What the recordings say of each joint.
+    /// Lag, stiffness and encoder step of each joint, as the recordings show them before any fit.
     pub sights: &'a [Sight],
     /// Whether each joint is commanded to move.
     pub moves: &'a [bool],

@@ -60,9 +60,7 @@ pub fn lost(problem: &Problem, model: &ServoArm, noise: &Noise) -> f64 {
 /// The limit that gains most where it is tried; all other numbers stand.
 fn best(problem: &Problem, sights: &[Sight], unknowns: &[Unknown], fitted: &Fitted) -> Option<Candidate> {
     let before = lost(problem, &fitted.model, &fitted.noise);
-    let is_new = |limit: &&Limit| {
-        !unknowns.iter().any(|one| one.joint == limit.unknown.joint && one.quantity == limit.unknown.quantity)
-    };
+    let is_new = |limit: &&Limit| !unknowns.iter().any(|one| one.is_same(&limit.unknown));
     let limits = limits(problem, sights, &fitted.model);
     let candidates = limits.iter().filter(is_new).flat_map(|limit| {
         limit.places.iter().map(|value| {

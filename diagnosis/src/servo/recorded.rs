@@ -55,12 +55,11 @@ impl Recorded<'_> {
             .map(|part| problem(tracks, part, self.sights, WINDOW).forgetting(model))
     }
 
-    /// The recordings without what happened in those that fit or choose, under the fitted model.
-    pub fn undisturbed(&self, fitted: &Fitted, unknowns: &[Unknown]) -> Vec<Track> {
+    /// The recordings without the `events` of those that fit or choose.
+    pub fn undisturbed(&self, events: Vec<Event>) -> Vec<Track> {
         let seen: BTreeSet<usize> =
             self.parts.fit.iter().chain(&self.parts.choice).map(|(index, _)| *index).collect();
-        let events = self.events(fitted, unknowns).into_iter();
-        let events: Vec<Event> = events.filter(|event| seen.contains(&event.recording)).collect();
+        let events: Vec<Event> = events.into_iter().filter(|event| seen.contains(&event.recording)).collect();
         without(self.tracks, &events)
     }
 

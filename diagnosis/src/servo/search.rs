@@ -81,8 +81,7 @@ impl<'a> Search<'a> {
 
     /// The value and the standard deviation of `unknown` in `changed`.
     fn value(unknown: &Unknown, changed: &Changed) -> (f64, f64) {
-        let is_it = |one: &Unknown| one.joint == unknown.joint && one.quantity == unknown.quantity;
-        let at = changed.unknowns.iter().position(is_it);
+        let at = changed.unknowns.iter().position(|one| one.is_same(unknown));
         at.map_or((unknown.expected, unknown.deviation), |at| changed.fitted.values[at])
     }
 
@@ -101,8 +100,7 @@ impl<'a> Search<'a> {
             |changed: &Changed| self.left(changed, noise) + lost(self.parts[1], &changed.fitted.model, noise);
         let distance = |unknown: &Unknown| {
             let (value, deviation) = Search::value(unknown, changed);
-            let known =
-                self.known.iter().find(|known| change.has(known) && known.quantity == unknown.quantity);
+            let known = self.known.iter().find(|known| known.is_same(unknown));
             let tolerance = known.map_or(0.0, |known| known.deviation);
             let given = unknown.of(self.given);
             // Of a limit that the given model lacks, there is no distance.
@@ -208,7 +206,7 @@ pub fn changes(recorded: &Recorded, given: &ServoArm, progress: &mut dyn FnMut(&
     let events = recorded.events(&first.fitted, &first.unknowns);
     let is_stopped = events.iter().filter(|event| stop(&mut given, event)).count() > 0;
     // What happened to the arm is no change of its model: the search goes on without it.
-    let undisturbed = recorded.undisturbed(&first.fitted, &first.unknowns);
+    let undisturbed = recorded.undisturbed(events);
     let changed = if is_stopped || !is_same(&undisturbed, recorded.tracks) {
         search(recorded, (&given, &undisturbed), Some(first), progress)
     } else {

@@ -34,7 +34,7 @@ pub fn servos(recorded: &Recorded, progress: &mut dyn FnMut(&str)) -> Found {
     drop((fit, choice));
     progress("looking for contacts and stops");
     // What happened to the arm is no servo's: the fit goes on without it.
-    let undisturbed = recorded.undisturbed(&fitted, &believed);
+    let undisturbed = recorded.undisturbed(recorded.events(&fitted, &believed));
     let [fit, choice] = recorded.fit_and_choice(&undisturbed, &fitted.model);
     let is_disturbed = !is_same(&undisturbed, tracks);
     if is_disturbed {
