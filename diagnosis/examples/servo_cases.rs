@@ -10,7 +10,7 @@ use std::path::Path;
 use freeplay_arm::{ArmFile, parse_toml};
 use freeplay_diagnosis::{DiagnoseSettings, Verdict, diagnose};
 use freeplay_recording::Recording;
-use freeplay_servo::{Commands, Rollout, ServoArm, State};
+use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -129,7 +129,8 @@ impl Case {
         let start = |joint: usize| commanded[joint][0].max(truth.joints[joint].stops[0]);
         let state = State { q: (0..JOINTS.len()).map(start).collect(), v: vec![0.0; JOINTS.len()] };
         let mut out = vec![0.0; JOINTS.len() * t.len()];
-        Rollout::new(&truth.arm, 0.001).run(&truth, &commands, &t, &state, &mut out);
+        let course = Course { commands: &commands, stamps: &t, loads: &[] };
+        Rollout::new(&truth, 0.001).run(&truth, course, &state, &mut out);
         let mut all = vec![("t".to_owned(), t)];
         for (joint, column) in commanded.into_iter().enumerate() {
             let read = |q: &f64| (q / self.tick).round() * self.tick;

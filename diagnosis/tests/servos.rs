@@ -10,7 +10,7 @@ use freeplay_diagnosis::{
     DiagnoseSettings, Diagnosis, Effect, Verdict, commands_alone, compare_commands, diagnose,
 };
 use freeplay_recording::{Recording, read};
-use freeplay_servo::{Commands, Rollout, ServoArm, State};
+use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 
 use common::TWO_LINKS;
 
@@ -65,7 +65,8 @@ fn recorded(machine: &ArmFile, name: &str, phase: f64, middle: f64, pressed: [f6
     let commands = [&shoulder, &elbow].map(|column| Commands::new(&t, column));
     let start = State { q: vec![shoulder[0], elbow[0].max(-0.6)], v: vec![0.0; 2] };
     let mut out = vec![0.0; 2 * t.len()];
-    Rollout::new(&truth.arm, 0.001).run(&truth, &commands, &t, &start, &mut out);
+    let course = Course { commands: &commands, stamps: &t, loads: &[] };
+    Rollout::new(&truth, 0.001).run(&truth, course, &start, &mut out);
     let measured = |joint: usize| {
         let aside = |t: f64| if t >= pressed[0] && t < pressed[1] { 0.08 } else { 0.0 };
         let column = out.iter().skip(joint).step_by(2).zip(&t);

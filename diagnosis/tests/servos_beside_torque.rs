@@ -8,7 +8,7 @@ use std::path::Path;
 use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind, parse_toml, to_toml};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Effect, Verdict, compare_commands, diagnose};
 use freeplay_recording::Recording;
-use freeplay_servo::{Commands, Rollout, ServoArm, State};
+use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 
 use common::{TWO_LINKS, arm, columns, even, link, recording, without};
 
@@ -50,7 +50,8 @@ fn recorded(machine: &ArmFile, name: &str, phase: f64, late: usize) -> Recording
     let commands: Vec<Commands> = commanded.iter().map(|column| Commands::new(&fine, column)).collect();
     let start = State { q: commanded.iter().map(|column| column[0]).collect(), v: vec![0.0; 2] };
     let mut out = vec![0.0; 2 * fine.len()];
-    Rollout::new(&truth.arm, STEP).run(&truth, &commands, &fine, &start, &mut out);
+    let course = Course { commands: &commands, stamps: &fine, loads: &[] };
+    Rollout::new(&truth, STEP).run(&truth, course, &start, &mut out);
     let torque = |step: usize, joint: usize| {
         let (before, after) = (step.saturating_sub(1), (step + 1).min(fine.len() - 1));
         let v = (out[2 * after + joint] - out[2 * before + joint]) / ((after - before) as f64 * STEP);

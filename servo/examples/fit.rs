@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use freeplay_recording::{Recording, read};
-use freeplay_servo::{Commands, Problem, Rollout, Track, first_model, unknowns};
+use freeplay_servo::{Commands, Problem, Rollout, ServoArm, Track, servos, sights, unknowns};
 
 /// Longest step of a rollout, s.
 const STEP: f64 = 0.01;
@@ -15,7 +15,7 @@ const STEP: f64 = 0.01;
 fn track(recording: &Recording) -> Track {
     let references = recording.q_ref.as_ref().unwrap();
     let commands = references.iter().map(|column| Commands::new(&recording.t, column)).collect();
-    Track { stamps: recording.t.clone(), measured: recording.q.clone(), commands }
+    Track { stamps: recording.t.clone(), measured: recording.q.clone(), commands, loads: Vec::new() }
 }
 
 fn tracks(names: &[String]) -> Vec<Track> {
@@ -42,7 +42,8 @@ fn main() {
         threads,
     };
     let began = Instant::now();
-    let (model, sights) = first_model(&arm, &problem);
+    let sights = sights(&arm, &train);
+    let model = ServoArm::new(arm.clone(), servos(&arm, &sights, &vec![0.5; arm.dof()]));
     for sight in &sights {
         println!("{sight:.4?}");
     }
@@ -53,13 +54,12 @@ fn main() {
     let mut say = |step: usize, gain: f64| {
         println!("step {step} gained {gain:.2} after {:.1?}", began.elapsed());
     };
-    let begun = problem.begin(&model, &unknowns, &mut say);
-    let fitted = problem.fit(&begun.model, &unknowns, &mut say);
+    let fitted = problem.fit(&model, &unknowns, &mut say);
     println!("{} steps, {:.1?}, noise {:.4?}", fitted.steps, began.elapsed(), fitted.noise);
     for (unknown, (value, deviation)) in unknowns.iter().zip(&fitted.values) {
         println!("joint {} {:?}: {value:.5} ± {:.5}", unknown.joint, unknown.quantity, 1.96 * deviation);
     }
-    let mut rollout = Rollout::new(&arm, STEP);
+    let mut rollout = Rollout::new(&fitted.model, STEP);
     let mut pooled = (0.0, 0);
     for name in &arguments[(split + 1).min(arguments.len())..] {
         let track = track(&read(Path::new(name), None).unwrap());

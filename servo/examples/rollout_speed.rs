@@ -4,7 +4,7 @@
 //! and its positions are printed, one line a stamp.
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 
-use freeplay_servo::{Commands, Rollout, ServoArm, State};
+use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -18,10 +18,11 @@ fn main() {
     let commands: Vec<Commands> = commanded.iter().map(|column| Commands::new(&stamps, column)).collect();
     let start = State { q: commanded.iter().map(|column| column[0]).collect(), v: vec![0.0; joints] };
     let (count, step): (usize, f64) = (arguments[2].parse().unwrap(), arguments[3].parse().unwrap());
-    let mut rollout = Rollout::new(&model.arm, step);
+    let mut rollout = Rollout::new(&model, step);
     let mut out = vec![0.0; stamps.len() * joints];
+    let course = Course { commands: &commands, stamps: &stamps, loads: &[] };
     for _ in 0..count {
-        rollout.run(&model, &commands, &stamps, &start, &mut out);
+        rollout.run(&model, course, &start, &mut out);
     }
     for row in out.chunks(joints) {
         println!("{}", row.iter().map(f64::to_string).collect::<Vec<String>>().join(","));

@@ -17,7 +17,7 @@ const LEAPS: [f64; 4] = [0.0, 0.5, 0.8, 1.25];
 const MOST_STEPS: usize = 40;
 /// A fit ends with a step that gains less log-likelihood for each number: it moves them by a tenth of a standard deviation (½ · 0.1²).
 const LEAST_GAIN: f64 = 5e-3;
-/// One window in so many makes the coarse fit that the whole one begins from: a tenth of the work for nearly all of the way.
+/// One window in so many makes the coarse problem on which beginnings are compared: a tenth of the work for nearly all of the way.
 const COARSE: usize = 5;
 /// Share of their steps by which finite differences end, once a fit gains no more by the whole.
 const NEARER: f64 = 0.15;
@@ -82,7 +82,7 @@ impl Problem<'_> {
     /// Residuals of `model` in every window, `[window][row][joint]`; not a number where nothing was measured or a row does not count.
     pub fn residuals(&self, model: &ServoArm) -> Vec<Vec<f64>> {
         each(self.windows.len(), self.threads, |index| {
-            self.residual(index, model, &mut Rollout::new(&model.arm, self.longest_step))
+            self.residual(index, model, &mut Rollout::new(model, self.longest_step))
         })
     }
 
@@ -102,10 +102,24 @@ impl Problem<'_> {
         let noise = Noise::of(&self.residuals(model), &self.rounding);
         self.counted = each(self.windows.len(), self.threads, |index| {
             let (track, rows) = &self.windows[index];
-            let mut rollout = Rollout::new(&model.arm, self.longest_step);
+            let mut rollout = Rollout::new(model, self.longest_step);
             self.tracks[*track].forgets(model, &mut rollout, rows, &noise.size)
         });
         self
+    }
+
+    /// The problem of `joint` alone, which `tracks` are of ([`Track::each_alone`]), on one thread.
+    pub fn alone<'a>(&self, joint: usize, tracks: &'a [Track]) -> Problem<'a> {
+        let joints = self.rounding.len();
+        let of_joint = |rows: &Vec<bool>| rows.iter().skip(joint).step_by(joints).copied().collect();
+        Problem {
+            tracks,
+            windows: self.windows.clone(),
+            counted: self.counted.iter().map(of_joint).collect(),
+            rounding: vec![self.rounding[joint]],
+            longest_step: self.longest_step,
+            threads: 1,
+        }
     }
 
     /// Log-likelihood lost to `residuals` under `noise`, for each joint.
@@ -120,22 +134,8 @@ impl Problem<'_> {
         losses
     }
 
-    /// Fits `unknowns` from `model` onwards to one window in five; to all of them where there are few. `progress` is told the step's number and what it
-    /// gained.
-    pub fn begin(
-        &self,
-        model: &ServoArm,
-        unknowns: &[Unknown],
-        progress: &mut dyn FnMut(usize, f64),
-    ) -> Fitted {
-        match self.coarse() {
-            Some(coarse) => coarse.forgetting(model).fit(model, unknowns, progress),
-            None => self.fit(model, unknowns, progress),
-        }
-    }
-
-    /// One window in five; `None` where there are few.
-    fn coarse(&self) -> Option<Problem<'_>> {
+    /// The same with one window in five; `None` where there are few.
+    pub fn coarse(&self) -> Option<Problem<'_>> {
         let few: Vec<_> = self.windows.iter().skip(COARSE / 2).step_by(COARSE).cloned().collect();
         (few.len() > 1).then(|| Problem {
             windows: few,
@@ -286,7 +286,7 @@ impl Problem<'_> {
     /// Derivatives of the residuals of each window by finite differences, on all threads.
     fn slopes(&self, state: &FitState, unknowns: &[Unknown]) -> Vec<Slopes> {
         each(self.windows.len(), self.threads, |index| {
-            let mut rollout = Rollout::new(&state.model.arm, self.longest_step);
+            let mut rollout = Rollout::new(&state.model, self.longest_step);
             let of = |(unknown, x): (&Unknown, &f64)| {
                 let mut model = state.model.clone();
                 let reach = state.reach * unknown.step;

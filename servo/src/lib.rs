@@ -6,9 +6,9 @@
 //! - [`JointServo`]: the law of one joint: servo, friction, limits, delay; a piece of it is a [`Line`].
 //! - [`ServoArm`]: the rigid arm with the servo of each joint, as an arm file has them.
 //! - [`Burden`]: what the arm carries and how it stands beside what its file says.
-//! - [`Sliding`]: one step with set-valued friction; [`Rollout`]: many of them from a [`State`] along the commands.
-//! - [`Track`]: a recording of commanded and measured positions; its windows begin anew from what was measured.
-//! - [`Sight`]: what a recording says of a joint before any rollout ([`sights`], [`lag`]); [`servos`], [`first_model`] to begin a fit from.
+//! - [`Sliding`]: one step with set-valued friction; [`Rollout`]: many of them from a [`State`] along a [`Course`] of commands.
+//! - [`Track`]: a recording of commanded and measured positions; its windows begin anew from what was measured. One joint of it, under the [`Load`] that it had, is a track, too.
+//! - [`Sight`]: what a recording says of a joint before any rollout ([`sights`], [`lag`]); [`servos`] to begin a fit from.
 //! - [`Unknown`]: a [`Quantity`] of a joint that a fit looks for, with what is believed of it before ([`unknowns`]).
 //! - [`Problem`]: windows of recordings; [`Fitted`]: what came out of them, with the [`Noise`] that is left.
 
@@ -19,6 +19,7 @@ mod burden;
 mod command;
 mod fit;
 mod joint;
+mod load;
 mod noise;
 mod parallel;
 mod priors;
@@ -32,10 +33,11 @@ pub use burden::Burden;
 pub use command::Commands;
 pub use fit::{Fitted, Problem};
 pub use joint::{JointServo, Line};
+pub use load::Load;
 pub use noise::Noise;
 pub use parallel::each;
-pub use priors::{first_model, unknowns};
-pub use rollout::{Rollout, ServoArm, State};
+pub use priors::unknowns;
+pub use rollout::{Course, Rollout, ServoArm, State};
 pub use solve::Sliding;
 pub use track::Track;
 pub use unknowns::{Quantity, Unknown};

@@ -38,6 +38,12 @@ impl Noise {
         Noise { size, rows }
     }
 
+    /// The noise of `joint` alone.
+    #[must_use]
+    pub fn alone(&self, joint: usize) -> Noise {
+        Noise { size: vec![self.size[joint]], rows: vec![self.rows[joint]] }
+    }
+
     /// Log-likelihood lost to the residual `r` of `joint`, against none; zero where nothing was measured.
     #[inline]
     pub fn loss(&self, joint: usize, r: f64) -> f64 {

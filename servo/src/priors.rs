@@ -1,16 +1,9 @@
-//! What is believed of a joint's servo before a fit, and a fit from nothing but recordings.
+//! What is believed of a joint's servo before a fit.
 
-use freeplay_arm::Arm;
-
-use crate::beginning::{Sight, servos, sights};
-use crate::fit::Problem;
-use crate::joint::JointServo;
-use crate::noise::Noise;
+use crate::beginning::Sight;
 use crate::rollout::ServoArm;
 use crate::unknowns::{Quantity, Unknown};
 
-/// Shares of the whole lag that are tried as delay before a fit: a quick servo behind a slow line, a slow one behind a quick line, and between.
-const SHARES: [f64; 3] = [0.1, 0.5, 0.9];
 /// Step of a finite difference over the size of what it changes. Dry friction makes a rollout a chain of small slips, whose derivative is rough below
 /// a few hundredths of that size; far above it a rollout bends.
 const STEP: f64 = 0.03;
@@ -49,24 +42,4 @@ pub fn unknowns(sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
         })
     };
     sights.iter().enumerate().flat_map(of_joint).collect()
-}
-
-/// A model to begin a fit of `problem` from: of each joint's lag that share is delay with which its channel is nearest.
-pub fn first_model(arm: &Arm, problem: &Problem) -> (ServoArm, Vec<Sight>) {
-    let sights = sights(arm, problem.tracks);
-    let of_share = |share: f64| {
-        let joints = servos(arm, &sights, &vec![share; arm.dof()]);
-        let model = ServoArm::new(arm.clone(), joints);
-        let residuals = problem.residuals(&model);
-        (model, residuals)
-    };
-    let tried: Vec<_> = SHARES.into_iter().map(of_share).collect();
-    let noise = Noise::of(&tried[0].1, &problem.rounding);
-    let losses: Vec<Vec<f64>> =
-        tried.iter().map(|(_, residuals)| problem.losses(residuals, &noise)).collect();
-    let best = |joint: usize| -> JointServo {
-        let order = (0..tried.len()).min_by(|&a, &b| losses[a][joint].total_cmp(&losses[b][joint]));
-        tried[order.unwrap_or(0)].0.joints[joint]
-    };
-    (ServoArm::new(arm.clone(), (0..arm.dof()).map(best).collect()), sights)
 }

@@ -6,6 +6,7 @@ use nalgebra::DMatrix;
 use crate::burden::Burden;
 use crate::command::Commands;
 use crate::joint::{JointServo, Line};
+use crate::load::Load;
 use crate::solve::Sliding;
 use crate::unknowns::Quantity;
 
@@ -44,6 +45,17 @@ impl ServoArm {
     }
 }
 
+/// What a rollout goes along.
+#[derive(Clone, Copy, Debug)]
+pub struct Course<'a> {
+    /// Commands, one a joint.
+    pub commands: &'a [Commands],
+    /// Times at which the position is asked for, s, increasing.
+    pub stamps: &'a [f64],
+    /// The load of the only joint at each stamp; empty where the arm makes the loads.
+    pub loads: &'a [Load],
+}
+
 /// Position and velocity of all joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
@@ -73,11 +85,11 @@ pub struct Rollout {
 }
 
 impl Rollout {
-    /// A rollout of arms with as many joints as `arm`, in steps of at most `longest_step` s.
-    pub fn new(arm: &Arm, longest_step: f64) -> Rollout {
-        let n = arm.dof();
+    /// A rollout of models with as many joints as `model`, in steps of at most `longest_step` s.
+    pub fn new(model: &ServoArm, longest_step: f64) -> Rollout {
+        let n = model.joints.len();
         Rollout {
-            workspace: Workspace::new(arm),
+            workspace: Workspace::new(&model.arm),
             mass: DMatrix::zeros(n, n),
             state: State { q: vec![0.0; n], v: vec![0.0; n] },
             middle: vec![0.0; n],
@@ -94,43 +106,28 @@ impl Rollout {
         }
     }
 
-    /// Integrates `model` from `start` along `commands` (one a joint) through the times `stamps` (s, increasing) and writes the position at each stamp
-    /// into `out`, `[stamp][joint]`; the first row is the start.
+    /// Integrates `model` from `start` along `course` and writes the position at each of its stamps into `out`, `[stamp][joint]`; the first row is the start.
     ///
     /// # Panics
-    /// If the sizes do not fit the arm.
-    pub fn run(
-        &mut self,
-        model: &ServoArm,
-        commands: &[Commands],
-        stamps: &[f64],
-        start: &State,
-        out: &mut [f64],
-    ) {
+    /// If the sizes do not fit the model.
+    pub fn run(&mut self, model: &ServoArm, course: Course, start: &State, out: &mut [f64]) {
         // The loops over joints are compiled for each of the usual numbers of joints.
         match model.joints.len() {
-            1 => self.integrate(1, model, commands, stamps, start, out),
-            2 => self.integrate(2, model, commands, stamps, start, out),
-            3 => self.integrate(3, model, commands, stamps, start, out),
-            4 => self.integrate(4, model, commands, stamps, start, out),
-            5 => self.integrate(5, model, commands, stamps, start, out),
-            6 => self.integrate(6, model, commands, stamps, start, out),
-            7 => self.integrate(7, model, commands, stamps, start, out),
-            n => self.integrate(n, model, commands, stamps, start, out),
+            1 => self.integrate(1, model, course, start, out),
+            2 => self.integrate(2, model, course, start, out),
+            3 => self.integrate(3, model, course, start, out),
+            4 => self.integrate(4, model, course, start, out),
+            5 => self.integrate(5, model, course, start, out),
+            6 => self.integrate(6, model, course, start, out),
+            7 => self.integrate(7, model, course, start, out),
+            n => self.integrate(n, model, course, start, out),
         }
     }
 
     /// [`Rollout::run`] for `n` joints.
     #[inline(always)]
-    fn integrate(
-        &mut self,
-        n: usize,
-        model: &ServoArm,
-        commands: &[Commands],
-        stamps: &[f64],
-        start: &State,
-        out: &mut [f64],
-    ) {
+    fn integrate(&mut self, n: usize, model: &ServoArm, course: Course, start: &State, out: &mut [f64]) {
+        let Course { commands, stamps, loads } = course;
         self.state.q.copy_from_slice(&start.q);
         self.state.v.copy_from_slice(&start.v);
         self.speed.copy_from_slice(&start.v);
@@ -144,25 +141,36 @@ impl Rollout {
             let h = (pair[1] - pair[0]) / steps;
             for step in 0..steps as usize {
                 let t = pair[0] + step as f64 * h;
+                match loads.get(row..row + 2) {
+                    Some(loads) => self.take(loads[0].between(loads[1], (step as f64 + 0.5) / steps)),
+                    None => self.take_arm(n, model, h),
+                }
                 self.step(n, model, commands, t, h);
             }
             out[(row + 1) * n..(row + 2) * n].copy_from_slice(&self.state.q);
         }
     }
 
-    /// The state at the end of `stamps` from `start` at their beginning; see [`Rollout::run`].
+    /// The state at the end of `course` from `start` at its beginning; see [`Rollout::run`].
     ///
     /// # Panics
-    /// If the sizes do not fit the arm.
-    pub fn after(&mut self, model: &ServoArm, commands: &[Commands], stamps: &[f64], start: &State) -> State {
-        let mut out = vec![0.0; stamps.len() * model.joints.len()];
-        self.run(model, commands, stamps, start, &mut out);
+    /// If the sizes do not fit the model.
+    pub fn after(&mut self, model: &ServoArm, course: Course, start: &State) -> State {
+        let mut out = vec![0.0; course.stamps.len() * model.joints.len()];
+        self.run(model, course, start, &mut out);
         self.state.clone()
     }
 
-    /// One step of `h` from `t`, s: the arm's own terms stand as at the predicted middle, the servos move through it in steps of their own.
+    /// Takes `load` for a step of the only joint.
     #[inline(always)]
-    fn step(&mut self, n: usize, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
+    fn take(&mut self, load: Load) {
+        self.mass[(0, 0)] = load.inertia;
+        self.bias[0] = load.torque;
+    }
+
+    /// Takes the arm's terms for a step of `h`, s: as at its predicted middle.
+    #[inline(always)]
+    fn take_arm(&mut self, n: usize, model: &ServoArm, h: f64) {
         for i in 0..n {
             self.middle[i] = self.state.q[i] + 0.5 * h * self.state.v[i];
         }
@@ -174,6 +182,11 @@ impl Rollout {
             &mut self.mass,
             &mut self.bias,
         );
+    }
+
+    /// One step of `h` from `t`, s: the terms that were taken stand, the servos move through it in steps of their own.
+    #[inline(always)]
+    fn step(&mut self, n: usize, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
         let steps = (h / SERVO_STEP - 1e-6).ceil().max(1.0);
         let own = h / steps;
         for (i, joint) in model.joints.iter().enumerate() {

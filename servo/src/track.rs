@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use crate::command::Commands;
-use crate::rollout::{Rollout, ServoArm, State};
+use crate::load::Load;
+use crate::rollout::{Course, Rollout, ServoArm, State};
 
 /// Rows at the beginning of a window from which its initial state is estimated.
 const START_ROWS: usize = 5;
@@ -17,6 +18,8 @@ pub struct Track {
     pub measured: Vec<Vec<f64>>,
     /// Commands, one a joint.
     pub commands: Vec<Commands>,
+    /// The load of its only joint in each row ([`Track::each_alone`]); empty where the arm makes the loads.
+    pub loads: Vec<Load>,
 }
 
 impl Track {
@@ -95,7 +98,9 @@ impl Track {
 
     fn begun(&self, model: &ServoArm, rollout: &mut Rollout, rows: &Range<usize>, start: &State) -> Vec<f64> {
         let mut out = vec![0.0; rows.len() * self.measured.len()];
-        rollout.run(model, &self.commands, &self.stamps[rows.clone()], start, &mut out);
+        let loads = if self.loads.is_empty() { &[] } else { &self.loads[rows.clone()] };
+        let course = Course { commands: &self.commands, stamps: &self.stamps[rows.clone()], loads };
+        rollout.run(model, course, start, &mut out);
         out
     }
 }

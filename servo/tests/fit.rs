@@ -4,8 +4,8 @@
 mod common;
 
 use freeplay_servo::{
-    Commands, Fitted, JointServo, Problem, Quantity, Rollout, ServoArm, State, Track, Unknown, first_model,
-    lag, sights, unknowns,
+    Commands, Course, Fitted, JointServo, Load, Problem, Quantity, Rollout, ServoArm, Sight, State, Track,
+    Unknown, lag, servos, sights, unknowns,
 };
 
 use common::{stamps, two_links};
@@ -37,7 +37,8 @@ fn recorded(truth: &ServoArm, seconds: usize, pressed: f64) -> Track {
     let commands: Vec<Commands> = columns.iter().map(|column| Commands::new(&times, column)).collect();
     let start = State { q: columns.iter().map(|column| column[0]).collect(), v: vec![0.0; 2] };
     let mut out = vec![0.0; 2 * times.len()];
-    Rollout::new(&truth.arm, 0.001).run(truth, &commands, &times, &start, &mut out);
+    let course = Course { commands: &commands, stamps: &times, loads: &[] };
+    Rollout::new(truth, 0.001).run(truth, course, &start, &mut out);
     let column = |joint: usize| {
         let rows = out.iter().skip(joint).step_by(2).zip(&times);
         rows.map(|(q, t)| {
@@ -46,7 +47,7 @@ fn recorded(truth: &ServoArm, seconds: usize, pressed: f64) -> Track {
         })
         .collect::<Vec<f64>>()
     };
-    Track { measured: vec![column(0), column(1)], commands, stamps: times }
+    Track { measured: vec![column(0), column(1)], commands, stamps: times, loads: Vec::new() }
 }
 
 fn problem(track: &Track, threads: usize) -> Problem<'_> {
@@ -60,9 +61,17 @@ fn problem(track: &Track, threads: usize) -> Problem<'_> {
     }
 }
 
+/// Servos to begin a fit to `track` from, half of the lag as delay.
+fn first(track: &Track) -> (ServoArm, Vec<Sight>) {
+    let arm = two_links(9.81);
+    let seen = sights(&arm, std::slice::from_ref(track));
+    let servos = servos(&arm, &seen, &[0.5; 2]);
+    (ServoArm::new(arm, servos), seen)
+}
+
 fn fitted(track: &Track, threads: usize) -> (Vec<Unknown>, Fitted) {
     let problem = problem(track, threads);
-    let (model, seen) = first_model(&two_links(9.81), &problem);
+    let (model, seen) = first(track);
     let unknowns = unknowns(&seen, &model, 1e-4);
     let fitted = problem.fit(&model, &unknowns, &mut |_, _| ());
     (unknowns, fitted)
@@ -129,8 +138,28 @@ fn a_lag_and_a_stiffness_show_before_any_rollout() {
         ],
         commands: vec![track.commands[0].clone()],
         stamps: track.stamps.clone(),
+        loads: Vec::new(),
     };
     assert!((lag(&[shifted], 0) - 0.05).abs() < 1e-3);
+}
+
+/// A joint alone, under the load that it had while the other moved as measured, moves as it does in the whole arm: to a tenth of what the load does to it.
+#[test]
+fn a_joint_alone_moves_as_in_the_arm() {
+    let truth = truth();
+    let track = recorded(&truth, 30, 0.0);
+    let rows = 0..track.stamps.len();
+    let size =
+        |residual: &[f64]| (residual.iter().map(|r| r * r).sum::<f64>() / residual.len() as f64).sqrt();
+    for (joint, alone) in track.each_alone(&truth.arm).into_iter().enumerate() {
+        let model = ServoArm::new(truth.arm.clone(), vec![truth.joints[joint]]);
+        let off = |track: &Track| size(&track.residual(&model, &mut Rollout::new(&model, 0.005), &rows));
+        let unloaded =
+            Track { loads: vec![Load { inertia: 1e-6, torque: 0.0 }; rows.len()], ..alone.clone() };
+        let (off, without) = (off(&alone), off(&unloaded));
+        println!("joint {joint}: {:.3} mrad off alone, {:.3} without its load", 1e3 * off, 1e3 * without);
+        assert!(off < 0.1 * without, "{off} {without}");
+    }
 }
 
 /// A payload that the model does not know is told from softer servos by how the droop goes with the pose, though nothing is known of the servos.
@@ -157,7 +186,7 @@ fn a_payload_is_told_by_the_course_of_the_droop() {
         longest_step: 0.005,
         threads: 2,
     };
-    let (first, seen) = first_model(&two_links(9.81), &problem);
+    let (first, seen) = first(&track);
     let mut believed = unknowns(&seen, &first, 1e-4);
     believed.push(payload);
     let found = problem.fit(&first, &believed, &mut |_, _| {});
@@ -174,10 +203,10 @@ fn a_simulation_without_numbers_explains_nothing() {
     let mut lost = truth();
     lost.joints[0].damping = f64::NAN;
     let rows = 0..track.stamps.len();
-    let residual = track.residual(&lost, &mut Rollout::new(&lost.arm, 0.005), &rows);
+    let residual = track.residual(&lost, &mut Rollout::new(&lost, 0.005), &rows);
     assert!(residual.iter().any(|r| r.is_infinite()));
     let noise = freeplay_servo::Noise::of(
-        &[track.residual(&truth(), &mut Rollout::new(&lost.arm, 0.005), &rows)],
+        &[track.residual(&truth(), &mut Rollout::new(&lost, 0.005), &rows)],
         &[TICK; 2],
     );
     assert!(residual.iter().enumerate().map(|(at, r)| noise.loss(at % 2, *r)).sum::<f64>().is_infinite());

@@ -4,7 +4,7 @@
 mod common;
 
 use freeplay_arm::{Arm, Workspace, kinetic_energy};
-use freeplay_servo::{Commands, JointServo, Rollout, ServoArm, Sliding, State};
+use freeplay_servo::{Commands, Course, JointServo, Rollout, ServoArm, Sliding, State};
 
 use common::{INERTIA, LEVER, MASS, pendulum, stamps, two_links};
 
@@ -23,8 +23,13 @@ fn motion(
     let model = ServoArm::new(arm.clone(), vec![servo]);
     let start = State { q: vec![0.0], v: vec![0.0] };
     let mut out = vec![0.0; count];
-    Rollout::new(arm, longest).run(&model, &commands, &stamps, &start, &mut out);
+    Rollout::new(&model, longest).run(&model, along(&commands, &stamps), &start, &mut out);
     out
+}
+
+/// The course of `commands` through `stamps` under the loads that the arm makes.
+fn along<'a>(commands: &'a [Commands], stamps: &'a [f64]) -> Course<'a> {
+    Course { commands, stamps, loads: &[] }
 }
 
 /// Step response of k, d and I: the underdamped oscillator's closed form.
@@ -65,7 +70,7 @@ fn the_terms_of_the_arm_need_no_steps_as_short_as_those_of_its_servos() {
     let start = State { q: vec![0.0; 2], v: vec![0.0; 2] };
     let [fine, coarse] = [0.001, 0.01].map(|longest| {
         let mut out = vec![0.0; 2 * times.len()];
-        Rollout::new(&arm, longest).run(&model, &commands, &times, &start, &mut out);
+        Rollout::new(&model, longest).run(&model, along(&commands, &times), &start, &mut out);
         out
     });
     let squares: f64 = fine.iter().zip(&coarse).map(|(a, b)| (a - b).powi(2)).sum();
@@ -150,13 +155,13 @@ fn energy_is_kept_or_falls() {
     let commands = [0, 1].map(|_| Commands::new(&times, &vec![0.0; times.len()]));
     let energies = |joint: JointServo, spread: f64| {
         let model = ServoArm::new(arm.clone(), vec![joint; 2]);
-        let mut rollout = Rollout::new(&arm, 0.001);
+        let mut rollout = Rollout::new(&model, 0.001);
         let mut state = State { q: vec![spread, -0.5 * spread], v: vec![0.0, 0.0] };
         let mut workspace = Workspace::new(&arm);
         times
             .windows(2)
             .map(|pair| {
-                state = rollout.after(&model, &commands, pair, &state);
+                state = rollout.after(&model, along(&commands, pair), &state);
                 let spring: f64 = state.q.iter().map(|q| 0.5 * joint.stiffness * q * q).sum();
                 spring + kinetic_energy(&arm, &mut workspace, &state.q, &state.v)
             })
@@ -214,9 +219,10 @@ fn a_rollout_allocates_nothing() {
         JointServo { damping: 0.5, coulomb: 0.1, stiction: 0.05, delay: 0.013, ..JointServo::stiff(20.0) };
     let model = ServoArm::new(arm.clone(), vec![servo; 2]);
     let start = State { q: vec![0.0; 2], v: vec![0.0; 2] };
-    let mut rollout = Rollout::new(&arm, 0.01);
+    let mut rollout = Rollout::new(&model, 0.01);
     let mut out = vec![0.0; 400];
-    let counted = allocation_counter::measure(|| rollout.run(&model, &commands, &times, &start, &mut out));
+    let counted =
+        allocation_counter::measure(|| rollout.run(&model, along(&commands, &times), &start, &mut out));
     assert_eq!(counted.count_total, 0);
     assert!(out[398].abs() > 1e-3, "it moves");
 }

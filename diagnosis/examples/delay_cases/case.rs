@@ -4,7 +4,7 @@ use std::path::Path;
 
 use freeplay_arm::ArmFile;
 use freeplay_recording::Recording;
-use freeplay_servo::{Commands, Rollout, ServoArm, State};
+use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -83,7 +83,8 @@ impl Case {
         let commands: Vec<Commands> = commanded.iter().map(|column| Commands::new(&fine, column)).collect();
         let state = State { q: commanded.iter().map(|column| column[0]).collect(), v: vec![0.0; 3] };
         let mut out = vec![0.0; 3 * fine.len()];
-        Rollout::new(&truth.arm, STEP).run(&truth, &commands, &fine, &state, &mut out);
+        let course = Course { commands: &commands, stamps: &fine, loads: &[] };
+        Rollout::new(&truth, STEP).run(&truth, course, &state, &mut out);
         let position = |step: usize, joint: usize| out[3 * step + joint];
         let late = if self.late == Late::Encoders { self.delay / STEP } else { 0.0 };
         let at = |step: usize, joint: usize| {

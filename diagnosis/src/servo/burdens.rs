@@ -2,7 +2,7 @@
 //! One link's mass is asked for beside given servos alone: beside unknown ones it is a softer servo at its own joint, and what it does at those before hardly tells it from the rest of the law.
 
 use freeplay_arm::ArmFile;
-use freeplay_servo::{Fitted, Problem, Quantity, Unknown};
+use freeplay_servo::{Fitted, Problem, Quantity, ServoArm, Unknown};
 
 use super::limits::{BELIEVED, lost};
 use crate::diagnose::Tolerances;
@@ -110,14 +110,24 @@ pub fn add_burden(
         .into_iter()
         .filter(|one| scores.by_ref().take(one.unknowns.len()).sum::<f64>() > least)
         .collect::<Vec<_>>();
-    let before = [fit, choice].map(|part| lost(part, &fitted.model, &fitted.noise));
+    if scored.is_empty() {
+        return (fitted, None);
+    }
+    // What masses inside their tolerances explain is no burden.
+    let plain = fit.fit(&fitted.model, &beside, &mut |step, _| {
+        progress(&format!("fitting the servos and the masses of links, step {step}"));
+    });
+    let left = |model: &ServoArm, all: &[Unknown]| {
+        [fit.lost_by(model, &plain.noise, all), lost(choice, model, &plain.noise)]
+    };
+    let before = left(&plain.model, &beside);
     let mut tried: Vec<Tried> = Vec::new();
     for burdened in scored {
         let all: Vec<Unknown> = beside.iter().chain(&burdened.unknowns).copied().collect();
-        let with = fit.fit(&fitted.model, &all, &mut |step, _| {
+        let with = fit.fit(&plain.model, &all, &mut |step, _| {
             progress(&format!("fitting the servos and what the arm carries, step {step}"));
         });
-        let left = [fit, choice].map(|part| lost(part, &with.model, &fitted.noise));
+        let left = left(&with.model, &all);
         if before[0] - left[0] > least && left[1] < before[1] {
             tried.push(Tried { burdened, unknowns: all, fitted: with, left });
         }

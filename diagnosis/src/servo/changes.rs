@@ -64,6 +64,17 @@ impl Change {
         model
     }
 
+    /// The same as a change of the first joint: of a model that has no other.
+    pub fn of_first_joint(&self) -> Change {
+        let first = |unknown: &Unknown| Unknown { joint: 0, ..*unknown };
+        Change { unknowns: self.unknowns.iter().map(first).collect(), ..self.clone() }
+    }
+
+    /// Whether its places lie in order along a line: those of a base that leans two ways do not.
+    pub fn is_along_a_line(&self) -> bool {
+        !self.unknowns.iter().any(|unknown| unknown.quantity == Quantity::Roll)
+    }
+
     /// Whether the change is of the arm (a payload, a lean, a link's mass), and not of a servo.
     pub fn is_burden(&self) -> bool {
         self.unknowns.iter().any(|unknown| unknown.quantity.is_of_arm())

@@ -99,7 +99,7 @@ pub fn unit(kind: JointKind) -> &'static str {
 
 /// Position of `model` along `track`, `[joint][row]`; each stretch without gaps begins from what was measured, rows outside of any keep it.
 pub fn simulated(model: &ServoArm, track: &Track) -> Vec<Vec<f64>> {
-    let mut rollout = Rollout::new(&model.arm, rollout_step(track));
+    let mut rollout = Rollout::new(model, rollout_step(track));
     let mut columns = track.measured.clone();
     let joints = columns.len();
     for rows in track.windows(longest_gap(track), f64::INFINITY) {

@@ -12,6 +12,7 @@
 //! - `torque_law`, `beside_torque`, `torque_servos`: where torques were recorded, too, the law of each joint, whether it holds, what is said of it.
 //! - `findings`: the numbers as effects; `happenings`: events as effects; `passages`: rows for pictures; `conclude`: what is said; `diagnose`: all of it.
 
+mod alone;
 mod beside_torque;
 mod black_box;
 mod burdens;

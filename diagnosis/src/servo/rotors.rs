@@ -1,14 +1,9 @@
 //! Inertia of rotors: asked for when all else is known, as what stiffness, damping and delay miss of each other while they are off looks like inertia.
 
-use freeplay_servo::{Fitted, Problem, Quantity, ServoArm, Unknown};
+use freeplay_servo::{Fitted, Problem, Unknown};
 
 use super::findings::named_from;
 use super::limits::lost;
-
-/// Of `believed` what a fit from `model` begins with, and the rotors that are asked for afterwards: where the model has none.
-pub fn without_rotors(believed: Vec<Unknown>, model: &ServoArm) -> (Vec<Unknown>, Vec<Unknown>) {
-    believed.into_iter().partition(|one| one.quantity != Quantity::Rotor || one.of(model) != 0.0)
-}
 
 /// Adds to `fitted` each of `rotors` that the fit part would gain by as much as a name needs, if the choice part gains by them. The `unknowns` grow with them.
 pub fn add_rotors(

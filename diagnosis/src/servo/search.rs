@@ -1,7 +1,7 @@
 //! The search for what a given model with servos lacks. Its numbers hold within their tolerances, but for those of a few causes. These are added one after the other, each the one that leaves least, all
 //! numbers of the given model being free within their tolerances beside it. What the recordings lose nothing without is taken back.
 
-use freeplay_servo::{Fitted, Noise, Problem, ServoArm, Track, Unknown};
+use freeplay_servo::{Fitted, Noise, Problem, ServoArm, Track, Unknown, each, golden};
 
 use super::changes::{Change, Given};
 use super::findings::named_from;
@@ -148,16 +148,10 @@ impl<'a> Search<'a> {
             known.map(|known| ((known.of(model) - known.expected) / known.deviation).powi(2)).sum::<f64>()
         };
         let hidden = new.iter().max_by(|a, b| beyond(a).total_cmp(&beyond(b)));
-        let mut promising = nearest(&new, &given, |model| self.usual(model));
-        promising.extend(nearest(&new, model, |model| lost(self.parts[0], model, noise)));
+        let mut promising = nearest(self.parts[0], &new, &given, &Far::Usually);
+        promising.extend(nearest(self.parts[0], &new, model, &Far::Under(noise)));
         promising.extend(hidden.map(|change| ((*change).clone(), model.clone())));
         promising
-    }
-
-    /// Sum over the joints of the logarithm of what `model` usually leaves: of two models that do not leave the same noise, it tells the nearer one.
-    fn usual(&self, model: &ServoArm) -> f64 {
-        let fit = self.parts[0];
-        Noise::of(&fit.residuals(model), &fit.rounding).size.iter().map(|size| size.ln()).sum()
     }
 
     /// `changed` without the change that least is lost without, if that is less than a name needs. Else the changes of `changed` are told by how much is lost without them.
@@ -179,16 +173,74 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Those of `changes` that bring `model` nearest to the recordings, by how `far` it is then, each with the model that it makes.
-fn nearest(changes: &[&Change], model: &ServoArm, far: impl Fn(&ServoArm) -> f64) -> Vec<(Change, ServoArm)> {
-    let of_change = |change: &&Change| {
-        let models = change.places.iter().map(|place| change.placed(model, place));
-        let nearest = models.map(|model| (far(&model), model)).min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.map(|(far, model)| (far, (*change).clone(), model))
-    };
-    let mut tried: Vec<(f64, Change, ServoArm)> = changes.iter().filter_map(of_change).collect();
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-    tried.into_iter().take(FITTED).map(|(_, change, model)| (change, model)).collect()
+/// How far a model is off the rows of a problem.
+enum Far<'a> {
+    /// Sum over the joints of the logarithm of what it usually leaves: of two models that do not leave the same noise, it tells the nearer one.
+    Usually,
+    /// What is lost under this noise.
+    Under(&'a Noise),
+}
+
+impl Far<'_> {
+    /// How far `model` is off in `problem`; of the joint `alone` if there is one.
+    fn of(&self, problem: &Problem, model: &ServoArm, alone: Option<usize>) -> f64 {
+        match (self, alone) {
+            (Far::Usually, _) => {
+                let noise = Noise::of(&problem.residuals(model), &problem.rounding);
+                noise.size.iter().map(|size| size.ln()).sum()
+            }
+            (Far::Under(noise), Some(joint)) => lost(problem, model, &noise.alone(joint)),
+            (Far::Under(noise), None) => lost(problem, model, noise),
+        }
+    }
+}
+
+/// Those of `changes` that bring `model` nearest to the recordings of `fit`, each with the model that it makes. A change of one joint is tried at that joint alone, while the others move as they
+/// were measured: no other error hides it then.
+fn nearest(fit: &Problem, changes: &[&Change], model: &ServoArm, far: &Far) -> Vec<(Change, ServoArm)> {
+    let alone: Vec<Vec<Track>> = fit.tracks.iter().map(|track| track.each_alone(&model.arm)).collect();
+    let mut tried = each(changes.len(), fit.threads, |index| {
+        let change = changes[index];
+        let place = match change.joint.filter(|_| !change.is_burden()) {
+            Some(joint) => {
+                let tracks: Vec<Track> = alone.iter().map(|joints| joints[joint].clone()).collect();
+                let fit = fit.alone(joint, &tracks);
+                let model = ServoArm::new(model.arm.clone(), vec![model.joints[joint]]);
+                best_place(&change.of_first_joint(), &model, |model| far.of(&fit, model, Some(joint)))
+            }
+            None => {
+                let fit = Problem { threads: 1, ..fit.clone() };
+                best_place(change, model, |model| far.of(&fit, model, None))
+            }
+        };
+        place.map(|(gain, place)| (gain, change.clone(), change.placed(model, &place)))
+    });
+    tried.sort_by(|a, b| {
+        let gain =
+            |one: &Option<(f64, Change, ServoArm)>| one.as_ref().map_or(f64::NEG_INFINITY, |one| one.0);
+        gain(b).total_cmp(&gain(a))
+    });
+    tried.into_iter().flatten().take(FITTED).map(|(_, change, model)| (change, model)).collect()
+}
+
+/// By how much nearer `model` comes with the numbers of `change` where they are best, and where that is: between the neighbours of the best of its places.
+fn best_place(change: &Change, model: &ServoArm, far: impl Fn(&ServoArm) -> f64) -> Option<(f64, Vec<f64>)> {
+    let at = |place: &[f64]| far(&change.placed(model, place));
+    let tried: Vec<f64> = change.places.iter().map(|place| at(place)).collect();
+    let best = (0..tried.len()).min_by(|a, b| tried[*a].total_cmp(&tried[*b]))?;
+    let mut place = (tried[best], change.places[best].clone());
+    if change.is_along_a_line() {
+        let [low, high] =
+            [best.saturating_sub(1), (best + 1).min(tried.len() - 1)].map(|at| &change.places[at]);
+        let between =
+            |share: f64| low.iter().zip(high).map(|(a, b)| a + share * (b - a)).collect::<Vec<f64>>();
+        let nearer = between(golden([0.0, 1.0], |share| at(&between(share))));
+        let left = at(&nearer);
+        if left < place.0 {
+            place = (left, nearer);
+        }
+    }
+    Some((far(model) - place.0, place.1))
 }
 
 /// The noise of the one of two fits that leaves less: under the other's both look alike.

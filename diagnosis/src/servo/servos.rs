@@ -1,31 +1,28 @@
 //! Servos of which nothing is known before.
 
-use freeplay_servo::{Unknown, first_model, unknowns};
+use freeplay_servo::{ServoArm, Unknown, servos as begin_with, unknowns};
 
+use super::alone::alone;
 use super::burdens::add_burden;
 use super::limits::add_limits;
-use super::parts::{WINDOW, problem};
 use super::recorded::{Found, Recorded, is_same};
-use super::rotors::{add_rotors, without_rotors};
+use super::rotors::add_rotors;
 
 /// Fits the servos of all joints that move, and all else that the recordings tell.
 pub fn servos(recorded: &Recorded, progress: &mut dyn FnMut(&str)) -> Found {
-    let Recorded { file, tracks, parts, sights, moves, tolerances } = recorded;
-    let fit = problem(tracks, &parts.fit, sights, WINDOW);
-    let first = first_model(&file.arm, &fit).0;
+    let Recorded { file, tracks, sights, moves, tolerances, .. } = recorded;
+    let first = ServoArm::new(file.arm.clone(), begin_with(&file.arm, sights, &vec![0.0; moves.len()]));
     let all: Vec<Unknown> = unknowns(sights, &first, tolerances.zero);
-    let (mut believed, rotors) =
-        without_rotors(all.into_iter().filter(|unknown| moves[unknown.joint]).collect(), &first);
-    let begun = fit.begin(&first, &believed, &mut |step, _| {
-        progress(&format!("fitting the servos to a few of the windows, step {step}"));
-    });
-    let [fit, choice] = recorded.fit_and_choice(tracks, &begun.model);
-    let fitted = fit.fit(&begun.model, &believed, &mut |step, _| {
+    let all: Vec<Unknown> = all.into_iter().filter(|unknown| moves[unknown.joint]).collect();
+    progress("fitting the servo of each joint on its own");
+    let alone = alone(recorded, &first, &all);
+    let first = ServoArm::new(file.arm.clone(), alone.iter().map(|one| one.servo).collect());
+    let mut believed: Vec<Unknown> = alone.into_iter().flat_map(|one| one.unknowns).collect();
+    let is_left = |unknown: &&Unknown| !believed.iter().any(|one| one.is_same(unknown));
+    let rotors: Vec<Unknown> = all.iter().filter(is_left).copied().collect();
+    let [fit, choice] = recorded.fit_and_choice(tracks, &first);
+    let fitted = fit.fit(&first, &believed, &mut |step, _| {
         progress(&format!("fitting the servos by simulating the recordings, step {step}"));
-    });
-    progress("asking whether other frictions and delays are nearer");
-    let fitted = fit.leap(fitted, &believed, &mut |step, _| {
-        progress(&format!("fitting the servos from other frictions and delays, step {step}"));
     });
     // What a rotor or a limit explains is no contact.
     let fitted = add_rotors([&fit, &choice], &rotors, &mut believed, fitted, progress);
@@ -40,9 +37,6 @@ pub fn servos(recorded: &Recorded, progress: &mut dyn FnMut(&str)) -> Found {
     if is_disturbed {
         fitted = fit.fit(&fitted.model, &believed, &mut |step, _| {
             progress(&format!("fitting the servos without contacts and stops, step {step}"));
-        });
-        fitted = fit.leap(fitted, &believed, &mut |step, _| {
-            progress(&format!("fitting the servos from other frictions and delays, step {step}"));
         });
     }
     progress("asking whether the arm carries more, or stands otherwise, than its model says");

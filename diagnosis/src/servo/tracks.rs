@@ -22,7 +22,12 @@ pub fn track(recording: &Recording) -> Track {
         let commanded = commanded.filter(|column| column.iter().any(|value| value.is_finite()));
         Commands::new(&recording.t, commanded.unwrap_or(q))
     });
-    Track { stamps: recording.t.clone(), measured: recording.q.clone(), commands: commands.collect() }
+    Track {
+        stamps: recording.t.clone(),
+        measured: recording.q.clone(),
+        commands: commands.collect(),
+        loads: Vec::new(),
+    }
 }
 
 /// Every so manieth row of `track`, so that they are at least `spacing` s apart, where it has so many; the commands stay whole.
@@ -36,6 +41,7 @@ pub fn thinned(track: &Track, spacing: f64) -> Track {
         stamps: pick(&track.stamps),
         measured: track.measured.iter().map(pick).collect(),
         commands: track.commands.clone(),
+        loads: track.loads.iter().step_by(stride as usize).copied().collect(),
     }
 }
 

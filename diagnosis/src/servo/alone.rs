@@ -1,0 +1,107 @@
+//! Each joint on its own: the others move as they were measured. What is wrong of one servo can't bend the others then, and many beginnings cost next to nothing.
+
+use freeplay_servo::{Fitted, JointServo, Noise, Problem, Quantity, ServoArm, Track, Unknown, each};
+
+use super::findings::named_from;
+use super::limits::{add_limits, lost};
+use super::parts::{WINDOW, problem};
+use super::recorded::Recorded;
+
+/// Shares of the lag that begin as delay: a quick servo behind a slow line, a slow one behind a quick line, and between.
+const DELAYS: [f64; 3] = [0.1, 0.5, 0.9];
+/// Rotor inertias to begin with, over stiffness and square of the lag: none, some, and as much as the lag lets in.
+const ROTORS: [f64; 3] = [0.0, 0.3, 1.0];
+/// Stiffnesses to begin with, over the one that the load tells.
+const STIFFNESSES: [f64; 3] = [0.5, 1.0, 2.0];
+
+/// A servo fitted on its own.
+pub struct Alone {
+    /// The servo.
+    pub servo: JointServo,
+    /// Its numbers that the recordings tell.
+    pub unknowns: Vec<Unknown>,
+}
+
+/// Fits the servo of each joint on its own, beginning from `first`; `all` are the numbers that may be asked for. A joint without any keeps its servo.
+pub fn alone(recorded: &Recorded, first: &ServoArm, all: &[Unknown]) -> Vec<Alone> {
+    let tracks: Vec<Vec<Track>> = recorded.tracks.iter().map(|track| track.each_alone(&first.arm)).collect();
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    each(first.joints.len(), threads, |joint| {
+        let own: Vec<Unknown> = all.iter().filter(|unknown| unknown.joint == joint).copied().collect();
+        if own.is_empty() {
+            return Alone { servo: first.joints[joint], unknowns: own };
+        }
+        let tracks: Vec<Track> = tracks.iter().map(|joints| joints[joint].clone()).collect();
+        of_joint(recorded, joint, &tracks, ServoArm::new(first.arm.clone(), vec![first.joints[joint]]), &own)
+    })
+}
+
+fn of_joint(recorded: &Recorded, joint: usize, tracks: &[Track], first: ServoArm, all: &[Unknown]) -> Alone {
+    let sights = &recorded.sights[joint..=joint];
+    let mut unknowns: Vec<Unknown> = all.iter().map(|unknown| Unknown { joint: 0, ..*unknown }).collect();
+    let parts = [&recorded.parts.fit, &recorded.parts.choice];
+    let [fit, choice] =
+        parts.map(|part| Problem { threads: 1, ..problem(tracks, part, sights, WINDOW) }.forgetting(&first));
+    // A few windows tell which beginning leads where.
+    let few = fit.coarse().map(|few| few.forgetting(&first));
+    let quick = few.as_ref().unwrap_or(&fit);
+    let fits = beginnings(quick, &first, sights[0].lag).into_iter().map(|model| {
+        let fitted = quick.fit(&model, &unknowns, &mut |_, _| {});
+        quick.leap(fitted, &unknowns, &mut |_, _| {})
+    });
+    let best = fits.min_by(|a, b| usual(&a.noise).total_cmp(&usual(&b.noise)));
+    let best = match (best, &few) {
+        (Some(best), None) => best,
+        (best, _) => fit.fit(best.as_ref().map_or(&first, |best| &best.model), &unknowns, &mut |_, _| {}),
+    };
+    let best = add_limits([&fit, &choice], sights, &mut unknowns, best, &mut |_| {});
+    let best = without_rotor([&fit, &choice], &mut unknowns, best, recorded.sights.len());
+    let back = unknowns.into_iter().map(|unknown| Unknown { joint, ..unknown });
+    Alone { servo: best.model.joints[0], unknowns: back.collect() }
+}
+
+/// Logarithm of the usual size of `noise`.
+fn usual(noise: &Noise) -> f64 {
+    noise.size[0].ln()
+}
+
+/// Models to begin from: for each share of delay, the one that leaves least.
+fn beginnings(fit: &Problem, first: &ServoArm, lag: f64) -> Vec<ServoArm> {
+    let of_share = |share: f64| {
+        let rotors = ROTORS.into_iter().flat_map(|rotor| STIFFNESSES.map(|stiffness| (rotor, stiffness)));
+        let models = rotors.map(|(rotor, stiffness)| {
+            let mut model = first.clone();
+            let joint = &mut model.joints[0];
+            Quantity::Stiffness.set(joint, (joint.stiffness * stiffness).ln());
+            Quantity::Delay.set(joint, share * lag);
+            Quantity::Lag.set(joint, (1.0 - share) * lag);
+            Quantity::Rotor.set(joint, rotor * lag * lag);
+            model
+        });
+        let left = models.map(|model| (usual(&Noise::of(&fit.residuals(&model), &fit.rounding)), model));
+        left.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, model)| model)
+    };
+    DELAYS.into_iter().filter_map(of_share).collect()
+}
+
+/// `fitted` without a rotor, unless fit and choice part lose by that as much as a name needs.
+fn without_rotor(
+    [fit, choice]: [&Problem; 2],
+    unknowns: &mut Vec<Unknown>,
+    fitted: Fitted,
+    joints: usize,
+) -> Fitted {
+    let others: Vec<Unknown> =
+        unknowns.iter().filter(|unknown| unknown.quantity != Quantity::Rotor).copied().collect();
+    let mut model = fitted.model.clone();
+    model.joints[0].rotor_inertia = 0.0;
+    let without = fit.fit(&model, &others, &mut |_, _| {});
+    let loses = |problem: &Problem| {
+        lost(problem, &without.model, &fitted.noise) - lost(problem, &fitted.model, &fitted.noise)
+    };
+    if loses(fit) > named_from(joints) && loses(choice) > 0.0 {
+        return fitted;
+    }
+    *unknowns = others;
+    without
+}
