@@ -1,8 +1,6 @@
 //! A short bench of the real binary: its accounts are complete, whatever the machine makes of the times.
 
-mod common;
-
-use common::{Call, fresh_folder};
+use crate::common::{Call, fresh_folder};
 use serde_json::Value;
 
 #[test]

@@ -1,11 +1,9 @@
 //! The blind proof from end to end: the seal holds, nobody can look, and what is changed afterwards is caught.
 
-mod common;
-
 use std::path::Path;
 
-use common::sealed::seal_slide;
-use common::{Call, Ran, fresh_folder};
+use crate::common::sealed::seal_slide;
+use crate::common::{Call, Ran, fresh_folder};
 use freeplay_concealed::{Case, Machine, Quota, draw_set};
 use serde_json::{Value, json};
 
@@ -180,7 +178,7 @@ fn a_changed_program_is_caught() {
     let scored = call(answered.folder, &["blind", "--score", "cases", "truth.json"]);
     scored.check(0);
     let other = scored.path("other");
-    let mut bytes = std::fs::read(common::FREEPLAY).expect("the program");
+    let mut bytes = std::fs::read(crate::common::FREEPLAY).expect("the program");
     bytes.push(0);
     std::fs::write(&other, bytes).expect("another program");
     let executable = std::os::unix::fs::PermissionsExt::from_mode(0o700);

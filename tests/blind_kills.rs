@@ -3,13 +3,11 @@
 //!
 //! `FREEPLAY_KILLS=N` plays N kills instead of a few.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use common::sealed::seal_slide;
-use common::{
+use crate::common::sealed::seal_slide;
+use crate::common::{
     Call, Started, children_of, fresh_folder, left_in_shared_memory, processes_with, runs, send_signal, until,
 };
 use serde_json::Value;

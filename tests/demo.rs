@@ -1,9 +1,7 @@
 //! The loop closed by the real binary: concealed friction is found in the recording alone, and the controller that is given the diagnosed
 //! model takes the tool's deviation down.
 
-mod common;
-
-use common::{Call, fresh_folder, send_signal};
+use crate::common::{Call, fresh_folder, send_signal};
 
 #[test]
 fn what_is_found_helps_the_controller() {

@@ -1,8 +1,6 @@
 //! `freeplay doctor` on machines made of files, and on the one at hand.
 
-mod common;
-
-use common::{Call, Ran, fresh_folder};
+use crate::common::{Call, Ran, fresh_folder};
 use serde_json::Value;
 
 /// A folder like `/`, of a machine that is fit for everything but for what `changes` make of it.

@@ -1,11 +1,9 @@
 //! Dry friction of a joint that stands for half of the time, in a closed loop whose encoders are noisy: it is the only finding.
 
-mod common;
-
 use std::fmt::Write as _;
 use std::path::Path;
 
-use common::{freeplay_in, fresh_folder};
+use crate::common::{freeplay_in, fresh_folder};
 
 const DURATION: f64 = 16.0;
 const COULOMB: f64 = 7.5;

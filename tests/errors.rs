@@ -3,11 +3,9 @@
 //! wrong and says what to do next; nothing is printed beside it and nothing is left behind. What single files may get wrong inside, with
 //! line and column, is in `inputs`.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Call, fresh_folder};
+use crate::common::{Call, fresh_folder};
 use tempfile::TempDir;
 
 /// The arm that comes with the project.

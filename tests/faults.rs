@@ -3,14 +3,12 @@
 //!
 //! The faults are played by `tests/controllers/faulty.rs`.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::thread;
 use std::time::Duration;
 
-use common::{
+use crate::common::{
     Call, FREEPLAY, Ran, Started, freeplay, fresh_folder, left_in_shared_memory, runs, send_signal, until,
 };
 use freeplay_recording::Recording;

@@ -1,10 +1,8 @@
 //! The flags that every command understands: what --quiet leaves out, what --verbose tells, and where there is colour.
 
-mod common;
-
 use std::fmt::Write as _;
 
-use common::{Call, Ran, fresh_folder};
+use crate::common::{Call, Ran, fresh_folder};
 use tempfile::TempDir;
 
 /// What begins the code of a colour.

@@ -1,11 +1,9 @@
 //! Recordings of every kind, from their import to what `compare` and `diagnose` make of them.
 
-mod common;
-
 use std::fmt::Write as _;
 use std::process::Command;
 
-use common::{Call, FREEPLAY, Ran, freeplay_in, fresh_folder};
+use crate::common::{Call, FREEPLAY, Ran, freeplay_in, fresh_folder};
 use freeplay_arm::{Arm, Workspace, rnea};
 use serde_json::Value;
 use tempfile::TempDir;

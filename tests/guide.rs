@@ -6,13 +6,11 @@
 //! A block ` ```console ` holds commands behind `$ `; ` ```console python ` takes a Python with iceoryx2 and is left out, with a word, where
 //! there is none, ` ```console mujoco ` one with mujoco, numpy and scipy, ` ```console fmpy ` one with FMPy, ` ```console pythonfmu ` one with pythonfmu3 and a shared library; a block with `file=NAME` is a file that the reader writes.
 
-mod common;
-
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{Call, FREEPLAY, fresh_folder};
+use crate::common::{Call, FREEPLAY, fresh_folder};
 use freeplay_skip::{Need, skip};
 
 fn root() -> PathBuf {

@@ -2,15 +2,13 @@
 //! arm is told with joint, value, limit and tick, and what it says of time is not believed where it cannot be.
 //!
 //! The controller is `tests/controllers/hostile.rs`. Every strategy is tried with a few seeds here; with a hundred by
-//! `cargo test -p freeplay --test hostile -- --ignored --nocapture`.
-
-mod common;
+//! `cargo test -p freeplay --test command hostile:: -- --ignored --nocapture`.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
-use common::{Call, FREEPLAY, Ran, fresh_folder};
+use crate::common::{Call, FREEPLAY, Ran, fresh_folder};
 use freeplay_recording::Recording;
 use serde_json::{Value, json};
 

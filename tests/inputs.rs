@@ -1,13 +1,11 @@
 //! What bad input does to a call of the real binary: nothing runs, nothing is written, one message names the place, the
 //! value and what to do, and the exit code is the documented one.
 
-mod common;
-
 use std::fmt::Write as _;
 use std::process::Command;
 
-use common::jargon::JARGON;
-use common::{Call, FREEPLAY, Ran, fresh_folder};
+use crate::common::jargon::JARGON;
+use crate::common::{Call, FREEPLAY, Ran, fresh_folder};
 
 /// Files of a case: name and contents.
 type Files<'a> = &'a [(&'a str, &'a str)];

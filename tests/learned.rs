@@ -1,10 +1,8 @@
 //! What a network learned, in the real binary: refused for another arm, model or layout, left alone in other modes, and no matter for faults and swaps.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Call, Ran, fresh_folder};
+use crate::common::{Call, Ran, fresh_folder};
 use freeplay_controller::identity::{identity, model_identity};
 use serde_json::{Value, json};
 

@@ -1,11 +1,9 @@
 //! A run that is watched: what is told of it, what may be asked of it, and that watching changes nothing.
 
-mod common;
-
 use std::fs::File;
 use std::process::{Command, Stdio};
 
-use common::{Call, FREEPLAY, fresh_folder, lockstep};
+use crate::common::{Call, FREEPLAY, fresh_folder, lockstep};
 use freeplay_shm::RunRoot;
 use serde_json::Value;
 

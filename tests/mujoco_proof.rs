@@ -2,12 +2,10 @@
 //!
 //! `FREEPLAY_PYTHON` names an interpreter that has mujoco; else `python3` is asked. Without it the test that needs it says so and passes.
 
-mod common;
-
 use std::path::Path;
 use std::process::Command;
 
-use common::{Call, FREEPLAY, fresh_folder};
+use crate::common::{Call, FREEPLAY, fresh_folder};
 use freeplay_concealed::{Case, Demand, Family, Machine, Noise, Severity, generate, write_sealed};
 use serde_json::Value;
 

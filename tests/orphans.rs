@@ -3,14 +3,12 @@
 //!
 //! `FREEPLAY_KILLS=N` plays N moments of each sort instead of a few.
 
-mod common;
-
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use common::{
+use crate::common::{
     Call, FREEPLAY, Ran, Started, assert_recordings_open, fresh_folder, is_busy, left_in_shared_memory,
     processes_with, runs, send_signal, until,
 };

@@ -3,12 +3,10 @@
 //! `FREEPLAY_URDFS` names the folder; else the robots of the Python package `example-robot-data` are taken, where the interpreter that
 //! `FREEPLAY_PYTHON` names has it. Without either the test says that it skips.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{Call, fresh_folder};
+use crate::common::{Call, fresh_folder};
 
 /// The folder of URDFs.
 fn folder() -> Option<PathBuf> {

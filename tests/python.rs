@@ -3,12 +3,10 @@
 //! `FREEPLAY_PYTHON` names an interpreter that has iceoryx2 0.10.0, and for the package's own tests what its extra `test` asks for; else
 //! `python3` is asked. Without it these tests say so and pass.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{Call, FREEPLAY, fresh_folder};
+use crate::common::{Call, FREEPLAY, fresh_folder};
 use freeplay_arm::{Workspace, rnea};
 use serde_json::{Value, json};
 

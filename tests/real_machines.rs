@@ -1,11 +1,9 @@
 //! `freeplay diagnose` on recordings of real machines: the same binary, nothing told. Held-out errors against the lowest of what the
 //! `reference_fits.txt` beside each set and the published model reach on the same file, as a table of margins.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{Call, fresh_folder};
+use crate::common::{Call, fresh_folder};
 use serde_json::Value;
 
 /// A set: what is fitted, what is held out, and the lowest error known of each channel, in its unit.
@@ -102,7 +100,7 @@ fn the_servo_axis_beats_its_published_model() {
 
 /// The counterbalance of axis 2 is no straight line over its way: its channel is printed, and only held to a better fit than none.
 #[test]
-#[ignore = "minutes without optimisation: cargo test --release --test real_machines -- --ignored --nocapture"]
+#[ignore = "minutes without optimisation: cargo test --release --test command real_machines:: -- --ignored --nocapture"]
 fn six_axes_are_named_and_beat_their_published_model() {
     let Some(margins) = margins(&KR300) else { return };
     for (channel, share) in margins {
@@ -115,7 +113,7 @@ fn six_axes_are_named_and_beat_their_published_model() {
 
 /// Ten seconds of one motion, in which some axes turn once: what is named there helps on another motion in every axis.
 #[test]
-#[ignore = "minutes without optimisation: cargo test --release --test real_machines -- --ignored --nocapture"]
+#[ignore = "minutes without optimisation: cargo test --release --test command real_machines:: -- --ignored --nocapture"]
 fn one_recording_of_six_axes_says_much_of_another() {
     let Some(folder) = folder() else { return };
     let path = |file: &str| folder.join("kuka_kr300").join(file).display().to_string();

@@ -1,12 +1,10 @@
 //! The receipt of a blind proof: whatever is changed in it afterwards is caught, field by field.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::fresh_folder;
+use crate::common::fresh_folder;
 use freeplay_concealed::{Case, Machine, Quota, draw_set};
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
@@ -17,7 +15,7 @@ const BATCH: usize = 400;
 
 /// The exit code of `freeplay blind` with `arguments` in `folder`, and what it printed.
 fn blind(folder: &Path, arguments: &[&str]) -> (i32, String) {
-    let output = Command::new(common::FREEPLAY).arg("blind").args(arguments).current_dir(folder).output();
+    let output = Command::new(crate::common::FREEPLAY).arg("blind").args(arguments).current_dir(folder).output();
     let output = output.expect("it starts");
     let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
     (output.status.code().expect("an exit code"), text.concat())

@@ -1,10 +1,8 @@
 //! `freeplay record` and `freeplay replay` on recordings of the real binary.
 
-mod common;
-
 use std::path::PathBuf;
 
-use common::{Ran, freeplay_in, fresh_folder, lockstep};
+use crate::common::{Ran, freeplay_in, fresh_folder, lockstep};
 use serde_json::Value;
 use tempfile::TempDir;
 

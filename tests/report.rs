@@ -1,8 +1,6 @@
 //! `freeplay report`: runs beside each other, and what it says of folders that are none of a run.
 
-mod common;
-
-use common::{Call, Ran, fresh_folder, lockstep};
+use crate::common::{Call, Ran, fresh_folder, lockstep};
 
 /// A run into the folder `name`, in the folder of the call before.
 fn run_into(before: Option<Ran>, name: &str, more: &[&str]) -> Ran {

@@ -1,10 +1,8 @@
 //! `freeplay reproduce --quick`, end to end: numbers, verdicts, pictures.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Call, fresh_folder};
+use crate::common::{Call, fresh_folder};
 use serde_json::Value;
 
 /// `freeplay reproduce --quick` with `more`, writing into `out`: what it printed. However slow the machine, it is waited for.

@@ -1,10 +1,8 @@
 //! Robots that are more than an arm, and arms that lack something, through the real binary.
 
-mod common;
-
 use std::fmt::Write as _;
 
-use common::{Call, Ran, fresh_folder};
+use crate::common::{Call, Ran, fresh_folder};
 
 /// An arm of two joints with a gripper of two fingers; `upper`, `lower` stand in its links, `extra` in its joints.
 fn robot(upper: &str, lower: &str, extra: &str) -> String {

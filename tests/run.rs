@@ -1,10 +1,8 @@
 //! `freeplay run` in lockstep, end to end: two processes, shared memory, recording, summary, report.
 
-mod common;
-
 use std::fmt::Write as _;
 
-use common::{Call, freeplay, freeplay_in, fresh_folder, lockstep};
+use crate::common::{Call, freeplay, freeplay_in, fresh_folder, lockstep};
 use serde_json::Value;
 
 fn run_of<'a>(summary: &'a Value, controller: &str) -> &'a Value {

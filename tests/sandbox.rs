@@ -1,7 +1,5 @@
 //! The sandbox of an analyst: a hostile one tries every way out, and fails on each that the receipt calls closed.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::net::{TcpListener, UdpSocket};
 use std::os::linux::net::SocketAddrExt;
@@ -91,7 +89,7 @@ impl Outside {
 
     /// A copy of the hostile analyst that every user can run.
     fn program(&self) -> PathBuf {
-        let built = Path::new(common::FREEPLAY).with_file_name("examples").join("hostile_analyst");
+        let built = Path::new(crate::common::FREEPLAY).with_file_name("examples").join("hostile_analyst");
         let copy = self.folder.path().join("hostile");
         if !copy.exists() {
             std::fs::copy(&built, &copy).unwrap_or_else(|error| panic!("{}: {error}", built.display()));
@@ -203,13 +201,13 @@ fn so_does_one_without_namespaces() {
 /// What a shell leaves open or exports does not reach an analyst, and the receipt names every channel.
 #[test]
 fn nothing_is_inherited() {
-    let folder = common::fresh_folder();
+    let folder = crate::common::fresh_folder();
     let case = folder.path().join("cases/one");
     std::fs::create_dir_all(&case).expect("a folder");
     std::fs::write(case.join("model.toml"), "no arm").expect("a file");
     std::fs::write(folder.path().join("truth"), "secret").expect("a file");
     let script =
-        format!("exec 3<truth 7<truth 9<truth; exec {} blind --analyse cases --quiet", common::FREEPLAY);
+        format!("exec 3<truth 7<truth 9<truth; exec {} blind --analyse cases --quiet", crate::common::FREEPLAY);
     let mut command = Command::new("sh");
     command.args(["-c", &script]).env("TRUTH", "secret").current_dir(folder.path());
     let output = command.output().expect("it starts");
@@ -221,7 +219,7 @@ fn nothing_is_inherited() {
     assert_eq!(channels["inherited files"], "closed");
     assert_eq!(channels["environment"], "closed");
     assert!(channels.as_object().is_some_and(|all| all.len() == 16));
-    let verified = Command::new(common::FREEPLAY)
+    let verified = Command::new(crate::common::FREEPLAY)
         .args(["blind", "--verify", "cases/receipt.json"])
         .current_dir(folder.path())
         .output()

@@ -1,11 +1,9 @@
 //! `freeplay scenario`: the shipped scenarios are good, what is wrong is said with its place, values say where they are from, and the
 //! schema for editors is that of the types.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{Ran, freeplay, freeplay_in, fresh_folder};
+use crate::common::{Ran, freeplay, freeplay_in, fresh_folder};
 use serde_json::Value;
 
 fn root() -> PathBuf {

@@ -1,12 +1,10 @@
 //! What a run keeps to its owner, and who can't command its plant: another user, another layout, another run, a forged tick.
 
-mod common;
-
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{Call, FREEPLAY, Ran, Started, fresh_folder};
+use crate::common::{Call, FREEPLAY, Ran, Started, fresh_folder};
 use serde_json::json;
 
 /// Tick at which the controller waits until the test lets it go on.

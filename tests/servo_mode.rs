@@ -1,11 +1,9 @@
 //! Mode servo: the arm file's position servos close the loop in the plant; what comes of it is what `compare` simulates, and a filter of commands makes up for it.
 
-mod common;
-
 use std::fmt::Write as _;
 use std::path::Path;
 
-use common::{Ran, freeplay_in, fresh_folder};
+use crate::common::{Ran, freeplay_in, fresh_folder};
 use freeplay_recording::read;
 
 /// Two links in the plane of gravity, on servos that lag, droop and stick.

@@ -1,12 +1,10 @@
 //! `freeplay diagnose`, `compare` and `record info` on a recording that is not read as its model means it: the verdict, the words, and the
 //! mapping that mends it.
 
-mod common;
-
 use std::fmt::Write as _;
 use std::path::Path;
 
-use common::{Call, fresh_folder};
+use crate::common::{Call, fresh_folder};
 use freeplay_arm::{Workspace, paper_arm, rnea};
 use serde_json::Value;
 

@@ -1,13 +1,11 @@
 //! What a person meets of files: links, pipes, odd paths, folders with results or in use, results that are replaced whole.
 
-mod common;
-
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{Call, Ran, freeplay_in, fresh_folder};
+use crate::common::{Call, Ran, freeplay_in, fresh_folder};
 use tempfile::TempDir;
 
 const RUN: [&str; 9] = [
@@ -190,7 +188,7 @@ fn an_export_that_cannot_be_finished_leaves_the_old_file() {
             "trap '' XFSZ; ulimit -f 8; exec \"$0\" record export out/computed-torque.mcap --format {form} --out {name} --force"
         );
         let mut command = Command::new("sh");
-        command.args(["-c", &line, common::FREEPLAY]);
+        command.args(["-c", &line, crate::common::FREEPLAY]);
         let stopped = Call::of(ran.folder, command).run().expect(3);
         one_line(&stopped, &[&name, "as before"]);
         assert_eq!(bytes(&stopped, &name), b"what was there before");

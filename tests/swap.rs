@@ -1,9 +1,7 @@
 //! Several controllers in one run of the real binary: the standbys compute in shadow, take over at a tick without a gap, a
 //! held command or a jump, and step in where the one in charge fails.
 
-mod common;
-
-use common::{Call, FREEPLAY, Ran, fresh_folder};
+use crate::common::{Call, FREEPLAY, Ran, fresh_folder};
 use freeplay_recording::Recording;
 use serde_json::{Value, json};
 

@@ -1,12 +1,10 @@
 //! What a person sees at the keyboard: names that try to speak to the terminal, help, defaults, commands to paste, results in a file.
 
-mod common;
-
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use common::{Call, FREEPLAY, Ran, freeplay, freeplay_in, fresh_folder};
+use crate::common::{Call, FREEPLAY, Ran, freeplay, freeplay_in, fresh_folder};
 use freeplay_skip::{Need, skip};
 use serde_json::Value;
 

@@ -1,14 +1,12 @@
 //! Play that the model leaves out is learned on three paths with a tracker, and taken out on a fourth without one, by the real binary.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Call, fresh_folder};
+use crate::common::{Call, fresh_folder};
 use serde_json::Value;
 
 /// A lockstep run of the paper's arm with play under a model without any, in `folder`.
-fn run(folder: &Path, controller: &str, out: &str, sets: &[&str]) -> common::Ran {
+fn run(folder: &Path, controller: &str, out: &str, sets: &[&str]) -> crate::common::Ran {
     let mut arguments = vec!["run", "--quiet", "--controller", controller, "--out", out, "--format", "json"];
     arguments.extend(["--set", "controller.model=nominal.toml", "--set", "path.period=3"]);
     sets.iter().for_each(|set| arguments.extend(["--set", *set]));

@@ -5,7 +5,7 @@ use freeplay_laws::{Effects, Prediction, Trajectory, predict};
 use std::path::Path;
 
 use crate::common::{Call, fresh_folder};
-use crate::tools::{Motion, Tool, has};
+use super::tools::{Motion, Tool, has};
 
 /// What an effect has to show in MuJoCo.
 #[derive(Clone, Copy, Debug)]

@@ -9,7 +9,7 @@ use freeplay_arm::{paper_arm, to_toml};
 use serde_json::{Value, json};
 
 use crate::common::{Call, fresh_folder};
-use crate::tools::{has, here, python};
+use super::tools::{has, here, python};
 
 /// Steps of a run; the full exam is 100 000.
 fn steps() -> usize {

@@ -9,7 +9,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::common::{Call, fresh_folder};
-use crate::tools::{here, python};
+use super::tools::{here, python};
 
 /// A description with inputs and outputs called as `names` say.
 fn description(version: &str, names: [&str; 2]) -> String {
@@ -378,7 +378,7 @@ fn swapped_and_examined(folder: TempDir, fmu: &str, library: Option<&str>) {
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release -p freeplay --test export -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p freeplay --test command export:: -- --ignored --nocapture"]
 fn an_fmu_in_c_passes_the_whole_exam_and_200_swaps() {
     let folder = fresh_folder();
     if fmu(folder.path(), "three.fmu", "3.0", &[]) {
@@ -387,7 +387,7 @@ fn an_fmu_in_c_passes_the_whole_exam_and_200_swaps() {
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release -p freeplay --test export -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p freeplay --test command export:: -- --ignored --nocapture"]
 fn fmus_in_python_pass_the_whole_exam_and_200_swaps() {
     for index in 0..IN_PYTHON.len() {
         let folder = fresh_folder();

@@ -8,7 +8,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::common::{Call, fresh_folder};
-use crate::tools::{Tool, has, python};
+use super::tools::{Tool, has, python};
 
 /// A joint of a link of 1 kg with its centre in the joint, and effects on it.
 fn arm(kind: &str, inertia: f64, effects: &str) -> String {

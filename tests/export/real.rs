@@ -6,8 +6,8 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::common::{Call, fresh_folder};
-use crate::replay::{Errors, compared, replayed};
-use crate::tools::has;
+use super::replay::{Errors, compared, replayed};
+use super::tools::has;
 
 /// A machine: its folder and model, the recordings to diagnose, and those held out.
 struct Set {
@@ -178,35 +178,35 @@ fn mujoco_takes_away_of_a_real_axis_what_the_model_itself_takes_away() {
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release -p freeplay --test export -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p freeplay --test command export:: -- --ignored --nocapture"]
 fn mujoco_takes_away_of_an_arm_with_torque_sensors_what_the_model_itself_takes_away() {
     let Some(recordings) = recordings() else { return };
     round_trip(&LWR4, &recordings);
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release -p freeplay --test export -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p freeplay --test command export:: -- --ignored --nocapture"]
 fn mujoco_takes_away_of_a_heavy_arm_what_the_model_itself_takes_away() {
     let Some(recordings) = recordings() else { return };
     round_trip(&KR300, &recordings);
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release -p freeplay --test export -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p freeplay --test command export:: -- --ignored --nocapture"]
 fn mujoco_takes_away_of_a_double_pendulum_what_the_model_itself_takes_away() {
     let Some(recordings) = recordings() else { return };
     round_trip(&PENDULUM, &recordings);
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release -p freeplay --test export -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p freeplay --test command export:: -- --ignored --nocapture"]
 fn mujoco_takes_away_of_a_gap_what_the_model_itself_takes_away() {
     let Some(recordings) = recordings() else { return };
     round_trip(&DAMPER, &recordings);
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release -p freeplay --test export -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p freeplay --test command export:: -- --ignored --nocapture"]
 fn mujoco_takes_away_of_servos_what_the_model_itself_takes_away() {
     let Some(recordings) = recordings() else { return };
     round_trip(&SERVOS, &recordings);

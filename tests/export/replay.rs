@@ -10,7 +10,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::common::{Call, fresh_folder};
-use crate::tools::{has, python};
+use super::tools::{has, python};
 
 /// Root mean square errors by channel.
 pub type Errors = BTreeMap<String, f64>;

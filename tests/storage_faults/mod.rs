@@ -2,11 +2,9 @@
 //! documented exit code, no half file under a final name, nothing in shared memory.
 //!
 //! A debug build of the program counts and logs its calls on demand (`storage/src/injection.rs`). Without a variable a part of the calls is
-//! tried, evenly spread; all of them by `FREEPLAY_FAULT_POINTS=all cargo test -p freeplay --test storage_faults -- --nocapture`, or in parts, as
+//! tried, evenly spread; all of them by `FREEPLAY_FAULT_POINTS=all cargo test -p freeplay --test command storage_faults:: -- --nocapture`, or in parts, as
 //! `FREEPLAY_FAULT_POINTS=3/20`. Power cuts are replayed from the log in memory, and always all of them.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod disk;
 mod memory;
 
@@ -16,7 +14,7 @@ use std::process::Command;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{Call, FREEPLAY, Ran, fresh_folder};
+use crate::common::{Call, FREEPLAY, Ran, fresh_folder};
 use disk::{Disk, Survives};
 use tempfile::TempDir;
 

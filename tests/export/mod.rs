@@ -3,8 +3,6 @@
 //! `FREEPLAY_PYTHON` names an interpreter that has mujoco, numpy and scipy, and pin for Pinocchio; else `python3` is asked. A test whose
 //! package is missing says so and passes.
 
-#[path = "../common/mod.rs"]
-mod common;
 mod effects;
 mod fmu;
 mod guest;
@@ -13,7 +11,7 @@ mod real;
 mod replay;
 mod tools;
 
-use common::{Call, fresh_folder};
+use crate::common::{Call, fresh_folder};
 use freeplay_arm::{Arm, ArmFile, JointKind, Workspace, load, paper_arm, rnea, to_toml};
 use tools::{Motion, Tool, random};
 

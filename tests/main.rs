@@ -1,0 +1,44 @@
+//! The tests of the command, in one program: they are linked once, and run side by side on all cores.
+//!
+//! Those that fill the shared memory of all with files of others have programs of their own: `hostile_places`, `kills`, `leftovers`.
+
+mod common;
+
+mod bench;
+mod blind;
+mod blind_kills;
+mod crate_edges;
+mod demo;
+mod doctor;
+mod dry_friction;
+mod errors;
+mod export;
+mod faults;
+mod flags;
+mod formats;
+mod guide;
+mod hostile;
+mod inputs;
+mod learned;
+mod live;
+mod mujoco_proof;
+mod orphans;
+mod public_robots;
+mod python;
+mod real_machines;
+mod receipt;
+mod record;
+mod report;
+mod reproduce;
+mod robots;
+mod run;
+mod sandbox;
+mod scenario;
+mod security;
+mod servo_mode;
+mod set_up;
+mod storage;
+mod storage_faults;
+mod swap;
+mod terminal;
+mod train;
