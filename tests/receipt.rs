@@ -15,7 +15,8 @@ const BATCH: usize = 400;
 
 /// The exit code of `freeplay blind` with `arguments` in `folder`, and what it printed.
 fn blind(folder: &Path, arguments: &[&str]) -> (i32, String) {
-    let output = Command::new(crate::common::FREEPLAY).arg("blind").args(arguments).current_dir(folder).output();
+    let output =
+        Command::new(crate::common::FREEPLAY).arg("blind").args(arguments).current_dir(folder).output();
     let output = output.expect("it starts");
     let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
     (output.status.code().expect("an exit code"), text.concat())

@@ -206,8 +206,10 @@ fn nothing_is_inherited() {
     std::fs::create_dir_all(&case).expect("a folder");
     std::fs::write(case.join("model.toml"), "no arm").expect("a file");
     std::fs::write(folder.path().join("truth"), "secret").expect("a file");
-    let script =
-        format!("exec 3<truth 7<truth 9<truth; exec {} blind --analyse cases --quiet", crate::common::FREEPLAY);
+    let script = format!(
+        "exec 3<truth 7<truth 9<truth; exec {} blind --analyse cases --quiet",
+        crate::common::FREEPLAY
+    );
     let mut command = Command::new("sh");
     command.args(["-c", &script]).env("TRUTH", "secret").current_dir(folder.path());
     let output = command.output().expect("it starts");

@@ -4,8 +4,8 @@ use freeplay_arm::{paper_arm, parse_toml, to_toml};
 use freeplay_laws::{Effects, Prediction, Trajectory, predict};
 use std::path::Path;
 
-use crate::common::{Call, fresh_folder};
 use super::tools::{Motion, Tool, has};
+use crate::common::{Call, fresh_folder};
 
 /// What an effect has to show in MuJoCo.
 #[derive(Clone, Copy, Debug)]

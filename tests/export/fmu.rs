@@ -8,8 +8,8 @@ use std::process::{Command, Stdio};
 use freeplay_arm::{paper_arm, to_toml};
 use serde_json::{Value, json};
 
-use crate::common::{Call, fresh_folder};
 use super::tools::{has, here, python};
+use crate::common::{Call, fresh_folder};
 
 /// Steps of a run; the full exam is 100 000.
 fn steps() -> usize {

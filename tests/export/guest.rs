@@ -8,8 +8,8 @@ use std::process::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::common::{Call, fresh_folder};
 use super::tools::{here, python};
+use crate::common::{Call, fresh_folder};
 
 /// A description with inputs and outputs called as `names` say.
 fn description(version: &str, names: [&str; 2]) -> String {

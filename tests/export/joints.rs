@@ -7,8 +7,8 @@ use freeplay_arm::load;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::common::{Call, fresh_folder};
 use super::tools::{Tool, has, python};
+use crate::common::{Call, fresh_folder};
 
 /// A joint of a link of 1 kg with its centre in the joint, and effects on it.
 fn arm(kind: &str, inertia: f64, effects: &str) -> String {

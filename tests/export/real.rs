@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::common::{Call, fresh_folder};
 use super::replay::{Errors, compared, replayed};
 use super::tools::has;
+use crate::common::{Call, fresh_folder};
 
 /// A machine: its folder and model, the recordings to diagnose, and those held out.
 struct Set {

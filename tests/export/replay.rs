@@ -9,8 +9,8 @@ use freeplay_concealed::{Case, Demand, Family, Machine, Noise, Severity, generat
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::common::{Call, fresh_folder};
 use super::tools::{has, python};
+use crate::common::{Call, fresh_folder};
 
 /// Root mean square errors by channel.
 pub type Errors = BTreeMap<String, f64>;

@@ -7,8 +7,8 @@
 use std::collections::BTreeMap;
 use std::process::Command;
 
-use crate::common::{Call, FREEPLAY, Ran, fresh_folder, left_in_shared_memory, until};
 use super::{Subject, contents, on_all_cores};
+use crate::common::{Call, FREEPLAY, Ran, fresh_folder, left_in_shared_memory, until};
 
 /// Limits of each command, unless another number is asked for.
 const LIMITS: u64 = 12;
