@@ -106,11 +106,18 @@ impl Judging<'_> {
             let [mean, rms] = steady[joint][row];
             mean.abs() > (BEYOND * self.noise.size[joint]).max(LASTS * rms)
         };
-        let is_held = |joint: usize, row: usize| {
+        let beyond_friction = |joint: usize, row: usize| {
             let servo = &self.model.joints[joint];
-            let friction = (servo.coulomb + servo.stiction) / servo.stiffness;
-            held[joint][row][0].abs() > friction + self.noise.size[joint]
+            held[joint][row][0].abs() - (servo.coulomb + servo.stiction) / servo.stiffness
         };
+        // Rows that the simulation explains show how far this is wrong without any contact.
+        let wrong: Vec<f64> = (0..joints)
+            .map(|joint| {
+                let explained = (0..rows.len()).filter(|row| !is_off(joint, *row));
+                explained.map(|row| beyond_friction(joint, row)).fold(self.noise.size[joint], f64::max)
+            })
+            .collect();
+        let is_held = |joint: usize, row: usize| beyond_friction(joint, row) > wrong[joint];
         let any = |row: usize| (0..joints).any(|joint| is_off(joint, row));
         let mut events = Vec::new();
         let mut row = 0;
