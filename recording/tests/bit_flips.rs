@@ -24,7 +24,7 @@ fn value(row: usize, column: usize) -> f64 {
 
 /// A recording as a run makes it.
 fn original() -> Vec<u8> {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     let path = folder.path().join("run.mcap");
     let layout = Layout::new(["t", "q1", "q2", "tau1", "tau2"]).expect("a layout");
     let metadata = [("scenario".to_owned(), "period = 6.0".to_owned())];

@@ -141,7 +141,7 @@ type Write = fn(&Path);
 
 #[test]
 fn a_size_claimed_at_any_place_takes_no_memory() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     let path = folder.path().join("run");
     let files: [(&str, Write); 9] = [
         ("MCAP", own_mcap),
@@ -185,7 +185,7 @@ fn a_size_claimed_at_any_place_takes_no_memory() {
 
 #[test]
 fn a_message_of_many_joints_takes_no_longer_than_its_length() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     let path = folder.path().join("run");
     ros2(&path, WriteOptions::new(), 100_000);
     let begun = Instant::now();

@@ -126,7 +126,7 @@ fn archives() -> Vec<(Vec<Member>, &'static str)> {
 
 #[test]
 fn what_a_file_may_inflate_to_is_bounded_before_it_is_inflated() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     let path = folder.path().join("run");
     let refused = |what: &str| {
         let length = std::fs::metadata(&path).expect("a file").len();
@@ -169,7 +169,7 @@ fn what_a_file_may_inflate_to_is_bounded_before_it_is_inflated() {
 
 #[test]
 fn damaged_arrays_are_refused_or_read_in_little_memory() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     let path = folder.path().join("run");
     let three = || numbers(&[0.0, 0.1, 0.2]);
     let names: Vec<u8> = "ab".chars().flat_map(|letter| u32::from(letter).to_le_bytes()).collect();

@@ -138,7 +138,7 @@ fn computed() -> Vec<(Vec<String>, &'static str)> {
 
 #[test]
 fn what_computes_its_rows_is_no_bag() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     for (statements, what) in computed() {
         let statements: Vec<&str> = statements.iter().map(String::as_str).collect();
         let path = database(folder.path(), &statements);
@@ -151,7 +151,7 @@ fn what_computes_its_rows_is_no_bag() {
 
 #[test]
 fn messages_are_in_the_order_of_their_times_and_views_beside_them_are_no_matter() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     let path = bag(folder.path(), 20, &format!("CREATE VIEW other {ENDLESS} SELECT i FROM n;"));
     let recording = read_in_time(&path).expect("a recording");
     let times: Vec<f64> = (0..20).map(f64::from).collect();
@@ -181,7 +181,7 @@ fn interior(child: u32) -> Vec<u8> {
 #[test]
 fn pages_that_are_named_again_and_again_are_no_endless_table() {
     const LEVELS: usize = 12;
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     for table in ["messages", "topics"] {
         let path = bag(
             folder.path(),
@@ -215,7 +215,7 @@ fn pages_that_are_named_again_and_again_are_no_endless_table() {
 
 #[test]
 fn a_message_above_the_largest_is_refused_and_one_of_another_topic_is_not_read() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     let large = "INSERT INTO topics VALUES (2, '/cloud', 'sensor_msgs/msg/PointCloud2');
         INSERT INTO messages VALUES (1000, 2, 0, zeroblob(70000000));";
     let path = bag(folder.path(), 3, large);
@@ -233,7 +233,7 @@ fn a_message_above_the_largest_is_refused_and_one_of_another_topic_is_not_read()
 
 #[test]
 fn damaged_databases_are_refused_or_read_in_little_memory() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     let path = bag(folder.path(), 9, "");
     let sound = std::fs::read(&path).expect("a file");
     let (mut tried, mut readable) = (0, 0);

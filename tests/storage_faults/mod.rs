@@ -22,7 +22,7 @@ use tempfile::TempDir;
 const TEMPORARY: &str = ".freeplay-part";
 
 /// Calls that are let fail of each command, unless all are asked for.
-const THINNED: usize = 24;
+const THINNED: usize = 12;
 
 const ENOSPC: i32 = 28;
 const EIO: i32 = 5;
