@@ -8,8 +8,8 @@ use crate::track::Track;
 
 /// Longest lag that is looked for, s: industrial controllers answer after up to 0.15 s, small servos after 0.1 s.
 const LONGEST_LAG: f64 = 1.0;
-/// Rows for velocities and increments on each side.
-const REACH: usize = 2;
+/// Rows on each side from which velocities, accelerations and increments are taken.
+pub(crate) const REACH: usize = 2;
 /// A stiffness is told by the load where its coefficient is so many of its standard deviations from none.
 const TOLD: f64 = 3.0;
 

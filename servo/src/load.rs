@@ -1,17 +1,15 @@
-//! What one joint has to move while the others move as they were measured.
+//! The load of one joint while the others move as they were measured.
 
 use freeplay_arm::{Arm, Workspace, crba, rnea};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
+use crate::beginning::REACH;
 use crate::track::Track;
 
-/// Rows on each side through which velocity and acceleration are taken.
-const REACH: usize = 2;
-
-/// The arm as one of its joints has it against itself.
+/// Inertia and torque that an arm puts on one of its joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
-    /// Torque by the moved mass and its acceleration, kg·m² (kg).
+    /// Inertia that the joint moves, kg·m² (kg).
     pub inertia: f64,
     /// Torque that the joint needs where it does not accelerate, N·m (N): gravity, and what the motion of the other joints asks for.
     pub torque: f64,

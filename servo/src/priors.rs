@@ -1,4 +1,4 @@
-//! What is believed of a joint's servo before a fit.
+//! The numbers of a joint's servo that a fit looks for, each with the belief about it before.
 
 use crate::beginning::Sight;
 use crate::rollout::ServoArm;

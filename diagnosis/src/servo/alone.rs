@@ -1,5 +1,6 @@
 //! Each joint on its own: the others move as they were measured. What is wrong of one servo can't bend the others then, and many beginnings cost next to nothing.
 
+use freeplay_arm::Arm;
 use freeplay_servo::{Fitted, JointServo, Noise, Problem, Quantity, ServoArm, Track, Unknown, each};
 
 use super::findings::named_from;
@@ -24,16 +25,30 @@ pub struct Alone {
 
 /// Fits the servo of each joint on its own, beginning from `first`; `all` are the numbers that may be asked for. A joint without any keeps its servo.
 pub fn alone(recorded: &Recorded, first: &ServoArm, all: &[Unknown]) -> Vec<Alone> {
-    let tracks: Vec<Vec<Track>> = recorded.tracks.iter().map(|track| track.each_alone(&first.arm)).collect();
+    let tracks = by_joint(recorded.tracks, &first.arm);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     each(first.joints.len(), threads, |joint| {
         let own: Vec<Unknown> = all.iter().filter(|unknown| unknown.joint == joint).copied().collect();
         if own.is_empty() {
             return Alone { servo: first.joints[joint], unknowns: own };
         }
-        let tracks: Vec<Track> = tracks.iter().map(|joints| joints[joint].clone()).collect();
-        of_joint(recorded, joint, &tracks, ServoArm::new(first.arm.clone(), vec![first.joints[joint]]), &own)
+        of_joint(
+            recorded,
+            joint,
+            &tracks[joint],
+            ServoArm::new(first.arm.clone(), vec![first.joints[joint]]),
+            &own,
+        )
     })
+}
+
+/// The tracks of each joint of `arm` alone, `[joint][recording]`.
+pub fn by_joint(tracks: &[Track], arm: &Arm) -> Vec<Vec<Track>> {
+    let mut joints = vec![Vec::with_capacity(tracks.len()); arm.dof()];
+    for track in tracks {
+        joints.iter_mut().zip(track.each_alone(arm)).for_each(|(joint, alone)| joint.push(alone));
+    }
+    joints
 }
 
 fn of_joint(recorded: &Recorded, joint: usize, tracks: &[Track], first: ServoArm, all: &[Unknown]) -> Alone {

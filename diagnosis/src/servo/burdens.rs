@@ -113,7 +113,7 @@ pub fn add_burden(
     if scored.is_empty() {
         return (fitted, None);
     }
-    // What masses inside their tolerances explain is no burden.
+    // A burden has to explain more than the links' masses do inside their tolerances.
     let plain = fit.fit(&fitted.model, &beside, &mut |step, _| {
         progress(&format!("fitting the servos and the masses of links, step {step}"));
     });

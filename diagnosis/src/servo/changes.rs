@@ -64,13 +64,13 @@ impl Change {
         model
     }
 
-    /// The same as a change of the first joint: of a model that has no other.
+    /// The same change for a model whose only joint is this one.
     pub fn of_first_joint(&self) -> Change {
         let first = |unknown: &Unknown| Unknown { joint: 0, ..*unknown };
         Change { unknowns: self.unknowns.iter().map(first).collect(), ..self.clone() }
     }
 
-    /// Whether its places lie in order along a line: those of a base that leans two ways do not.
+    /// Whether the places of the change lie in order along a line. The places of a base that leans in two directions do not.
     pub fn is_along_a_line(&self) -> bool {
         !self.unknowns.iter().any(|unknown| unknown.quantity == Quantity::Roll)
     }

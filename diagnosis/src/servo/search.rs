@@ -3,6 +3,7 @@
 
 use freeplay_servo::{Fitted, Noise, Problem, ServoArm, Track, Unknown, each, golden};
 
+use super::alone::by_joint;
 use super::changes::{Change, Given};
 use super::findings::named_from;
 use super::limits::lost;
@@ -173,16 +174,16 @@ impl<'a> Search<'a> {
     }
 }
 
-/// How far a model is off the rows of a problem.
+/// The measure by which models are compared: how far each is from the recorded positions.
 enum Far<'a> {
     /// Sum over the joints of the logarithm of what it usually leaves: of two models that do not leave the same noise, it tells the nearer one.
     Usually,
-    /// What is lost under this noise.
+    /// The log-likelihood that the rows lose under this noise.
     Under(&'a Noise),
 }
 
 impl Far<'_> {
-    /// How far `model` is off in `problem`; of the joint `alone` if there is one.
+    /// How far `model` is from the positions of `problem`. A problem of one joint has that joint's index in `alone`.
     fn of(&self, problem: &Problem, model: &ServoArm, alone: Option<usize>) -> f64 {
         match (self, alone) {
             (Far::Usually, _) => {
@@ -198,13 +199,12 @@ impl Far<'_> {
 /// Those of `changes` that bring `model` nearest to the recordings of `fit`, each with the model that it makes. A change of one joint is tried at that joint alone, while the others move as they
 /// were measured: no other error hides it then.
 fn nearest(fit: &Problem, changes: &[&Change], model: &ServoArm, far: &Far) -> Vec<(Change, ServoArm)> {
-    let alone: Vec<Vec<Track>> = fit.tracks.iter().map(|track| track.each_alone(&model.arm)).collect();
+    let alone = by_joint(fit.tracks, &model.arm);
     let mut tried = each(changes.len(), fit.threads, |index| {
         let change = changes[index];
         let place = match change.joint.filter(|_| !change.is_burden()) {
             Some(joint) => {
-                let tracks: Vec<Track> = alone.iter().map(|joints| joints[joint].clone()).collect();
-                let fit = fit.alone(joint, &tracks);
+                let fit = fit.alone(joint, &alone[joint]);
                 let model = ServoArm::new(model.arm.clone(), vec![model.joints[joint]]);
                 best_place(&change.of_first_joint(), &model, |model| far.of(&fit, model, Some(joint)))
             }
@@ -223,7 +223,7 @@ fn nearest(fit: &Problem, changes: &[&Change], model: &ServoArm, far: &Far) -> V
     tried.into_iter().flatten().take(FITTED).map(|(_, change, model)| (change, model)).collect()
 }
 
-/// By how much nearer `model` comes with the numbers of `change` where they are best, and where that is: between the neighbours of the best of its places.
+/// The values of `change` that bring `model` nearest, and by how much nearer it comes with them. Between the neighbours of the best place of the change, a line search goes on.
 fn best_place(change: &Change, model: &ServoArm, far: impl Fn(&ServoArm) -> f64) -> Option<(f64, Vec<f64>)> {
     let at = |place: &[f64]| far(&change.placed(model, place));
     let tried: Vec<f64> = change.places.iter().map(|place| at(place)).collect();

@@ -25,7 +25,7 @@ pub fn servos(recorded: &Recorded, progress: &mut dyn FnMut(&str)) -> Found {
     let (fitted, burdened) =
         add_burden([&fit, &choice], file, tolerances, &mut joints.believed, fitted, progress);
     drop((fit, choice));
-    // What seemed to happen to the arm may have been its burden.
+    // While the burden was not known, it may have looked like contacts and stops.
     let (fitted, undisturbed) = match burdened {
         Some(_) => joints.fit(&fitted.model, progress),
         None => (fitted, undisturbed),
@@ -46,7 +46,7 @@ struct Joints<'a> {
 impl Joints<'_> {
     /// Fits the model from `begun` onwards, and the recordings without what happened to the arm: that is no servo's.
     fn fit(&mut self, begun: &ServoArm, progress: &mut dyn FnMut(&str)) -> (Fitted, Vec<Track>) {
-        // What a rotor or a limit explains is no contact.
+        // Rotors and limits come first: without them, their deviations would be taken for contacts.
         let fitted = self.fit_to(self.recorded.tracks, begun, progress);
         progress("looking for contacts and stops");
         let undisturbed = self.recorded.undisturbed(self.recorded.events(&fitted, &self.believed));
