@@ -1,8 +1,11 @@
 //! Set-up faults put into recordings, made and real: each is found, named and mended, and clean recordings have none.
 
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::channel;
+use std::time::Duration;
 
 use freeplay_arm::{Arm, Inertia, Workspace, forward_kinematics, gravity_torque, paper_arm, rnea};
+use freeplay_concealed::{Case, Demand, Kept, Machine, Noise, Severity, generate, with_setup_faults};
 use freeplay_diagnosis::{Certainty, Setup, SetupFinding, examine};
 use freeplay_recording::Recording;
 use nalgebra::Rotation3;
@@ -292,6 +295,76 @@ fn real_machines_have_no_fault_until_one_is_put_in() {
     }
     println!("{found} of {all} faults in recordings of real machines are found");
     assert!(found >= FOUND, "{found} of {all}");
+}
+
+/// Two faults of which neither explains anything alone: before a recording is said to be of another arm, pairs are tried.
+#[test]
+fn two_faults_of_positions_are_found_by_the_tool_alone() {
+    let arm = paper_arm().arm;
+    let mut recording = made(&arm);
+    recording.tau = None;
+    let (mut ws, mut tool) = (Workspace::new(&arm), [const { Vec::new() }; 3]);
+    for row in 0..recording.t.len() {
+        let q: Vec<f64> = recording.q.iter().map(|column| column[row]).collect();
+        let at = forward_kinematics(&arm, &mut ws, &q).translation.vector;
+        tool.iter_mut().zip(at.iter()).for_each(|(column, x)| column.push(*x));
+    }
+    recording.tool = Some(tool);
+    let name = |joint: usize| Some(arm.joints()[joint].name.clone());
+    for (zero, turned) in [(2, 1), (1, 3), (3, 2)] {
+        let mut faulty = recording.clone();
+        faulty.q[zero].iter_mut().for_each(|q| *q -= std::f64::consts::FRAC_PI_2);
+        faulty.q[turned].iter_mut().for_each(|q| *q = -*q);
+        let setup = examine(&arm, &faulty);
+        setup
+            .findings
+            .iter()
+            .for_each(|finding| println!("{} {:?} {}", finding.kind, finding.joint, finding.value));
+        let mut found = sure(&setup);
+        found.sort();
+        assert_eq!(found, [("joint_direction", name(turned)), ("joint_zero", name(zero))]);
+    }
+}
+
+/// A recording of one arm against the model of another, of which a torque unit was small on few rows and large on all: it was dropped and found again for
+/// ever.
+#[test]
+fn the_reading_of_another_arm_comes_to_an_end() {
+    let draw = (60_211 * 7_919 + 1) * 7 + 3;
+    let demand =
+        Demand { kind: "coulomb_friction".to_owned(), joint: None, severity: Severity::ALL[draw % 3] };
+    let case = Case {
+        machine: Machine::SixBench,
+        effects: vec![demand],
+        family: None,
+        noise: Noise::ALL[(draw / 3) % 3],
+        hollow: false,
+        seed: draw as u64,
+    };
+    let kept = Kept { torque: true, tool: false, friction: false };
+    let made = generate(&case).expect("a machine");
+    let faulty = with_setup_faults(&made, &["another_arm"], kept, (draw * 31) as u64);
+    let (made, _) = faulty.expect("a data sheet").expect("room for the fault");
+    let arm = freeplay_arm::parse_toml(&made.model, Path::new("model.toml")).expect("a model").arm;
+    let columns = made.recording.names.into_iter().zip(made.recording.columns);
+    let columns = std::iter::once(("t".to_owned(), made.recording.t)).chain(columns).collect();
+    let recording = Recording::new(Path::new("made.csv"), columns).expect("a recording");
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || sender.send(Box::new(examine(&arm, &recording))));
+    let setup = receiver.recv_timeout(Duration::from_secs(120)).expect("an answer");
+    setup.findings.iter().for_each(|finding| println!("{} {:?}", finding.kind, finding.joint));
+}
+
+/// A carriage in millimetres would be as fast as a rocket in metres; no torque has to say so.
+#[test]
+fn a_carriage_in_millimetres_is_told_by_its_motion() {
+    let arm = Machine::Slide.data_sheet().expect("a data sheet");
+    let t: Vec<f64> = (0..1_000).map(|row| f64::from(row) / 100.0).collect();
+    let in_millimetres = t.iter().map(|t| 300.0 * (2.0 * t).sin()).collect();
+    let columns = vec![("t".to_owned(), t), ("q1".to_owned(), in_millimetres)];
+    let setup = examine(&arm, &Recording::new(Path::new("made.csv"), columns).expect("a recording"));
+    assert_eq!(sure(&setup), [("angle_unit", None)]);
+    assert!((setup.reading.positions[0].unit - 1e-3).abs() < 1e-12);
 }
 
 /// The paper's arm with other links: heavier by different factors, their centres turned about their axes.

@@ -157,6 +157,9 @@ impl Change {
             | (Change::Scale(a) | Change::SameScale(a, _), Change::Scale(b) | Change::SameScale(b, _)) => {
                 a == b
             }
+            // A joint counted the other way says itself whether its torque is.
+            (Change::Direction { joint: a, .. }, Change::TorqueSign(b))
+            | (Change::TorqueSign(b), Change::Direction { joint: a, .. }) => a == b,
             (Change::CommonScale, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale)
             | (Change::Scale(_) | Change::SameScale(..), Change::CommonScale)
             | (Change::Delay(..), Change::Delay(..)) => true,

@@ -87,18 +87,31 @@ impl Examination<'_> {
         let first = search.best();
         search.weigh(&first);
         let first = search.again(&first);
-        let (best, certain, rivals) = self.settled(&search, first);
-        let is_another = self.is_another(&search, &best);
-        // Torques without gravity are small, and mostly what the rigid arm does not say.
-        let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
-        let other = kinds::another_arm::found(&best, self.arm.dof(), is_silent || !has_torques, has_tool);
-        if let Some(other) = other.or(is_another.then(kinds::another_arm::by_evidence)) {
+        let (mut best, mut certain, mut rivals) = self.settled(&search, first);
+        let mut other = self.other(&search, &best, &certain);
+        if other.is_some() {
+            // No reading is said to be none before pairs of them were tried.
+            let pair = self.settled(&search, search.of_pairs());
+            if pair.0.evidence > best.evidence {
+                (best, certain, rivals) = pair;
+                other = self.other(&search, &best, &certain);
+            }
+        }
+        if let Some(other) = other {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
             // Torques alone can be far from any model; geometry can't.
             setup.stop = (finding.certainty == Certainty::Sure).then(|| finding.statement.clone());
             setup.findings.push(finding);
             return;
+        }
+        // What was found of a position that seems frozen is what stands in for its motion.
+        let still = self.left_still(&best);
+        if let Some(still) = &still {
+            let is_of = |change: &Change| {
+                change.joint().map(|joint| &self.arm.joints()[joint].name) == still.joint.as_ref()
+            };
+            certain.retain(|(change, _)| !is_of(change));
         }
         let told = Told { arm: self.arm, best: &best, certain: &certain, rivals: &rivals };
         setup.findings.extend(kinds::says(&told));
@@ -118,7 +131,16 @@ impl Examination<'_> {
                 _ => {}
             }
         }
-        setup.findings.extend(self.left_still(&best));
+        setup.findings.extend(still);
+    }
+
+    /// Another arm, where the reading of `best` is no better.
+    fn other(&self, search: &Search, best: &Outcome, certain: &Certain) -> Option<SetupFinding> {
+        // Torques without gravity are small, and mostly what the rigid arm does not say.
+        let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
+        let is_silent = is_silent || !self.samples.has_torques();
+        let other = kinds::another_arm::found(best, self.arm.dof(), is_silent, self.samples.has_tool());
+        other.or_else(|| self.is_another(search, best).then(kinds::another_arm::by_evidence))
     }
 
     /// Tells whether another arm explains the recording better than the reading of `settled`, in which every change is certain: links of any
@@ -134,7 +156,7 @@ impl Examination<'_> {
         let worth = |links| search.whole.with_links(settled, links);
         let others = [false, true].map(|own_zeros| worth(Links::Any { own_zeros }));
         let best = others.into_iter().flatten().reduce(f64::max);
-        best.zip(worth(Links::OfSheet)).is_some_and(|(another, sheet)| another > sheet + OVERWHELMING)
+        best.zip(worth(Links::OfSheet)).is_some_and(|(another, sheet)| another > sheet)
     }
 
     /// The reading of the changes that are sure, with what was known of it before.

@@ -62,6 +62,17 @@ impl<'a> Search<'a> {
         self.settled(&best.changes, Scope::All)
     }
 
+    /// The best set that steps from pairs of changes lead to: two of which neither explains anything alone.
+    pub fn of_pairs(&self) -> Outcome {
+        let first = one_more(&self.few, &self.few.outcome(&[]));
+        let mut pairs: Vec<Outcome> =
+            first.iter().take(PROMISING).flat_map(|one| one_more(&self.few, one)).collect();
+        pairs.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        let ends = pairs.iter().take(AHEAD).map(|pair| climb(&self.few, &pair.changes, Scope::All));
+        let best = ends.max_by(|a, b| a.evidence.total_cmp(&b.evidence));
+        self.settled(best.as_ref().map_or(&[], |best| &best.changes), Scope::All)
+    }
+
     fn of_all_starts(&self, plain: Outcome) -> Outcome {
         let arm = self.whole.arm;
         let scales: Vec<Change> = (0..arm.dof()).map(Change::Scale).collect();
@@ -104,6 +115,13 @@ impl<'a> Search<'a> {
     /// `changes` on all rows: what is not worth it there is dropped, and numbers are fitted as finely as the instruments allow.
     fn settled(&self, changes: &[Change], scope: Scope) -> Outcome {
         let mut best = self.whole.outcome(changes);
+        // What was small on few rows may be large on all of them.
+        while let Some(large) =
+            best.changes.iter().position(|change| !scope.has(self.whole.arm, &best, change))
+        {
+            best.changes.remove(large);
+            best = self.whole.outcome(&best.changes);
+        }
         while let Some(next) = dropped(&self.whole, &best, scope)
             .into_iter()
             .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
@@ -163,10 +181,14 @@ enum Scope<'s> {
 impl Scope<'_> {
     fn allows(self, arm: &Arm, outcome: &Outcome) -> bool {
         let Scope::Beside(kept, _) = self else { return true };
-        let is_physics = |change: &Change| {
-            !change.is_reading() || kinds::is_small(arm, outcome, change) || kept.contains(change)
-        };
-        outcome.changes.iter().all(is_physics) && kept.iter().all(|change| outcome.changes.contains(change))
+        outcome.changes.iter().all(|change| self.has(arm, outcome, change))
+            && kept.iter().all(|change| outcome.changes.contains(change))
+    }
+
+    /// `change` of `outcome` belongs to it.
+    fn has(self, arm: &Arm, outcome: &Outcome, change: &Change) -> bool {
+        let Scope::Beside(kept, _) = self else { return true };
+        !change.is_reading() || kinds::is_small(arm, outcome, change) || kept.contains(change)
     }
 
     /// `change` can be physics, whatever number the fit gives it.
@@ -212,6 +234,31 @@ fn steps(problem: &Problem, start: &[Change], scope: Scope, most: usize) -> Outc
     best
 }
 
+/// All that can be asked where `best` is the best set so far.
+fn asks(problem: &Problem, best: &Outcome) -> Vec<Change> {
+    let samples = problem.samples;
+    kinds::asks(&Ask {
+        arm: problem.arm,
+        has_torques: samples.has_torques(),
+        has_tool: samples.has_tool(),
+        positions: &samples.motion[0],
+        best,
+    })
+}
+
+/// The changes of `best` and `change`, without those that it excludes.
+fn with(best: &Outcome, change: Change) -> Vec<Change> {
+    best.changes.iter().copied().filter(|other| !other.excludes(&change)).chain([change]).collect()
+}
+
+/// The outcomes with one reading more than `best`, the most probable first.
+fn one_more(problem: &Problem, best: &Outcome) -> Vec<Outcome> {
+    let readings = asks(problem, best).into_iter().filter(Change::is_reading);
+    let mut all: Vec<Outcome> = readings.map(|change| problem.outcome(&with(best, change))).collect();
+    all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    all
+}
+
 /// The best outcomes with one change more, or one in the place of those that it excludes.
 /// `promising` are the changes that were so before; all where there are none.
 fn added(
@@ -220,22 +267,10 @@ fn added(
     scope: Scope,
     promising: &mut Option<Vec<Change>>,
 ) -> Option<Outcome> {
-    let samples = problem.samples;
-    let ask = Ask {
-        arm: problem.arm,
-        has_torques: samples.has_torques(),
-        has_tool: samples.has_tool(),
-        positions: &samples.motion[0],
-        best,
-    };
-    let asked = promising.clone().unwrap_or_else(|| kinds::asks(&ask));
-    let asked = asked.into_iter().filter(|change| scope.asks(change));
-    let sets = asked.filter_map(|change| {
-        let others = best.changes.iter().copied().filter(|other| !other.excludes(&change));
-        let set: Vec<Change> = others.chain([change]).collect();
-        (!best.changes.contains(&change)).then_some(set)
-    });
-    let outcomes = sets.map(|set| problem.outcome(&set)).filter(|outcome| scope.allows(problem.arm, outcome));
+    let asked = promising.clone().unwrap_or_else(|| asks(problem, best));
+    let asked = asked.into_iter().filter(|change| scope.asks(change) && !best.changes.contains(change));
+    let outcomes = asked.map(|change| problem.outcome(&with(best, change)));
+    let outcomes = outcomes.filter(|outcome| scope.allows(problem.arm, outcome));
     let mut outcomes: Vec<Outcome> = outcomes.collect();
     outcomes.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let last = outcomes.iter().take(PROMISING).filter_map(|outcome| outcome.changes.last().copied());

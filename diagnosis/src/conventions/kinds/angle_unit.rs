@@ -7,14 +7,14 @@ use std::f64::consts::PI;
 
 use freeplay_arm::{Arm, JointKind};
 
-use super::super::change::Change;
+use super::super::change::{Change, reading};
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::problem::variance;
 use super::{Ask, Told};
 
 /// A joint goes beyond its limits by this factor: no overshoot, another unit. Limits of speed are placeholders in many files.
 const BEYOND: f64 = 2.0;
-/// Without limits: no arm turns this fast on the average, rad/s.
+/// Without limits: no arm moves this fast on the average, rad/s (m/s).
 const FASTEST: f64 = 30.0;
 
 /// What it asks. Where all turning joints stay within half a turn in rad, degrees would be an arm that moves by less than 3 of them.
@@ -50,21 +50,23 @@ fn finding(arm: &Arm, certainty: Certainty) -> SetupFinding {
     }
 }
 
-/// By the motion alone: positions and velocities, `[joint][row]`, that no arm has in rad; but those of joints whose position `jumps`, and may
+/// By the motion alone: positions and velocities, `[joint][row]`, that no arm has in rad (m); but those of joints whose position `jumps`, and may
 /// be off by turns.
 pub(crate) fn by_motion(arm: &Arm, motion: &[Vec<Vec<f64>>; 3], jumps: &[bool]) -> Option<SetupFinding> {
     let [q, v, _] = motion;
     let most = |column: &[f64]| column.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let turning = arm.joints().iter().enumerate();
-    let turning = turning.filter(|(k, joint)| joint.kind == JointKind::Revolute && !jumps[*k]);
+    let smooth = arm.joints().iter().enumerate().filter(|(k, _)| !jumps[*k]);
+    let read = reading(arm, &[Change::AngleUnit]).positions;
     let (mut known, mut beyond, mut fast) = (0, 0, 0);
-    for (k, joint) in turning {
+    for (k, joint) in smooth {
         let limits = &joint.limits;
         let farthest = limits.lower.abs().max(limits.upper.abs());
         known += usize::from(farthest.is_finite() || limits.velocity.is_finite());
-        let is_far = most(&q[k]) > BEYOND * farthest.max(PI);
-        // In degrees it has to be possible.
-        let fits = most(&q[k]).to_radians() <= farthest && most(&v[k]).to_radians() <= limits.velocity;
+        let turn = if joint.kind == JointKind::Revolute { PI } else { 0.0 };
+        let is_far = most(&q[k]) > BEYOND * farthest.max(turn);
+        // In degrees (millimetres) it has to be possible.
+        let unit = read[k].unit;
+        let fits = most(&q[k]) * unit <= farthest && most(&v[k]) * unit <= limits.velocity;
         beyond += usize::from(is_far && fits);
         fast += usize::from(variance(&v[k]).sqrt() > FASTEST);
     }
