@@ -154,8 +154,10 @@ fn a_run_that_is_asked_to_end_does_so_in_order_at_any_moment() {
 
 /// A run under strace, with what it says of system calls in `trace`; `options` are of strace.
 fn traced(options: &[&str]) -> Call {
-    let mut command = std::process::Command::new("strace");
-    command.args(["-o", "trace", "-e", "trace=rt_sigaction"]).args(options).arg(FREEPLAY);
+    // Whoever starts the tests in the background may have them take no notice of hang-ups.
+    let mut command = std::process::Command::new("env");
+    command.args(["--default-signal=HUP", "strace", "-o", "trace", "-e", "trace=rt_sigaction"]);
+    command.args(options).arg(FREEPLAY);
     command.args(["run", "--quiet", "--out", "out", "--controller", "computed-torque"]);
     command.args(["--set", "duration=0.02", "--set", "patience=60"]);
     Call::of(fresh_folder(), command)
