@@ -38,6 +38,17 @@ fn made(arm: &Arm) -> Recording {
     Recording::new(Path::new("made.csv"), columns).expect("a recording")
 }
 
+/// `recording` with the tool in the place of its torques, seen `late` rows late.
+fn tracked(arm: &Arm, recording: Recording, late: usize) -> Recording {
+    let (mut ws, mut tool) = (Workspace::new(arm), [const { Vec::new() }; 3]);
+    for row in 0..recording.len() {
+        let q: Vec<f64> = recording.q.iter().map(|column| column[row.saturating_sub(late)]).collect();
+        let place = forward_kinematics(arm, &mut ws, &q).translation.vector;
+        tool.iter_mut().zip(place.iter()).for_each(|(column, x)| column.push(*x));
+    }
+    Recording { tau: None, tool: Some(tool), ..recording }
+}
+
 /// A fault by its kind, the joint that it is about (from 0) and what it does.
 type Fault = (&'static str, Option<usize>, fn(&Arm, &mut Recording));
 
@@ -178,16 +189,9 @@ fn physics_that_looks_like_a_fault_is_none() {
 fn a_tool_on_another_clock_is_found_in_a_slow_motion() {
     let arm = paper_arm().arm;
     let whole = made(&arm);
-    let mut ws = Workspace::new(&arm);
-    let mut tool = [const { Vec::new() }; 3];
     let late = 2;
-    for row in 0..whole.len() {
-        let q: Vec<f64> = whole.q.iter().map(|column| column[row.saturating_sub(late)]).collect();
-        let place = forward_kinematics(&arm, &mut ws, &q).translation.vector;
-        tool.iter_mut().zip(place.iter()).for_each(|(column, x)| column.push(*x));
-    }
     // The same rows at a quarter of the speed.
-    let mut recording = Recording { tau: None, tool: Some(tool), ..whole };
+    let mut recording = tracked(&arm, whole, late);
     recording.t.iter_mut().for_each(|t| *t *= 4.0);
     let setup = examine(&arm, &recording);
     println!("{:?}", setup.findings);
@@ -301,15 +305,7 @@ fn real_machines_have_no_fault_until_one_is_put_in() {
 #[test]
 fn two_faults_of_positions_are_found_by_the_tool_alone() {
     let arm = paper_arm().arm;
-    let mut recording = made(&arm);
-    recording.tau = None;
-    let (mut ws, mut tool) = (Workspace::new(&arm), [const { Vec::new() }; 3]);
-    for row in 0..recording.t.len() {
-        let q: Vec<f64> = recording.q.iter().map(|column| column[row]).collect();
-        let at = forward_kinematics(&arm, &mut ws, &q).translation.vector;
-        tool.iter_mut().zip(at.iter()).for_each(|(column, x)| column.push(*x));
-    }
-    recording.tool = Some(tool);
+    let recording = tracked(&arm, made(&arm), 0);
     let name = |joint: usize| Some(arm.joints()[joint].name.clone());
     for (zero, turned) in [(2, 1), (1, 3), (3, 2)] {
         let mut faulty = recording.clone();

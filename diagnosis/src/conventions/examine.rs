@@ -90,7 +90,7 @@ impl Examination<'_> {
         let (mut best, mut certain, mut rivals) = self.settled(&search, first);
         let mut other = self.other(&search, &best, &certain);
         if other.is_some() {
-            // No reading is said to be none before pairs of them were tried.
+            // The search adds one change after the other: before another arm is said, it begins from pairs.
             let pair = self.settled(&search, search.of_pairs());
             if pair.0.evidence > best.evidence {
                 (best, certain, rivals) = pair;
@@ -105,13 +105,11 @@ impl Examination<'_> {
             setup.findings.push(finding);
             return;
         }
-        // What was found of a position that seems frozen is what stands in for its motion.
+        // A position that seems frozen lacks the motion of its joint. Changes of that joint only make up for the lack: they are not believed.
         let still = self.left_still(&best);
         if let Some(still) = &still {
-            let is_of = |change: &Change| {
-                change.joint().map(|joint| &self.arm.joints()[joint].name) == still.joint.as_ref()
-            };
-            certain.retain(|(change, _)| !is_of(change));
+            let name = |joint: usize| self.arm.joints()[joint].name.clone();
+            certain.retain(|(change, _)| change.joint().map(name) != still.joint);
         }
         let told = Told { arm: self.arm, best: &best, certain: &certain, rivals: &rivals };
         setup.findings.extend(kinds::says(&told));
@@ -134,7 +132,7 @@ impl Examination<'_> {
         setup.findings.extend(still);
     }
 
-    /// Another arm, where the reading of `best` is no better.
+    /// The finding that the recording is of another arm; `None` where the reading of `best` explains it better.
     fn other(&self, search: &Search, best: &Outcome, certain: &Certain) -> Option<SetupFinding> {
         // Torques without gravity are small, and mostly what the rigid arm does not say.
         let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);

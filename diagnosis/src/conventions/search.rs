@@ -62,12 +62,11 @@ impl<'a> Search<'a> {
         self.settled(&best.changes, Scope::All)
     }
 
-    /// The best set that steps from pairs of changes lead to: two of which neither explains anything alone.
+    /// The best set that steps from pairs of readings lead to. Of two faults, neither may explain anything alone.
     pub fn of_pairs(&self) -> Outcome {
-        let first = one_more(&self.few, &self.few.outcome(&[]));
-        let mut pairs: Vec<Outcome> =
-            first.iter().take(PROMISING).flat_map(|one| one_more(&self.few, one)).collect();
-        pairs.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        let first = ranked(one_more(&self.few, &self.few.outcome(&[])));
+        let first = first.iter().take(PROMISING);
+        let pairs = ranked(first.flat_map(|one| one_more(&self.few, one)));
         let ends = pairs.iter().take(AHEAD).map(|pair| climb(&self.few, &pair.changes, Scope::All));
         let best = ends.max_by(|a, b| a.evidence.total_cmp(&b.evidence));
         self.settled(best.as_ref().map_or(&[], |best| &best.changes), Scope::All)
@@ -83,12 +82,9 @@ impl<'a> Search<'a> {
             starts.extend([scales, vec![Change::AnyGravity], turned, signs, vec![Change::Compensated]]);
         }
         // All start, the two that are ahead after a few steps go on.
-        let mut ahead: Vec<Outcome> =
-            starts.iter().map(|start| steps(&self.few, start, Scope::All, FIRST)).collect();
-        ahead.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-        ahead.truncate(AHEAD);
+        let ahead = ranked(starts.iter().map(|start| steps(&self.few, start, Scope::All, FIRST)));
         let mut best = plain;
-        for start in ahead {
+        for start in ahead.into_iter().take(AHEAD) {
             let other = climb(&self.few, &start.changes, Scope::All);
             if other.evidence > best.evidence {
                 best = other;
@@ -115,7 +111,7 @@ impl<'a> Search<'a> {
     /// `changes` on all rows: what is not worth it there is dropped, and numbers are fitted as finely as the instruments allow.
     fn settled(&self, changes: &[Change], scope: Scope) -> Outcome {
         let mut best = self.whole.outcome(changes);
-        // What was small on few rows may be large on all of them.
+        // A reading that belongs to the scope on few rows, being small, may be large on all rows: it is dropped.
         while let Some(large) =
             best.changes.iter().position(|change| !scope.has(self.whole.arm, &best, change))
         {
@@ -251,12 +247,17 @@ fn with(best: &Outcome, change: Change) -> Vec<Change> {
     best.changes.iter().copied().filter(|other| !other.excludes(&change)).chain([change]).collect()
 }
 
-/// The outcomes with one reading more than `best`, the most probable first.
-fn one_more(problem: &Problem, best: &Outcome) -> Vec<Outcome> {
+/// The outcomes with one reading more than `best`.
+fn one_more(problem: &Problem, best: &Outcome) -> impl Iterator<Item = Outcome> {
     let readings = asks(problem, best).into_iter().filter(Change::is_reading);
-    let mut all: Vec<Outcome> = readings.map(|change| problem.outcome(&with(best, change))).collect();
-    all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
-    all
+    readings.map(|change| problem.outcome(&with(best, change)))
+}
+
+/// `outcomes`, the most probable first.
+fn ranked(outcomes: impl Iterator<Item = Outcome>) -> Vec<Outcome> {
+    let mut outcomes: Vec<Outcome> = outcomes.collect();
+    outcomes.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    outcomes
 }
 
 /// The best outcomes with one change more, or one in the place of those that it excludes.
@@ -270,9 +271,7 @@ fn added(
     let asked = promising.clone().unwrap_or_else(|| asks(problem, best));
     let asked = asked.into_iter().filter(|change| scope.asks(change) && !best.changes.contains(change));
     let outcomes = asked.map(|change| problem.outcome(&with(best, change)));
-    let outcomes = outcomes.filter(|outcome| scope.allows(problem.arm, outcome));
-    let mut outcomes: Vec<Outcome> = outcomes.collect();
-    outcomes.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let mut outcomes = ranked(outcomes.filter(|outcome| scope.allows(problem.arm, outcome)));
     let last = outcomes.iter().take(PROMISING).filter_map(|outcome| outcome.changes.last().copied());
     *promising = Some(last.collect());
     outcomes.truncate(REFINED);

@@ -70,7 +70,8 @@ impl Change {
         Change { unknowns: self.unknowns.iter().map(first).collect(), ..self.clone() }
     }
 
-    /// Whether the places of the change lie in order along a line. The places of a base that leans in two directions do not.
+    /// Whether the change has one direction, so that a line search can go on between two neighbouring places. A base leans in two directions: its places
+    /// fill a plane.
     pub fn is_along_a_line(&self) -> bool {
         !self.unknowns.iter().any(|unknown| unknown.quantity == Quantity::Roll)
     }

@@ -183,7 +183,8 @@ enum Far<'a> {
 }
 
 impl Far<'_> {
-    /// How far `model` is from the positions of `problem`. A problem of one joint has that joint's index in `alone`.
+    /// How far the positions that `model` simulates are from those recorded in `problem`. Where `problem` holds a single joint of the arm, `alone` is the
+    /// index of that joint.
     fn of(&self, problem: &Problem, model: &ServoArm, alone: Option<usize>) -> f64 {
         match (self, alone) {
             (Far::Usually, _) => {

@@ -262,17 +262,19 @@ fn read(samples: &Samples, prefix: &str, joints: usize) -> Option<Vec<Vec<f64>>>
 /// Rows at which torques are worked out.
 struct Rows {
     at: Vec<usize>,
-    /// Half of the span over which positions are differentiated, in rows and in s.
-    half: (usize, f64),
+    /// Rows on each side over which positions are differentiated.
+    reach: usize,
+    /// The time that these take, s.
+    width: f64,
 }
 
 impl Rows {
     /// One of fifty; 0.05 s on each side smooth what encoders round.
     fn new(t: &[f64]) -> Self {
         let step = (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64;
-        let half = (0.05 / step).round().max(1.0);
-        let at = (half as usize..t.len().saturating_sub(half as usize)).step_by(50).collect();
-        Self { at, half: (half as usize, half * step) }
+        let reach = (0.05 / step).round().max(1.0) as usize;
+        let at = (reach..t.len().saturating_sub(reach)).step_by(50).collect();
+        Self { at, reach, width: reach as f64 * step }
     }
 
     fn of(&self, column: &[f64]) -> Vec<f64> {
@@ -284,13 +286,13 @@ impl Rows {
         let n = sheet.dof();
         let mut ws = Workspace::new(sheet);
         let (mut torques, mut tool) = (vec![Vec::new(); n], vec![Vec::new(); 3]);
-        let (half, width) = self.half;
+        let (reach, width) = (self.reach, self.width);
         let mut torque = vec![0.0; n];
         for &row in &self.at {
             let of = |number: &dyn Fn(&[f64]) -> f64| q.iter().map(|q| number(q)).collect::<Vec<f64>>();
             let here = of(&|q| q[row]);
-            let speed = of(&|q| (q[row + half] - q[row - half]) / (2.0 * width));
-            let acceleration = of(&|q| (q[row + half] - 2.0 * q[row] + q[row - half]) / (width * width));
+            let speed = of(&|q| (q[row + reach] - q[row - reach]) / (2.0 * width));
+            let acceleration = of(&|q| (q[row + reach] - 2.0 * q[row] + q[row - reach]) / (width * width));
             rnea(sheet, &mut ws, &here, &speed, &acceleration, &mut torque);
             torques.iter_mut().zip(&torque).for_each(|(column, x)| column.push(*x));
             let place = forward_kinematics(sheet, &mut ws, &here).translation.vector;
@@ -305,7 +307,8 @@ fn deviation(column: &[f64]) -> f64 {
     (column.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / column.len().max(1) as f64).sqrt()
 }
 
-/// Whether what is recorded differs enough from what would be without the fault: by the torque of the rigid arm, or by the tool.
+/// Whether an analyst could see `fault` in `samples`: it changes a recorded torque, against that of the rigid arm of `sheet`, or the recorded place of the
+/// tool, by enough.
 fn shows(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
     let n = sheet.dof();
     let (Some(q), torque) = (read(samples, "q", n), read(samples, "tau", n)) else { return false };
