@@ -36,7 +36,7 @@ mod filter;
 mod grid;
 mod long;
 #[cfg(test)]
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/all/common/mod.rs"]
 mod made;
 mod motion;
 mod notes;

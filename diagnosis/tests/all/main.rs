@@ -1,0 +1,16 @@
+//! The tests of the diagnosis, in one program: they are linked once, and run side by side on all cores.
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
+mod common;
+
+mod cutoff;
+mod diagnose;
+mod excite;
+mod known_answers;
+mod missing;
+mod notes;
+mod plain_recordings;
+mod real_recordings;
+mod servos;
+mod servos_beside_torque;
+mod set_up;

@@ -1,0 +1,7 @@
+//! The tests of servos, in one program: they are linked once, and run side by side on all cores.
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
+mod common;
+
+mod fit;
+mod rollout;
