@@ -26,8 +26,10 @@ mod search;
 mod several;
 mod torques;
 
+pub(crate) use change::Late;
 pub use examine::examine;
 pub use finding::{Certainty, Setup, SetupFinding, sentences};
+pub(crate) use kinds::clock_offset::UNSURE as CLOCK_UNSURE;
 pub use kinds::time_unit::found as time_unit;
 pub use reading::{PositionReading, Reading, TorqueReading};
 pub use several::Mended;

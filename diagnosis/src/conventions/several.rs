@@ -3,8 +3,11 @@
 use freeplay_arm::ArmFile;
 use freeplay_recording::Recording;
 
+use super::change::Late;
 use super::examine::examine;
 use super::finding::{Certainty, Setup, SetupFinding};
+use super::kinds::clock_offset;
+use super::reading::Reading;
 
 /// What is found in recordings of one machine, and these as they are to be read.
 pub struct Mended {
@@ -18,6 +21,8 @@ pub struct Mended {
     pub file: ArmFile,
     /// The reading of the last recording that shows a fault, as a mapping file.
     pub mapping: Option<String>,
+    /// How each recording is read; empty where none is mended.
+    readings: Vec<Reading>,
 }
 
 impl Mended {
@@ -30,6 +35,7 @@ impl Mended {
             recordings: Vec::new(),
             file: file.clone(),
             mapping: None,
+            readings: Vec::new(),
         };
         let is_sure = setups.iter().any(Setup::is_sure);
         for finding in setups.iter().flat_map(|setup| &setup.findings) {
@@ -45,12 +51,67 @@ impl Mended {
         // A recording that shows nothing by itself is read as the others are.
         let readings =
             setups.iter().map(|setup| if setup.is_sure() { &setup.reading } else { &known.reading });
-        let each = recordings.iter().zip(readings.clone());
-        mended.recordings = each.map(|(recording, reading)| reading.mended(&file.arm, recording)).collect();
+        mended.readings = readings.cloned().collect();
+        mended.one_clock();
         mended.file.arm = known.reading.arm(&file.arm);
-        let last = recordings.iter().zip(readings).rev().find(|(_, reading)| !reading.is_plain());
-        mended.mapping = last.and_then(|(recording, reading)| super::mapping::mapping(reading, recording));
+        mended.read(file, recordings);
         mended
+    }
+
+    /// Reads `recordings` of the machine of `file` anew.
+    fn read(&mut self, file: &ArmFile, recordings: &[Recording]) {
+        let each = recordings.iter().zip(&self.readings);
+        self.recordings =
+            each.clone().map(|(recording, reading)| reading.mended(&file.arm, recording)).collect();
+        let last = each.rev().find(|(_, reading)| !reading.is_plain());
+        self.mapping = last.and_then(|(recording, reading)| super::mapping::mapping(reading, recording));
+    }
+
+    /// Takes clocks of several recordings that differ by no more than each is unsure for one.
+    fn one_clock(&mut self) {
+        let of_torques: fn(&mut Reading) -> &mut f64 = |reading| &mut reading.torque_delay;
+        let of_tool: fn(&mut Reading) -> &mut f64 = |reading| &mut reading.tool_delay;
+        for delay in [of_torques, of_tool] {
+            let mut delays: Vec<&mut f64> =
+                self.readings.iter_mut().map(delay).filter(|x| **x != 0.0).collect();
+            let (least, most) = delays
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| (least.min(**x), most.max(**x)));
+            if most - least <= clock_offset::UNSURE {
+                let mean = delays.iter().map(|x| **x).sum::<f64>() / delays.len() as f64;
+                delays.iter_mut().for_each(|x| **x = mean);
+            }
+        }
+    }
+
+    /// What was found to be on another clock.
+    pub(crate) fn late(&self) -> Option<Late> {
+        let late = |reading: &Reading| match (reading.torque_delay != 0.0, reading.tool_delay != 0.0) {
+            (true, true) => Some(Late::Both),
+            (true, false) => Some(Late::Torque),
+            (false, true) => Some(Late::Tool),
+            (false, false) => None,
+        };
+        self.readings.iter().find_map(late)
+    }
+
+    /// Sets the clock of what is `late` in `recordings` of the machine of `file` by so many more seconds.
+    pub(crate) fn set_clock(&mut self, file: &ArmFile, recordings: &[Recording], late: Late, later: f64) {
+        for reading in &mut self.readings {
+            for delay in [&mut reading.torque_delay, &mut reading.tool_delay] {
+                if *delay != 0.0 {
+                    *delay += later;
+                }
+            }
+        }
+        let of =
+            |reading: &Reading| if late == Late::Tool { reading.tool_delay } else { reading.torque_delay };
+        if let Some(delay) = self.readings.iter().map(of).find(|delay| *delay != 0.0) {
+            for finding in self.findings.iter_mut().filter(|finding| finding.kind == clock_offset::KIND) {
+                *finding = clock_offset::finding(late, delay, finding.certainty);
+            }
+        }
+        self.read(file, recordings);
     }
 
     /// Whether the recordings are to be read otherwise than they stand.

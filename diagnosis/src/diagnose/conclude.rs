@@ -640,8 +640,12 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     /// How far the tolerances are used, farthest first.
     fn tuned(&self, fit: &Fit) -> Vec<Tuned> {
         let bound = self.bound(&self.search.system.tolerances_beside(fit));
-        let mut tuned: Vec<Tuned> =
-            bound.into_iter().map(|(of, eta)| Tuned { name: of.name.clone(), deviations: eta }).collect();
+        let one = |(nuisance, deviations): (&super::tolerance::Nuisance, f64)| Tuned {
+            name: nuisance.name.clone(),
+            deviations,
+            of: nuisance.of,
+        };
+        let mut tuned: Vec<Tuned> = bound.into_iter().map(one).collect();
         tuned.sort_by(|a, b| b.deviations.abs().total_cmp(&a.deviations.abs()));
         tuned
     }

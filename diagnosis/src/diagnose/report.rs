@@ -9,6 +9,7 @@ use super::excite::ChannelNoise;
 use super::gain::Gain;
 use super::locate::Map;
 use super::passage::Passage;
+use super::tolerance::Of;
 use crate::conventions::SetupFinding;
 
 /// The schema of [`Diagnosis`] as JSON.
@@ -158,6 +159,9 @@ pub struct Tuned {
     pub name: String,
     /// By how much, in standard deviations of its prior; a tolerance is 1.7 of them.
     pub deviations: f64,
+    /// What of the machine it is.
+    #[serde(skip)]
+    pub(crate) of: Of,
 }
 
 /// A row of the evidence: the best form of a kind at a place.

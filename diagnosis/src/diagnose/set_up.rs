@@ -5,8 +5,9 @@ use freeplay_recording::Recording;
 
 use super::conclude::insufficient;
 use super::engine::{self, DiagnoseError, DiagnoseSettings};
-use super::report::{Diagnosis, Verdict};
-use crate::conventions::{Certainty, Mended, SetupFinding, sentences};
+use super::report::{Diagnosis, Tuned, Verdict};
+use super::tolerance::{Of, Tolerances};
+use crate::conventions::{CLOCK_UNSURE, Certainty, Late, Mended, SetupFinding, sentences};
 use crate::servo::{self, commands_alone};
 
 /// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on held-out data.
@@ -24,7 +25,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis, DiagnoseError> {
     engine::check(&file.arm, recordings)?;
     progress("asking whether recording and model mean the same");
-    let mended = Mended::of(file, recordings);
+    let mut mended = Mended::of(file, recordings);
     let statement = in_words(&mended.findings);
     if let Some(why) = &mended.stop {
         let advice: Vec<String> = mended.findings.iter().map(|finding| finding.remedy.clone()).collect();
@@ -40,12 +41,37 @@ pub fn diagnose(
         diagnosis.setup = mended.findings;
         return Ok(diagnosis);
     }
+    if let Some(late) = mended.late() {
+        progress("asking beside the missing physics how late it is");
+        let later = later(&mended, late, settings, progress)?;
+        mended.set_clock(file, recordings, late, later);
+    }
     let mut diagnosis = by_channels(&mended.file, &mended.recordings, settings, progress)?;
     diagnosis.statement = format!("{statement} With that reading: {}", diagnosis.statement);
     diagnosis.verdict = Verdict::Setup;
     diagnosis.setup = mended.findings;
     diagnosis.mapping = mended.mapping;
     Ok(diagnosis)
+}
+
+/// By how many seconds more what is `late` is so than the `mended` recordings say: the number that a diagnosis fits beside the missing physics, which was not known when the
+/// clocks were compared.
+fn later(
+    mended: &Mended,
+    late: Late,
+    settings: &DiagnoseSettings,
+    progress: &mut dyn FnMut(&str),
+) -> Result<f64, DiagnoseError> {
+    let tolerances = Tolerances { delay: settings.tolerances.delay.max(CLOCK_UNSURE), ..settings.tolerances };
+    let unsure = DiagnoseSettings { tolerances, ..settings.clone() };
+    let diagnosis = engine::diagnose(&mended.file, &mended.recordings, &unsure, progress)?;
+    // Of torques and tool on one clock the tool tells better: nothing is missing in a geometry.
+    let asked = if late == Late::Torque { Late::Torque } else { Late::Tool };
+    let of = |tuned: &Tuned| match tuned.of {
+        Of::Delay(late, seconds) if late == asked => Some(tuned.deviations * seconds),
+        _ => None,
+    };
+    Ok(diagnosis.tuned.iter().find_map(of).unwrap_or_default())
 }
 
 impl Diagnosis {

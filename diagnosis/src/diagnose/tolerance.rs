@@ -5,6 +5,7 @@ use freeplay_laws::{ArmParts, DriveFriction, Kind as EffectKind, Placed, Toleran
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::stage::{Answer, Stage};
+use crate::conventions::Late;
 use crate::residual::Kind;
 
 /// Tolerances of the nominal model: half the width within which a machine of that model may be.
@@ -89,7 +90,9 @@ pub(crate) enum Of {
     Law,
     /// Zero of an encoder.
     Zero,
-    /// What belongs to the measurement.
+    /// Delay of torques or of the tracker: what it makes late, and by how many seconds.
+    Delay(Late, f64),
+    /// What else belongs to the measurement.
     Measurement,
 }
 
@@ -108,7 +111,7 @@ impl Of {
             Self::Tool => lengthen(&mut parts.tool, by(tolerances.length)),
             Self::Viscous(joint) => parts.joints[joint].friction.viscous *= 1.0 + by(tolerances.friction),
             Self::Coulomb(joint) => parts.joints[joint].friction.coulomb *= 1.0 + by(tolerances.friction),
-            Self::Law | Self::Zero | Self::Measurement => {}
+            Self::Law | Self::Zero | Self::Delay(..) | Self::Measurement => {}
         }
     }
 }
@@ -245,20 +248,31 @@ fn of_zeros(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
 /// Delays between the channels. A torque that is held from one sample to the next is half a sample late or early by itself.
 fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let held = 0.5 / stage.ground.treatment.rate_hz();
-    let late = |kinds: fn(Kind) -> bool, seconds: f64, name: &str| {
+    let late = |kinds: fn(Kind) -> bool, seconds: f64, name: &str, of: Of| {
         let answer = stage.channels.iter().map(|channel| {
             kinds(channel.kind).then(|| {
                 let rate = stage.rate_of_change(channel.kind);
                 rate.iter().map(|rate| -seconds * rate).collect()
             })
         });
-        Nuisance { name: name.to_owned(), answer: answer.collect(), free: false, of: Of::Measurement }
+        Nuisance { name: name.to_owned(), answer: answer.collect(), free: false, of }
     };
     let delay = EVEN * tolerances.delay;
+    let torques = delay.hypot(EVEN * held);
     vec![
-        late(|kind| matches!(kind, Kind::Torque(_)), delay.hypot(EVEN * held), "delay of the torques"),
-        late(|kind| matches!(kind, Kind::Tool(_)), delay, "delay of the tracker"),
-        late(|kind| matches!(kind, Kind::Link(_)), delay, "delay of the link encoders"),
+        late(
+            |kind| matches!(kind, Kind::Torque(_)),
+            torques,
+            "delay of the torques",
+            Of::Delay(Late::Torque, torques),
+        ),
+        late(
+            |kind| matches!(kind, Kind::Tool(_)),
+            delay,
+            "delay of the tracker",
+            Of::Delay(Late::Tool, delay),
+        ),
+        late(|kind| matches!(kind, Kind::Link(_)), delay, "delay of the link encoders", Of::Measurement),
     ]
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use freeplay_arm::{Arm, Inertia, Workspace, forward_kinematics, gravity_torque, paper_arm, rnea};
 use freeplay_concealed::{Case, Demand, Kept, Machine, Noise, Severity, generate, with_setup_faults};
-use freeplay_diagnosis::{Certainty, Setup, SetupFinding, examine};
+use freeplay_diagnosis::{Certainty, DiagnoseSettings, Setup, SetupFinding, diagnose, examine};
 use freeplay_recording::Recording;
 use nalgebra::Rotation3;
 
@@ -198,6 +198,28 @@ fn a_tool_on_another_clock_is_found_in_a_slow_motion() {
     assert_eq!(sure(&setup), [("clock_offset", None)]);
     let delay = 4.0 * late as f64 / RATE;
     assert!((setup.findings[0].value - delay).abs() < 0.01, "{} is not {delay}", setup.findings[0].value);
+}
+
+/// How late torques are is told beside the physics that is missing: nobody knew it when the clocks were compared.
+#[test]
+fn a_clock_is_set_beside_missing_physics() {
+    let file = paper_arm();
+    let mut recording = made(&loaded(&file.arm, 12.0, [0.05, -0.1, 0.2]));
+    for (joint, dry) in [(0, 40.0), (1, 60.0), (2, 30.0)] {
+        recording = with_torque(recording, joint, |v, tau| tau + dry * v.signum());
+    }
+    let delay = 0.085;
+    let recording = late(recording, delay);
+    let first = examine(&file.arm, &recording).findings[0].value;
+    let settings = DiagnoseSettings::default();
+    let diagnosis =
+        diagnose(&file, std::slice::from_ref(&recording), &settings, &mut |_| {}).expect("torques");
+    let clock = &diagnosis.setup[0];
+    let named: Vec<_> = diagnosis.effects.iter().map(|effect| (effect.kind, effect.joint.clone())).collect();
+    println!("{delay} s: {first} at first, {} beside {named:?}", clock.value);
+    assert_eq!((diagnosis.setup.len(), clock.kind), (1, "clock_offset"));
+    assert!((clock.value - delay).abs() < 1e-3, "{} is not {delay}", clock.value);
+    assert!(named.iter().all(|(kind, _)| ["payload", "coulomb_friction"].contains(kind)), "{named:?}");
 }
 
 /// Three linear numbers: a wall is at exactly 90 degrees, a ceiling at 180, a wedge where it is.

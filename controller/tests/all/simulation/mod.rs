@@ -1,7 +1,6 @@
 //! A small stand-in for the plant: the arm with play under a controller, tick by tick, in this process. Semi-implicit Euler with
 //! 20 µs, contacts by the laws that the plant uses too. For tests of controllers only.
 
-
 use std::path::PathBuf;
 
 use freeplay_arm::{
@@ -170,11 +169,6 @@ impl Simulation {
         state.tool[3..].copy_from_slice(tool.rotation.coords.as_slice());
         state.flags = State::FLAG_TOOL_TRACKED;
         state
-    }
-
-    /// Offsets of the journals, m: two for each joint with play.
-    pub fn journals(&self) -> Vec<f64> {
-        self.play.plays().iter().flat_map(|play| play.slides).map(|slide| self.q[slide]).collect()
     }
 
     /// The tool's distance from the perfect arm's tool on the reference, m.

@@ -5,7 +5,7 @@
 
 use super::super::change::Change;
 use super::super::change::Late;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 use super::super::search::groups;
 use super::{Ask, Told};
 
@@ -14,6 +14,10 @@ pub(crate) const LEAST: f64 = 0.048;
 /// The delays asked for: this many each way, s apart.
 const COUNT: i8 = 16;
 pub(crate) const APART: f64 = 0.03;
+/// Its name.
+pub(crate) const KIND: &str = "clock_offset";
+/// How far its number may be off before the physics beside it are known, s.
+pub(crate) const UNSURE: f64 = 0.5 * APART;
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
@@ -26,26 +30,31 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| matches!(change, Change::Delay(..)));
-    let one = |(change, certainty)| {
-        let Change::Delay(late, delay) = change else { return None };
-        let group = match late {
-            Late::Torque => "torques are",
-            Late::Tool => "tracked tool is",
-            Late::Both => "torques and the tracked tool are",
-        };
-        let (ms, way) = ((delay.abs() * 1e3).round(), if delay > 0.0 { "late" } else { "early" });
-        Some(SetupFinding {
-            kind: "clock_offset",
-            joint: None,
-            value: delay,
-            unit: "s",
-            certainty,
-            statement: format!(
-                "The {group} {ms} ms {way} against the joint positions: were two logs with two clocks joined?"
-            ),
-            remedy: format!("Shift them by {ms} ms in the mapping, or join the logs on one clock."),
-            gravity: None,
-        })
+    let one = |(change, certainty)| match change {
+        Change::Delay(late, delay) => Some(finding(late, delay, certainty)),
+        _ => None,
     };
     found.into_iter().filter_map(one).collect()
+}
+
+/// That what is `late` is so by `delay`, s.
+pub(crate) fn finding(late: Late, delay: f64, certainty: Certainty) -> SetupFinding {
+    let group = match late {
+        Late::Torque => "torques are",
+        Late::Tool => "tracked tool is",
+        Late::Both => "torques and the tracked tool are",
+    };
+    let (ms, way) = ((delay.abs() * 1e3).round(), if delay > 0.0 { "late" } else { "early" });
+    SetupFinding {
+        kind: KIND,
+        joint: None,
+        value: delay,
+        unit: "s",
+        certainty,
+        statement: format!(
+            "The {group} {ms} ms {way} against the joint positions: were two logs with two clocks joined?"
+        ),
+        remedy: format!("Shift them by {ms} ms in the mapping, or join the logs on one clock."),
+        gravity: None,
+    }
 }
