@@ -204,12 +204,8 @@ fn a_tool_on_another_clock_is_found_in_a_slow_motion() {
 #[test]
 fn a_clock_is_set_beside_missing_physics() {
     let file = paper_arm();
-    let mut recording = made(&loaded(&file.arm, 12.0, [0.05, -0.1, 0.2]));
-    for (joint, dry) in [(0, 40.0), (1, 60.0), (2, 30.0)] {
-        recording = with_torque(recording, joint, |v, tau| tau + dry * v.signum());
-    }
     let delay = 0.085;
-    let recording = late(recording, delay);
+    let recording = late(made(&loaded(&file.arm, 12.0, [0.05, -0.1, 0.2])), delay);
     let first = examine(&file.arm, &recording).findings[0].value;
     let settings = DiagnoseSettings::default();
     let diagnosis =
@@ -218,8 +214,11 @@ fn a_clock_is_set_beside_missing_physics() {
     let named: Vec<_> = diagnosis.effects.iter().map(|effect| (effect.kind, effect.joint.clone())).collect();
     println!("{delay} s: {first} at first, {} beside {named:?}", clock.value);
     assert_eq!((diagnosis.setup.len(), clock.kind), (1, "clock_offset"));
-    assert!((clock.value - delay).abs() < 1e-3, "{} is not {delay}", clock.value);
-    assert!(named.iter().all(|(kind, _)| ["payload", "coulomb_friction"].contains(kind)), "{named:?}");
+    assert!((clock.value - delay).abs() < 5e-4, "{} is not {delay}", clock.value);
+    assert!(
+        named.iter().all(|(kind, _)| ["payload", "coulomb_friction", "viscous_friction"].contains(kind)),
+        "{named:?}"
+    );
 }
 
 /// Three linear numbers: a wall is at exactly 90 degrees, a ceiling at 180, a wedge where it is.
