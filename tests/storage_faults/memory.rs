@@ -11,16 +11,16 @@ use super::{Subject, contents, on_all_cores};
 use crate::common::{Call, FREEPLAY, Ran, fresh_folder, left_in_shared_memory, until};
 
 /// Limits of each command, unless another number is asked for.
-const LIMITS: u64 = 12;
+const LIMITS: u64 = 6;
 
 /// Limits just below the one that is enough, where what fails is at the end of the work.
-const CLOSE: u64 = 4;
+const CLOSE: u64 = 2;
 
 /// Every command succeeds under this limit, KiB.
 const PLENTY: u64 = 4 << 20;
 
 /// How finely the least limit that is enough is looked for, KiB.
-const GRAIN: u64 = 256;
+const GRAIN: u64 = 1024;
 
 /// The program with `arguments`, and `kib` KiB of address space for each of its processes.
 fn limited(folder: tempfile::TempDir, kib: u64, arguments: &[&str]) -> Call {
