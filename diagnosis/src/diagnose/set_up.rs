@@ -26,12 +26,12 @@ pub fn diagnose(
     engine::check(&file.arm, recordings)?;
     progress("asking whether recording and model mean the same");
     let mut mended = Mended::of(file, recordings);
-    let statement = in_words(&mended.findings);
     if let Some(why) = &mended.stop {
         let advice: Vec<String> = mended.findings.iter().map(|finding| finding.remedy.clone()).collect();
         let mut stopped = insufficient(file, settings, Vec::new(), format!("{why}; {}", advice.join(" ")));
         stopped.verdict = Verdict::Setup;
-        stopped.statement = format!("{statement} There is nothing to diagnose before this is mended.");
+        stopped.statement =
+            format!("{} There is nothing to diagnose before this is mended.", in_words(&mended.findings));
         stopped.next = advice;
         stopped.setup = mended.findings;
         return Ok(stopped);
@@ -47,7 +47,8 @@ pub fn diagnose(
         mended.set_clock(file, recordings, late, later);
     }
     let mut diagnosis = by_channels(&mended.file, &mended.recordings, settings, progress)?;
-    diagnosis.statement = format!("{statement} With that reading: {}", diagnosis.statement);
+    diagnosis.statement =
+        format!("{} With that reading: {}", in_words(&mended.findings), diagnosis.statement);
     diagnosis.verdict = Verdict::Setup;
     diagnosis.setup = mended.findings;
     diagnosis.mapping = mended.mapping;

@@ -214,6 +214,7 @@ fn a_clock_is_set_beside_missing_physics() {
     let named: Vec<_> = diagnosis.effects.iter().map(|effect| (effect.kind, effect.joint.clone())).collect();
     println!("{delay} s: {first} at first, {} beside {named:?}", clock.value);
     assert_eq!((diagnosis.setup.len(), clock.kind), (1, "clock_offset"));
+    assert!(diagnosis.statement.starts_with(&clock.statement), "{}", diagnosis.statement);
     assert!((clock.value - delay).abs() < 5e-4, "{} is not {delay}", clock.value);
     assert!(
         named.iter().all(|(kind, _)| ["payload", "coulomb_friction", "viscous_friction"].contains(kind)),
