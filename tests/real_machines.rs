@@ -1,8 +1,6 @@
 //! `freeplay diagnose` on recordings of real machines: the same binary, nothing told. Held-out errors against the lowest of what the
 //! `reference_fits.txt` beside each set and the published model reach on the same file, as a table of margins.
 
-use std::path::{Path, PathBuf};
-
 use crate::common::{Call, fresh_folder};
 use serde_json::Value;
 
@@ -49,22 +47,9 @@ const KR300: Set = Set {
     found: &[FRICTION, &["joint_spring"], &["time_delay"]],
 };
 
-fn folder() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
-    let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
-    if !folder.is_dir() {
-        freeplay_skip::skip(
-            freeplay_skip::Need::Recordings,
-            "no recordings here; FREEPLAY_RECORDINGS names their folder",
-        );
-        return None;
-    }
-    folder.canonicalize().ok()
-}
-
 /// Diagnoses `set`; prints its margins and returns ours over the lowest known, by channel.
 fn margins(set: &Set) -> Option<Vec<(&'static str, f64)>> {
-    let folder = folder()?;
+    let folder = freeplay_skip::recordings()?;
     let path = |file: &str| folder.join(file).display().to_string();
     let mut arguments = vec!["diagnose".to_owned(), "--model".to_owned(), path(set.model)];
     arguments.extend(["--format", "json", "--recording"].map(str::to_owned));
@@ -115,7 +100,7 @@ fn six_axes_are_named_and_beat_their_published_model() {
 #[test]
 #[ignore = "minutes without optimisation: cargo test --release --test command real_machines:: -- --ignored --nocapture"]
 fn one_recording_of_six_axes_says_much_of_another() {
-    let Some(folder) = folder() else { return };
+    let Some(folder) = freeplay_skip::recordings() else { return };
     let path = |file: &str| folder.join("kuka_kr300").join(file).display().to_string();
     let (given, fitted, other) =
         (path("kr300_r2500_payload150.urdf"), path("train_A.csv"), path("test_B.csv"));

@@ -58,15 +58,7 @@ const SERVOS: Set = Set {
 
 /// The folder of the recordings; says that the test skips where they or MuJoCo are not there.
 fn recordings() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
-    let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
-    if !folder.is_dir() {
-        freeplay_skip::skip(
-            freeplay_skip::Need::Recordings,
-            "no recordings here; FREEPLAY_RECORDINGS names their folder",
-        );
-        return None;
-    }
+    let folder = freeplay_skip::recordings()?;
     has("mujoco, numpy, scipy").then_some(folder)
 }
 

@@ -1,7 +1,5 @@
 //! Model files: URDF as found in the field, arm files, and what is written reads back.
 
-use std::path::PathBuf;
-
 use crate::common::{Random, close, distance, size};
 use freeplay_arm::{
     Arm, ArmFile, JointKind, Workspace, aba, forward_kinematics, gravity_torque, load, paper_arm, parse_toml,
@@ -44,24 +42,9 @@ fn assert_same(a: &ArmFile, b: &ArmFile) {
     assert_eq!(effects(a), effects(b));
 }
 
-fn recordings() -> Option<PathBuf> {
-    let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/recordings")),
-        PathBuf::from,
-    );
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    freeplay_skip::skip(
-        freeplay_skip::Need::Recordings,
-        format_args!("no recordings at {} (set FREEPLAY_RECORDINGS)", folder.display()),
-    );
-    None
-}
-
 #[test]
 fn arms_of_real_recordings_load_and_survive_writing() {
-    let Some(folder) = recordings() else { return };
+    let Some(folder) = freeplay_skip::recordings() else { return };
     let expected = [
         ("brfd_backlash/damper.urdf", 1, "damper"),
         ("dfki_double_pendulum/double_pendulum_C1.urdf", 2, "joint_1"),
@@ -96,7 +79,7 @@ fn round_trip_loss(arm: &Arm) -> f64 {
 /// The KUKA LWR 4+: its base stands on a box, by a joint with two origins of which the first counts.
 #[test]
 fn fixed_joints_below_the_first_moving_one_fold_into_the_base() {
-    let Some(folder) = recordings() else { return };
+    let Some(folder) = freeplay_skip::recordings() else { return };
     let file = load(&folder.join("kuka_lwr4/kuka_lwr4.urdf")).unwrap();
     let arm = &file.arm;
     let mut ws = Workspace::new(arm);

@@ -8,24 +8,10 @@
 //! filter, is printed beside.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use freeplay_diagnosis::{Comparison, Residuals, Settings, Treatment, compare, default_cutoff_hz};
 use freeplay_laws::Trajectory;
-
-/// The folder of recordings, or `None` where there is none.
-fn folder() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
-    let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
-    if !folder.is_dir() {
-        freeplay_skip::skip(
-            freeplay_skip::Need::Recordings,
-            "no recordings here; FREEPLAY_RECORDINGS names their folder",
-        );
-        return None;
-    }
-    Some(folder)
-}
 
 /// One set of recordings.
 struct Set {
@@ -37,7 +23,7 @@ struct Set {
 
 impl Set {
     fn open(name: &str, model: &str) -> Option<Self> {
-        let folder = folder()?.join(name);
+        let folder = freeplay_skip::recordings()?.join(name);
         let text = |file: &str| std::fs::read_to_string(folder.join(file)).expect("a file of the set");
         let (meta, fits) = (text("meta.toml").parse().expect("TOML"), text("reference_fits.txt"));
         let arm = freeplay_arm::load(&folder.join(model)).expect("the set's model").arm;

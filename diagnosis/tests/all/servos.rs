@@ -1,5 +1,5 @@
 //! Commanded against measured positions: servos that were simulated come back with their names, a stop and a contact are located; a real arm.
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use freeplay_arm::{ArmFile, parse_toml, to_toml};
 use freeplay_diagnosis::{
@@ -216,24 +216,11 @@ fn commands_that_never_move_tell_nothing() {
     );
 }
 
-/// Where the real recordings are.
-fn folder() -> Option<PathBuf> {
-    let folder = std::env::var_os("FREEPLAY_RECORDINGS")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings"), PathBuf::from);
-    let folder = folder.join("so101_command");
-    folder.exists().then_some(folder)
-}
-
 /// A small arm with five servos: a part of its training motions, a motion that judges, a table that the hand presses on and a stop.
 #[test]
 fn a_real_arm_is_simulated_better_than_others_do() {
-    let Some(folder) = folder() else {
-        freeplay_skip::skip(
-            freeplay_skip::Need::Recordings,
-            "no recordings of servos here; FREEPLAY_RECORDINGS names their folder",
-        );
-        return;
-    };
+    let Some(folder) = freeplay_skip::recordings() else { return };
+    let folder = folder.join("so101_command");
     let file = freeplay_arm::load(&folder.join("so101.urdf")).unwrap();
     let names = [
         "train_multisine",

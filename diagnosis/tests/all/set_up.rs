@@ -268,19 +268,6 @@ fn jumps_still_channels_and_other_arms_are_found() {
     assert_eq!(sure(&setup), [], "torques that have nothing to do with the model are in no unit");
 }
 
-fn folder() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
-    let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
-    if !folder.is_dir() {
-        freeplay_skip::skip(
-            freeplay_skip::Need::Recordings,
-            "no recordings here; FREEPLAY_RECORDINGS names their folder",
-        );
-        return None;
-    }
-    Some(folder)
-}
-
 /// Recordings of real machines, and the joint (from 0) that carries the arm.
 const REAL: [(&str, &str, &str, usize); 3] = [
     ("kuka_kr300", "kr300_r2500_payload150.urdf", "test_B.csv", 1),
@@ -294,7 +281,7 @@ const FOUND: usize = 11;
 /// A recording of a real machine as it is has no fault. Some of those that are put in are found.
 #[test]
 fn real_machines_have_no_fault_until_one_is_put_in() {
-    let Some(folder) = folder() else { return };
+    let Some(folder) = freeplay_skip::recordings() else { return };
     let (mut found, mut all) = (0, 0);
     for (set, model, run, carrier) in REAL {
         let folder = folder.join(set);

@@ -2,16 +2,10 @@
 //!
 //! They are no part of this project: `FREEPLAY_RECORDINGS` names their folder.
 
-use std::path::{Path, PathBuf};
-use std::{env, fs};
+use std::fs;
+use std::path::Path;
 
 use freeplay_recording::{export, read};
-
-fn folder() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
-    let folder = env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
-    folder.is_dir().then_some(folder)
-}
 
 /// Checks one file against its entry; returns its rows.
 fn check(path: &Path, entry: &toml::Table, joints: usize) -> i64 {
@@ -37,13 +31,7 @@ fn check(path: &Path, entry: &toml::Table, joints: usize) -> i64 {
 
 #[test]
 fn every_real_recording_is_read_as_described() {
-    let Some(folder) = folder() else {
-        freeplay_skip::skip(
-            freeplay_skip::Need::Recordings,
-            "no recordings here; FREEPLAY_RECORDINGS names their folder",
-        );
-        return;
-    };
+    let Some(folder) = freeplay_skip::recordings() else { return };
     let (mut files, mut rows) = (0, 0);
     for machine in fs::read_dir(&folder).expect("a folder") {
         let machine = machine.expect("an entry").path();
@@ -63,13 +51,8 @@ fn every_real_recording_is_read_as_described() {
 
 #[test]
 fn a_real_recording_survives_both_formats() {
-    let Some(path) = folder().map(|f| f.join("kuka_kr300/test_B.csv")).filter(|p| p.is_file()) else {
-        freeplay_skip::skip(
-            freeplay_skip::Need::Recordings,
-            "no recordings here; FREEPLAY_RECORDINGS names their folder",
-        );
-        return;
-    };
+    let Some(recordings) = freeplay_skip::recordings() else { return };
+    let path = recordings.join("kuka_kr300/test_B.csv");
     let original = read(&path, Some(6)).expect("read");
     let folder = tempfile::tempdir().expect("a folder");
     for name in ["copy.csv", "copy.mcap"] {

@@ -4,6 +4,7 @@
 //! needs that it cannot meet, and every other skip fails there.
 
 use std::fmt::Display;
+use std::path::{Path, PathBuf};
 
 /// The environment variable with the needs that may be missing, separated by commas. Where it is not set, every skip is allowed.
 pub const ALLOWED: &str = "FREEPLAY_SKIPS";
@@ -59,6 +60,22 @@ impl Need {
             Self::Terminal => "terminal",
         }
     }
+}
+
+/// The folder of recordings of real machines, which are no part of this project: that of `FREEPLAY_RECORDINGS`, or `shared/recordings` beside the project. `None`, and the test
+/// skips, where there is none.
+///
+/// # Panics
+/// See [`skip`].
+#[must_use]
+pub fn recordings() -> Option<PathBuf> {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings");
+    let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
+    if !folder.is_dir() {
+        skip(Need::Recordings, "no recordings here; FREEPLAY_RECORDINGS names their folder");
+        return None;
+    }
+    folder.canonicalize().ok()
 }
 
 /// Prints that a test skips for lack of `need`, and why.
