@@ -64,7 +64,7 @@ fn later(
     progress: &mut dyn FnMut(&str),
 ) -> Result<f64, DiagnoseError> {
     let tolerances = Tolerances { delay: settings.tolerances.delay.max(CLOCK_UNSURE), ..settings.tolerances };
-    let unsure = DiagnoseSettings { tolerances, ..settings.clone() };
+    let unsure = DiagnoseSettings { tolerances, ..*settings };
     let diagnosis = engine::diagnose(&mended.file, &mended.recordings, &unsure, progress)?;
     // Of torques and tool on one clock the tool tells better: nothing is missing in a geometry.
     let asked = if late == Late::Torque { Late::Torque } else { Late::Tool };
