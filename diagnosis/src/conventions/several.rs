@@ -67,7 +67,7 @@ impl Mended {
         self.mapping = last.and_then(|(recording, reading)| super::mapping::mapping(reading, recording));
     }
 
-    /// Takes clocks of several recordings that differ by no more than each is unsure for one.
+    /// Gives all recordings the mean of their delays where these differ by no more than the delay of one recording may be off.
     fn one_clock(&mut self) {
         let of_torques: fn(&mut Reading) -> &mut f64 = |reading| &mut reading.torque_delay;
         let of_tool: fn(&mut Reading) -> &mut f64 = |reading| &mut reading.tool_delay;
@@ -84,7 +84,7 @@ impl Mended {
         }
     }
 
-    /// What was found to be on another clock.
+    /// Which channels are on another clock than the positions, if any are.
     pub(crate) fn late(&self) -> Option<Late> {
         let late = |reading: &Reading| match (reading.torque_delay != 0.0, reading.tool_delay != 0.0) {
             (true, true) => Some(Late::Both),
@@ -95,7 +95,7 @@ impl Mended {
         self.readings.iter().find_map(late)
     }
 
-    /// Sets the clock of what is `late` in `recordings` of the machine of `file` by so many more seconds.
+    /// Takes the channels `late` for `later` seconds later than before, and reads `recordings` of the machine of `file` anew.
     pub(crate) fn set_clock(&mut self, file: &ArmFile, recordings: &[Recording], late: Late, later: f64) {
         for reading in &mut self.readings {
             for delay in [&mut reading.torque_delay, &mut reading.tool_delay] {

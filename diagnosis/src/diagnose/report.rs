@@ -159,7 +159,7 @@ pub struct Tuned {
     pub name: String,
     /// By how much, in standard deviations of its prior; a tolerance is 1.7 of them.
     pub deviations: f64,
-    /// What of the machine it is.
+    /// The quantity of the machine that was tuned.
     #[serde(skip)]
     pub(crate) of: Of,
 }

@@ -55,8 +55,7 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
-/// By how many seconds more what is `late` is so than the `mended` recordings say: the number that a diagnosis fits beside the missing physics, which was not known when the
-/// clocks were compared.
+/// The correction of the delay of the channels `late`, s. The `mended` recordings use a delay that was found before the missing physics were known; this diagnosis fits both together.
 fn later(
     mended: &Mended,
     late: Late,

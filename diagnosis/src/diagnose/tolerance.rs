@@ -90,9 +90,9 @@ pub(crate) enum Of {
     Law,
     /// Zero of an encoder.
     Zero,
-    /// Delay of torques or of the tracker: what it makes late, and by how many seconds.
+    /// Delay of the torques or of the tracker, and how many seconds one standard deviation of it is.
     Delay(Late, f64),
-    /// What else belongs to the measurement.
+    /// A property of the measurement other than a delay: the tracker's frame, the zero of a link encoder.
     Measurement,
 }
 

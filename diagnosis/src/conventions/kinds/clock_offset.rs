@@ -14,9 +14,9 @@ pub(crate) const LEAST: f64 = 0.048;
 /// The delays asked for: this many each way, s apart.
 const COUNT: i8 = 16;
 pub(crate) const APART: f64 = 0.03;
-/// Its name.
+/// The name of this kind of finding.
 pub(crate) const KIND: &str = "clock_offset";
-/// How far its number may be off before the physics beside it are known, s.
+/// How far the delay that is found may be off, s, as long as the missing physics are not known.
 pub(crate) const UNSURE: f64 = 0.5 * APART;
 
 /// What it asks.
@@ -37,7 +37,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     found.into_iter().filter_map(one).collect()
 }
 
-/// That what is `late` is so by `delay`, s.
+/// The finding that the channels `late` lag the joint positions by `delay`, s.
 pub(crate) fn finding(late: Late, delay: f64, certainty: Certainty) -> SetupFinding {
     let group = match late {
         Late::Torque => "torques are",
