@@ -53,6 +53,11 @@ impl<'a> Data<'a> {
         Self { stages, nuisances, counts, off, parts, heard: vec![Part::Fit], how }
     }
 
+    /// Lets the tolerances of the arm act on the machine with what was found: a gear twists more under a link that is heavier.
+    pub fn follow(&mut self, tolerances: &Tolerances) {
+        self.nuisances = self.stages.iter().map(|stage| nuisances(stage, tolerances)).collect();
+    }
+
     /// The same with all rows in the fit part: a motion that is only planned.
     pub fn whole(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
         let mut data = Self::new(stages, tolerances);

@@ -140,6 +140,7 @@ impl Study<'_> {
         found: Found,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Diagnosis, DiagnoseError> {
+        data.follow(&self.settings.tolerances);
         progress("looking for what happens at a time");
         let parts = data.parts.clone();
         let mut events = self.happened_first(&mut data, &found, &parts);

@@ -385,6 +385,26 @@ impl<'a> Stage<'a> {
         })
     }
 
+    /// What the machine says more if its arm is one of `arms`: the arm is not rigid where the model has a law that is smooth, or one was found. Laws that jump are left
+    /// out: between two like arms only the instant of a jump differs.
+    pub fn answers_of(&self, arms: &[Arm]) -> Vec<Answer> {
+        let found = self.found.borrow();
+        let known = self.known.iter().filter(|placed| self.level(placed) != Level::Arm).copied();
+        let all = known.chain(found.iter().map(|(_, placed)| &**placed));
+        let smooth: Vec<&Placed> = all.filter(|placed| !placed.kind.rough).collect();
+        let now = if smooth.is_empty() { None } else { self.said(self.arm(), &smooth).ok() };
+        let beside = |arm: &Arm| {
+            let (now, then) = (now.as_ref()?, self.said(arm, &smooth).ok()?);
+            Some(self.by_channel(|kind| difference(kind.of(&then), kind.of(now))))
+        };
+        arms.iter().map(|arm| beside(arm).unwrap_or_else(|| self.rigid_answer(arm, None))).collect()
+    }
+
+    /// The prediction for `arm` with `effects` on the kept points.
+    fn said(&self, arm: &Arm, effects: &[&Placed]) -> Result<Prediction, LawError> {
+        Ok(Baseline::new(arm, effects, self.motion(), &*self.ground.as_it_is)?.prediction().clone())
+    }
+
     /// The torques of the model with `more` effects along `motion`, on all grid points and without the low-pass, `[joint][point]`.
     ///
     /// # Errors

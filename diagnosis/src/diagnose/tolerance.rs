@@ -130,13 +130,13 @@ pub(crate) fn nuisances(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance>
 /// Masses, centres of mass, inertias and lengths.
 fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let nominal = stage.arm();
-    let mut all = Vec::new();
+    let (mut varied, mut arms) = (Vec::new(), Vec::new());
     let mut vary = |name: String, of: Of| {
         let mut parts = ArmParts::of(nominal);
         of.change(&mut parts, tolerances, 1.0);
         if let Ok(arm) = parts.into_arm(nominal.name()) {
-            let answer = stage.rigid_answer(&arm, None);
-            all.push(Nuisance { name, answer, free: false, of });
+            varied.push((name, of));
+            arms.push(arm);
         }
     };
     for (index, joint) in nominal.joints().iter().enumerate() {
@@ -154,7 +154,9 @@ fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         }
     }
     vary("length of the tool".to_owned(), Of::Tool);
-    all
+    let answers = stage.answers_of(&arms);
+    let one = |((name, of), answer)| Nuisance { name, answer, free: false, of };
+    varied.into_iter().zip(answers).map(one).collect()
 }
 
 /// Directions in which the centre of mass of the link of `joint` shows: along the axis, and where the joint slides, it is the link before that has
