@@ -195,6 +195,35 @@ fn what_shakes_at_times_does_not_bend_the_numbers() {
     assert!((value - OFFSET).abs() < 0.02 * OFFSET && low < OFFSET && OFFSET < high);
 }
 
+/// The links are 2 % heavier than their data sheet says, and bend the spring of the elbow by as much more: its stiffness is that of the machine and not 2 % less. Closed
+/// form: with the link at θ and the torque τ(θ) behind a spring without inertia, the encoder reads θ + τ/k.
+#[test]
+fn a_spring_is_as_stiff_as_it_is_under_links_that_are_heavier_than_they_should_be() {
+    const STIFFNESS: f64 = 2000.0;
+    let none = JointFriction { viscous: 0.0, coulomb: 0.0 };
+    let joint = |name| link(name, JointKind::Revolute, none);
+    let model = arm(vec![joint("shoulder"), joint("elbow")]);
+    let mut parts = ArmParts::of(&model);
+    parts.joints.iter_mut().for_each(|joint| joint.inertia.mass *= 1.02);
+    let machine = parts.into_arm("machine").expect("an arm");
+    let mut made = columns(&machine, &even(20.0, 200.0), nothing);
+    let of = |made: &[(String, Vec<f64>)], wanted: &str| {
+        made.iter().position(|(name, _)| name == wanted).expect("a column")
+    };
+    let torque = made[of(&made, "tau2")].1.clone();
+    let elbow = of(&made, "q2");
+    made[elbow].1.iter_mut().zip(torque).for_each(|(q, torque)| *q += torque / STIFFNESS);
+    let diagnosis = diagnosed(&model, &[recording(with_noise(made, 4))]);
+    println!("{:?}: {}", diagnosis.verdict, diagnosis.statement);
+    let [effect] = diagnosis.effects.as_slice() else { panic!("one effect: {:?}", diagnosis.effects) };
+    assert_eq!((effect.kind, effect.joint.as_deref()), ("joint_elasticity", Some("elbow")));
+    let stiffness = &effect.parameters["stiffness"];
+    let (value, [low, high]) =
+        (stiffness.value.as_float().expect("a number"), stiffness.ci95.expect("an interval"));
+    println!("stiffness {value:.1} N*m/rad ({low:.1} to {high:.1}) for {STIFFNESS}");
+    assert!((value / STIFFNESS - 1.0).abs() < 0.005 && low < STIFFNESS && STIFFNESS < high);
+}
+
 /// Masses up to 2 % off leave more than the noise; the model of the diagnosis has them where the fit has them.
 #[test]
 fn the_model_of_a_diagnosis_is_tuned_inside_its_tolerances() {
