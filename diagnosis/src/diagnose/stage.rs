@@ -385,24 +385,26 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// What the machine says more if its arm is one of `arms`: the arm is not rigid where the model has a law that is smooth, or one was found. Laws that jump are left
-    /// out: between two like arms only the instant of a jump differs.
+    /// By how much each channel changes if the machine has each of `arms` in the place of its own arm. The smooth laws act on that arm, both those of the model
+    /// and those that were found; without any, the arm is rigid. Laws that jump take no part: a slightly different arm shifts only the instant of a jump.
     pub fn answers_of(&self, arms: &[Arm]) -> Vec<Answer> {
         let found = self.found.borrow();
+        // The arms have already what the model's laws change of an arm.
         let known = self.known.iter().filter(|placed| self.level(placed) != Level::Arm).copied();
         let all = known.chain(found.iter().map(|(_, placed)| &**placed));
         let smooth: Vec<&Placed> = all.filter(|placed| !placed.kind.rough).collect();
-        let now = if smooth.is_empty() { None } else { self.said(self.arm(), &smooth).ok() };
+        let now =
+            if smooth.is_empty() { None } else { self.predicted(self.arm(), &smooth, self.motion()).ok() };
         let beside = |arm: &Arm| {
-            let (now, then) = (now.as_ref()?, self.said(arm, &smooth).ok()?);
+            let (now, then) = (now.as_ref()?, self.predicted(arm, &smooth, self.motion()).ok()?);
             Some(self.by_channel(|kind| difference(kind.of(&then), kind.of(now))))
         };
         arms.iter().map(|arm| beside(arm).unwrap_or_else(|| self.rigid_answer(arm, None))).collect()
     }
 
-    /// The prediction for `arm` with `effects` on the kept points.
-    fn said(&self, arm: &Arm, effects: &[&Placed]) -> Result<Prediction, LawError> {
-        Ok(Baseline::new(arm, effects, self.motion(), &*self.ground.as_it_is)?.prediction().clone())
+    /// The prediction for `arm` with `effects` along `motion`, without the low-pass.
+    fn predicted(&self, arm: &Arm, effects: &[&Placed], motion: &Trajectory) -> Result<Prediction, LawError> {
+        Ok(Baseline::new(arm, effects, motion, &*self.ground.as_it_is)?.prediction().clone())
     }
 
     /// The torques of the model with `more` effects along `motion`, on all grid points and without the low-pass, `[joint][point]`.
@@ -411,9 +413,9 @@ impl<'a> Stage<'a> {
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn raw_torques(&self, more: &[Placed], motion: &Trajectory) -> Result<Vec<Vec<f64>>, LawError> {
         let effects: Vec<&Placed> = self.known.iter().copied().chain(more).collect();
-        let model = Baseline::new(self.nominal, &effects, motion, &*self.ground.as_it_is)?;
+        let model = self.predicted(self.nominal, &effects, motion)?;
         let joints = 0..self.nominal.dof();
-        Ok(joints.map(|joint| Kind::Torque(joint).of(model.prediction()).to_vec()).collect())
+        Ok(joints.map(|joint| Kind::Torque(joint).of(&model).to_vec()).collect())
     }
 
     /// The number of the channel that measures `kind`.

@@ -1,7 +1,9 @@
 //! Diagnoses of made recordings of which it is known what is missing.
 
 use freeplay_arm::{Arm, ArmFile, EffectTable, JointFriction, JointKind};
-use freeplay_diagnosis::{DiagnoseError, DiagnoseSettings, Diagnosis, Settings, Verdict, compare, diagnose};
+use freeplay_diagnosis::{
+    DiagnoseError, DiagnoseSettings, Diagnosis, Effect, Settings, Verdict, compare, diagnose,
+};
 use freeplay_laws::{ArmParts, Effects};
 use freeplay_recording::Recording;
 use rand::{RngExt, SeedableRng};
@@ -56,6 +58,12 @@ fn diagnosed(model: &Arm, recordings: &[Recording]) -> Diagnosis {
     diagnose(&file(model.clone()), recordings, &settings, &mut |_| {}).expect("a diagnosis")
 }
 
+/// The value and the interval of 95 % of the parameter `name` of `effect`.
+fn with_interval(effect: &Effect, name: &str) -> (f64, [f64; 2]) {
+    let parameter = &effect.parameters[name];
+    (parameter.value.as_float().expect("a number"), parameter.ci95.expect("an interval"))
+}
+
 /// A machine inside the tolerances of its model.
 fn inside(model: &Arm, seed: u64) -> Arm {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -86,9 +94,7 @@ fn coulomb_friction_is_named_at_its_joint_with_its_size() {
     println!("{:?}: {}", diagnosis.verdict, diagnosis.statement);
     let [effect] = diagnosis.effects.as_slice() else { panic!("one effect: {:?}", diagnosis.effects) };
     assert_eq!((effect.kind, effect.joint.as_deref()), ("coulomb_friction", Some("elbow")));
-    let coulomb = &effect.parameters["coulomb"];
-    let (value, [low, high]) =
-        (coulomb.value.as_float().expect("a number"), coulomb.ci95.expect("an interval"));
+    let (value, [low, high]) = with_interval(effect, "coulomb");
     println!("coulomb {value:.4} N*m ({low:.4} to {high:.4}) for 0.8");
     // The nominal 1.5 N·m may be off by 5 %.
     assert!((value - 0.8).abs() < 0.1 && low < 0.8 && 0.8 < high);
@@ -186,11 +192,9 @@ fn what_shakes_at_times_does_not_bend_the_numbers() {
     }
     let diagnosis = diagnosed(&model, &[recording(made)]);
     println!("{:?}: {}", diagnosis.verdict, diagnosis.statement);
-    let is_offset = |effect: &&freeplay_diagnosis::Effect| effect.kind == "torque_offset";
+    let is_offset = |effect: &&Effect| effect.kind == "torque_offset";
     let effect = diagnosis.effects.iter().find(is_offset).expect("the offset");
-    let offset = &effect.parameters["offset"];
-    let (value, [low, high]) =
-        (offset.value.as_float().expect("a number"), offset.ci95.expect("an interval"));
+    let (value, [low, high]) = with_interval(effect, "offset");
     println!("offset {value:.4} N*m ({low:.4} to {high:.4}) for {OFFSET}");
     assert!((value - OFFSET).abs() < 0.02 * OFFSET && low < OFFSET && OFFSET < high);
 }
@@ -200,8 +204,7 @@ fn what_shakes_at_times_does_not_bend_the_numbers() {
 #[test]
 fn a_spring_is_as_stiff_as_it_is_under_links_that_are_heavier_than_they_should_be() {
     const STIFFNESS: f64 = 2000.0;
-    let none = JointFriction { viscous: 0.0, coulomb: 0.0 };
-    let joint = |name| link(name, JointKind::Revolute, none);
+    let joint = |name| link(name, JointKind::Revolute, JointFriction::default());
     let model = arm(vec![joint("shoulder"), joint("elbow")]);
     let mut parts = ArmParts::of(&model);
     parts.joints.iter_mut().for_each(|joint| joint.inertia.mass *= 1.02);
@@ -217,9 +220,7 @@ fn a_spring_is_as_stiff_as_it_is_under_links_that_are_heavier_than_they_should_b
     println!("{:?}: {}", diagnosis.verdict, diagnosis.statement);
     let [effect] = diagnosis.effects.as_slice() else { panic!("one effect: {:?}", diagnosis.effects) };
     assert_eq!((effect.kind, effect.joint.as_deref()), ("joint_elasticity", Some("elbow")));
-    let stiffness = &effect.parameters["stiffness"];
-    let (value, [low, high]) =
-        (stiffness.value.as_float().expect("a number"), stiffness.ci95.expect("an interval"));
+    let (value, [low, high]) = with_interval(effect, "stiffness");
     println!("stiffness {value:.1} N*m/rad ({low:.1} to {high:.1}) for {STIFFNESS}");
     assert!((value / STIFFNESS - 1.0).abs() < 0.005 && low < STIFFNESS && STIFFNESS < high);
 }
