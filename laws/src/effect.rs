@@ -63,6 +63,11 @@ pub trait Effect: Debug + Send + Sync {
         None
     }
 
+    /// Courses that the effect may take, where a recorded motion does not foretell which; none where it does.
+    fn courses(&self) -> Vec<Box<dyn Effect>> {
+        Vec::new()
+    }
+
     /// Puts the effect into a plant. Changes of the arm are already in.
     fn inject(&self, injection: &mut Injection);
 

@@ -11,6 +11,8 @@ use crate::{Archive, Clearance};
 pub struct Injection {
     /// Radial play by joint index.
     pub clearances: Vec<(usize, Clearance)>,
+    /// Joints whose journals float in oil.
+    pub films: Vec<usize>,
     /// What stands between motor and link, by joint index, at most one a joint in [`crate::Effects::injection`].
     pub transmissions: Vec<(usize, Transmission)>,
     /// Inertia of rotors beside the arm's, by joint index, kg·m² (kg): to be added to [`freeplay_arm::Joint::rotor_inertia`].

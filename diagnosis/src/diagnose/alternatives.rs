@@ -28,6 +28,10 @@ pub(crate) struct Tried {
 /// The most probable others in the place of each member of `fit`: each was put there, in the form that explains most, beside the other members.
 pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
     let mut all = Vec::new();
+    // The search may have come to rest with other tolerances at an edge.
+    if search.system.pin(fit).is_none() {
+        return all;
+    }
     for &member in &fit.members {
         let others: Vec<usize> = fit.members.iter().copied().filter(|other| *other != member).collect();
         let (Some(without), Some(own)) = (search.system.fit(&others), search.system.held_fit(&fit.members))
@@ -96,9 +100,12 @@ pub(crate) fn instead(arm: &Arm, named: &Candidate, other: &Candidate, against: 
 }
 
 /// The most probable form of every kind at every place, alone and beside the members of `fit`.
-pub(crate) fn rows_of_evidence(search: &Search, bare: &Fit, fit: &Fit) -> Vec<EvidenceRow> {
+pub(crate) fn rows_of_evidence(search: &mut Search, bare: &Fit, fit: &Fit) -> Vec<EvidenceRow> {
+    let [alone, beside] = [bare, fit].map(|fit| {
+        // Tolerances that another fit holds at an edge would pass for what a law explains.
+        if search.system.pin(fit).is_some() { search.system.gains(fit, &search.laid) } else { Vec::new() }
+    });
     let system = &search.system;
-    let [alone, beside] = [bare, fit].map(|fit| system.gains(fit, &search.laid));
     let mut rows: BTreeMap<(&str, Option<usize>), EvidenceRow> = BTreeMap::new();
     for ((&index, alone), beside) in search.laid.iter().zip(alone).zip(beside) {
         let candidate = system.candidate(index);

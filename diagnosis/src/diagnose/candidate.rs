@@ -63,6 +63,8 @@ pub(crate) struct Candidate {
     pub is_read: bool,
     /// Whether the effect changes masses, lengths or gravity of the arm. The diagnosis computes the columns of such an effect once, because no other effect changes these columns.
     pub changes_arm: bool,
+    /// The effect may take one of several courses, and the motion does not tell which.
+    pub is_open: bool,
     /// The effect parts its joint: by play in the bearing (first), by a spring or a gap in the gear (second).
     parts: [bool; 2],
     /// Where its journal is in its bearing as each recording begins, if it has one that was looked for.
@@ -121,7 +123,9 @@ impl Candidate {
         if let Ok(placed) = &placed {
             placed.effect.inject(&mut injection);
         }
-        let parts = [!injection.clearances.is_empty(), !injection.transmissions.is_empty()];
+        let in_bearing = !injection.clearances.is_empty() || !injection.films.is_empty();
+        let parts = [in_bearing, !injection.transmissions.is_empty()];
+        let is_open = placed.as_ref().is_ok_and(|placed| !placed.effect.courses().is_empty());
         let channels = (0..data.channels()).filter(|&c| columns.iter().any(|column| column[c].is_some()));
         let channels = channels.collect();
         Ok(Some(Self {
@@ -135,6 +139,7 @@ impl Candidate {
             is_read,
             changes_arm,
             parts,
+            is_open,
             begins,
             shown,
             all,

@@ -8,7 +8,7 @@ use freeplay_laws::{LawError, Placed};
 use super::candidate::Candidate;
 use super::moments::window;
 use super::parts::{Part, parts_of};
-use super::rows::{off_with, rows_that_count};
+use super::rows::{apart_with, off_with, rows_that_count};
 use super::stage::{Answer, Stage};
 use super::tolerance::{Nuisance, Tolerances, nuisances};
 use crate::residual::Kind;
@@ -107,6 +107,11 @@ impl<'a> Data<'a> {
     pub fn off_with(&self, found: &[Placed], seed: u64) -> Vec<Vec<f64>> {
         let of_stages = self.stages.iter().zip(self.off.chunks(self.per_stage().max(1)));
         of_stages.flat_map(|(stage, off)| off_with(stage, found, off, seed)).collect()
+    }
+
+    /// By how much the courses lie apart that the effects `found` may take, by channel: see [`apart_with`]; `None` where there is one course.
+    pub fn apart_with(&self, found: &[Placed]) -> Answer {
+        self.stages.iter().flat_map(|stage| apart_with(stage, found)).collect()
     }
 
     /// Takes the rows in which one of `happened` says anything, behind the low-pass, out of the test part: what happens at a time is seen in no others. Whether the

@@ -135,7 +135,7 @@ struct Study<'s> {
 impl Study<'_> {
     /// The diagnosis from what the search `found` in `data`, and from what happened beside it.
     fn concluded(
-        self,
+        mut self,
         mut data: Data,
         found: Found,
         progress: &mut dyn FnMut(&str),
@@ -158,7 +158,7 @@ impl Study<'_> {
                 events = self.happened_first(&mut data, &stood.found, &parts);
             }
             if events.is_empty() {
-                return self.by_laws(&data, &left, &stood.found);
+                return self.by_laws(&data, &left, stood.found);
             }
             let stood = stood.found;
             let weights =
@@ -174,7 +174,6 @@ impl Study<'_> {
             search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?
         };
         progress("looking for what happens at a time");
-        let mut members = with.members.clone();
         events = self.happened_beside(&mut data, &with, &events);
         data.parts.clone_from(&parts);
         if are_the_same(&with.members, &without.members) {
@@ -183,18 +182,52 @@ impl Study<'_> {
             let others = self.happened_beside(&mut data, &without, &[]);
             data.give_moments(&all_of(&[&events, &others]));
             let weights = self.weights(&data, &events, &left, &with.off);
-            let of_with = self.evidence(&data, &events, weights.clone(), &members)?;
+            let of_with = self.evidence(&data, &events, weights.clone(), &with.members)?;
             let of_without = self.evidence(&data, &others, weights, &without.members)?;
             if of_without > of_with {
-                (members, events) = (without.members, others);
+                (with, events) = (Found { off: with.off, ..without }, others);
             }
         }
+        let with = self.by_own_rows(&data, &events, with)?;
         let weights = self.weights(&data, &events, &left, &with.off);
-        let (mut search, members) = self.search(&data, &events, weights, &members)?;
+        let (mut search, members) = self.search(&data, &events, weights, &with.members)?;
         let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
         let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
         progress("testing");
         self.conclusion(&mut search, &answer, &events)
+    }
+
+    /// `found`, once each law that may take one of several courses, or stands where such a law could, was compared with its rivals: each under the rows that
+    /// it foretells or leaves open. The ones that lost are looked for no more.
+    fn by_own_rows(
+        &mut self,
+        data: &Data,
+        events: &[Event],
+        mut found: Found,
+    ) -> Result<Found, DiagnoseError> {
+        for place in 0..found.members.len() {
+            let weights = self.weights(data, events, &found.left, &found.off);
+            let (mut search, members) = self.search(data, events, weights.clone(), &found.members)?;
+            if members.len() < found.members.len() {
+                break;
+            }
+            let rivals = search.open_rivals(&members, place).ok_or(DiagnoseError::Singular)?;
+            let evidence = |of: &Found| weights.with_off(&of.off).tailed(&of.left) + of.log_prior;
+            for rival in rivals {
+                let lost = search.system.candidate(rival).clone();
+                let instead = [&members[..place], &[rival], &members[place + 1..]].concat();
+                let answer = search.polished(instead);
+                let there = answer.and_then(|answer| search.found(&answer, self.settings.seed));
+                let there = there.ok_or(DiagnoseError::Singular)?;
+                let lost = if evidence(&there) > evidence(&found) {
+                    std::mem::replace(&mut found, there).members.swap_remove(place)
+                } else {
+                    lost
+                };
+                self.laid.retain(|one| !one.same_effect(&lost));
+            }
+        }
+        Ok(found)
     }
 
     /// Confirms `members` by rows with these `weights` beside `events`: the search may change members, drop them or add others. The laws that result.
@@ -242,7 +275,8 @@ impl Study<'_> {
     }
 
     /// The diagnosis by the laws that were `found`.
-    fn by_laws(&self, data: &Data, left: &[Vec<f64>], found: &Found) -> Result<Diagnosis, DiagnoseError> {
+    fn by_laws(&mut self, data: &Data, left: &[Vec<f64>], found: Found) -> Result<Diagnosis, DiagnoseError> {
+        let found = self.by_own_rows(data, &[], found)?;
         let weights = self.weights(data, &[], left, &found.off);
         let (mut search, members) = self.search(data, &[], weights, &found.members)?;
         let answer = search.settled(members).and_then(|answer| search.agreed(&answer));

@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::instruments::misread_whole;
-use super::stage::Stage;
+use super::stage::{Answer, Stage};
 use crate::motion::Treatment;
 use crate::presence::masked;
 use crate::random::normals;
@@ -133,6 +133,28 @@ pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: 
         Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => off.clone(),
     };
     stage.channels.iter().zip(off).map(of_channel).collect()
+}
+
+/// How far apart the courses lie that the effects `found` may take, by channel: their deviation, the greatest of a row's neighbours. `None` where there is one course.
+pub(crate) fn apart_with(stage: &Stage, found: &[Placed]) -> Answer {
+    let reach = reach(&stage.ground.treatment);
+    let mut squares: Answer = vec![None; stage.channels.len()];
+    for placed in found {
+        let courses = placed.effect.courses().into_iter().map(|effect| Placed { effect, ..*placed });
+        let answers: Vec<Answer> = courses.filter_map(|course| stage.answer(&course).ok()).collect();
+        for (channel, squares) in squares.iter_mut().enumerate() {
+            let shown: Vec<&Vec<f64>> =
+                answers.iter().filter_map(|answer| answer[channel].as_ref()).collect();
+            let Some(first) = shown.first() else { continue };
+            let squares = squares.get_or_insert_with(|| vec![0.0; first.len()]);
+            for (row, square) in squares.iter_mut().enumerate() {
+                let places: Vec<f64> = shown.iter().map(|course| course[row]).collect();
+                *square += Moments::of(&places).std.powi(2);
+            }
+        }
+    }
+    let root = |squares: Vec<f64>| envelope(&squares.into_iter().map(f64::sqrt).collect::<Vec<_>>(), reach);
+    squares.into_iter().map(|squares| squares.map(root)).collect()
 }
 
 /// Speeds that each joint of `stage` may have beside those that its encoder shows, on all grid points: what the encoder's noise makes of them, and those at which a joint stands.

@@ -6,7 +6,7 @@ use freeplay_arm::Arm;
 use freeplay_laws::{Occurrence, changed};
 
 use super::candidate::{Candidate, Form};
-use super::system::{Fit, Gain, System};
+use super::system::{Fit, Gain, System, all_but};
 
 /// Odds within which two answers are as good: 20 to 1, as is usual for a name (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773, "strong").
 pub const AS_GOOD: f64 = 2.995_732_273_553_991;
@@ -87,10 +87,13 @@ impl Tried {
 pub(crate) struct Found {
     /// The effects.
     pub members: Vec<Candidate>,
-    /// By how much each row may be off beside them: see [`Data::off_with`](super::data::Data::off_with).
+    /// By how much each row may be off beside them: see [`Data::off_with`](super::data::Data::off_with) and
+    /// [`Weights::most_probable_off`](super::weights::Weights::most_probable_off).
     pub off: Vec<Vec<f64>>,
     /// What they leave of every row.
     pub left: Vec<Vec<f64>>,
+    /// What of the log of their evidence does not depend on the rows.
+    pub log_prior: f64,
 }
 
 impl<'d, 'a> Search<'d, 'a> {
@@ -320,12 +323,15 @@ impl<'d, 'a> Search<'d, 'a> {
     /// The effects of `answer`, and what they leave.
     pub fn found(&self, answer: &Answer, seed: u64) -> Option<Found> {
         let fit = self.system.held_fit(&answer.members)?;
-        let placed = self.system.placed(&fit, self.system.data.arm(), |_| true);
-        Some(Found {
-            members: self.candidates(&answer.members),
-            off: self.system.data.off_with(&placed, seed),
-            left: self.system.left(&fit),
-        })
+        let data = self.system.data;
+        let placed = self.system.placed(&fit, data.arm(), |_| true);
+        let left = self.system.left(&fit);
+        let off = self.system.weights.most_probable_off(
+            &data.off_with(&placed, seed),
+            &data.apart_with(&placed),
+            &left,
+        );
+        Some(Found { members: self.candidates(&answer.members), off, left, log_prior: fit.log_prior })
     }
 
     /// The candidates of these numbers.
@@ -473,6 +479,33 @@ impl<'d, 'a> Search<'d, 'a> {
     /// that a law that is far from linear says less than it could.
     fn best_of_rivals(&mut self, members: &[usize], index: usize) -> Option<usize> {
         let fit = self.system.fit(members)?;
+        let rivals = self.rivals(members, index)?;
+        let mut first = self.refined(members, index)?;
+        for other in rivals {
+            let other = self.refined(members, other)?;
+            let gains = self.system.gains(&fit, &[first, other]);
+            let value =
+                |gain: &Option<Gain>| gain.as_ref().filter(|gain| gain.is_inside).map(|gain| gain.value);
+            if value(&gains[1]) > value(&gains[0]) {
+                first = other;
+            }
+        }
+        Some(first)
+    }
+
+    /// The rivals of the member at `place` of `members`, each in its best form beside the others, where they or that member may take one of several courses.
+    pub fn open_rivals(&mut self, members: &[usize], place: usize) -> Option<Vec<usize>> {
+        let (member, others) = (members[place], all_but(members, place));
+        let rivals = self.rivals(&others, member)?;
+        let is_open = |index: &usize| self.system.candidate(*index).is_open;
+        let rivals: Vec<usize> =
+            rivals.into_iter().filter(|rival| is_open(rival) || is_open(&member)).collect();
+        rivals.into_iter().map(|rival| self.refined(&others, rival)).collect()
+    }
+
+    /// The laws of which a machine has one at most with `index`, each in the form that explains most beside `members` as it is laid out.
+    fn rivals(&self, members: &[usize], index: usize) -> Option<Vec<usize>> {
+        let fit = self.system.fit(members)?;
         let mut best: Vec<(f64, usize)> = Vec::new();
         let open: Vec<usize> =
             self.open(members).into_iter().filter(|&other| self.is_rival(index, other)).collect();
@@ -485,17 +518,7 @@ impl<'d, 'a> Search<'d, 'a> {
                 None => best.push((gain.value, other)),
             }
         }
-        let mut first = self.refined(members, index)?;
-        for (_, other) in best {
-            let other = self.refined(members, other)?;
-            let gains = self.system.gains(&fit, &[first, other]);
-            let value =
-                |gain: &Option<Gain>| gain.as_ref().filter(|gain| gain.is_inside).map(|gain| gain.value);
-            if value(&gains[1]) > value(&gains[0]) {
-                first = other;
-            }
-        }
-        Some(first)
+        Some(best.into_iter().map(|(_, index)| index).collect())
     }
 
     /// Whether a machine has `one` or `other` and they are different laws, or both happen at the same time: one thing happens then sooner than two.

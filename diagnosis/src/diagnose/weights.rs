@@ -19,10 +19,17 @@ pub(crate) const USUAL_SHARE: f64 = 0.02;
 pub(crate) const LEAST_SHARE: f64 = 1e-3;
 const FINER: f64 = 1.2;
 const SHARES: i32 = 40;
+/// Degrees of freedom of the tails under which rows are believed.
+const FREEDOM: f64 = 4.0;
 /// Recordings of perfect machines from which the noise of the instruments is taken: their mean square is known to a few per cent.
 const DRAWS: u64 = 3;
 /// Length over which the size of a channel is local, in periods of the low-pass.
 const LOCAL_PERIODS: f64 = 10.0;
+
+/// The shares that are tried.
+fn shares() -> impl Iterator<Item = f64> {
+    std::iter::once(0.0).chain((0..SHARES).map(|k| LEAST_SHARE * FINER.powi(k)))
+}
 
 /// How much the rows of one channel say.
 #[derive(Clone, Debug)]
@@ -65,10 +72,23 @@ impl Rows {
         trusted.map(|((phi, trust), v)| if *phi > 0.0 { phi * trust / v } else { 0.0 }).collect()
     }
 
+    /// Greatest log-likelihood, over all shares, of rows of which `left` remains, with the tails of Student's t under which rows are believed. The prior of the share is
+    /// included.
+    pub fn tailed(&self, left: &[f64]) -> f64 {
+        let with = |share: f64| {
+            let rows =
+                self.phi.iter().zip(left).zip(self.variances(share)).filter(|((phi, _), _)| **phi > 0.0);
+            let of_row = |((phi, x), v): ((&f64, &f64), f64)| {
+                0.5 * phi * (v.ln() + (FREEDOM + 1.0) * (x * x / v / FREEDOM).ln_1p())
+            };
+            -0.5 * (share / USUAL_SHARE).powi(2) - rows.map(of_row).sum::<f64>()
+        };
+        shares().map(with).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// Believes each row by what `left` remains of it, as under Student's t of four degrees of freedom (Lange, Little & Taylor 1989, J. Am. Stat. Assoc.
     /// 84:881): what shakes at times bends no number.
     pub fn distrust(&mut self, left: &[f64]) {
-        const FREEDOM: f64 = 4.0;
         let v = self.variances(self.share);
         self.trust =
             left.iter().zip(v).map(|(x, v)| ((FREEDOM + 1.0) / (FREEDOM + x * x / v)).min(1.0)).collect();
@@ -108,8 +128,7 @@ impl Rows {
     /// The most probable share where `left` remains of each row, with `taken` effective rows used up by coefficients, and the log-likelihood with it.
     pub fn best(&self, left: &[f64], taken: f64) -> (f64, f64) {
         let squares = self.squares(left, taken);
-        let shares = std::iter::once(0.0).chain((0..SHARES).map(|k| LEAST_SHARE * FINER.powi(k)));
-        let tried = shares.map(|share| (share, self.log_likelihood(&squares, share)));
+        let tried = shares().map(|share| (share, self.log_likelihood(&squares, share)));
         tried.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((self.share, 0.0))
     }
 
@@ -207,6 +226,50 @@ impl Weights {
     /// The weight of each row in the sum of squares, by channel.
     pub fn by_row(&self) -> Vec<Vec<f64>> {
         self.rows.iter().map(Rows::weights).collect()
+    }
+
+    /// The same rows, in which a perfect model may be `off` by so much instead. As many of them count, so that their evidence may be compared.
+    pub fn with_off(&self, off: &[Vec<f64>]) -> Self {
+        let of_channel = |(c, rows): (usize, &Rows)| {
+            let square = self.noise[c % self.noise.len()].powi(2);
+            Rows { instrument: off[c].iter().map(|off| square + off * off).collect(), ..rows.clone() }
+        };
+        Self { rows: self.rows.iter().enumerate().map(of_channel).collect(), noise: self.noise.clone() }
+    }
+
+    /// By how much each row may be off, by channel: by `off`, and by a share of what several courses lie `apart`. It is the share under which what is `left` is the most
+    /// probable, one for all channels: one bearing throws its journal as far in each.
+    pub fn most_probable_off(
+        &self,
+        off: &[Vec<f64>],
+        apart: &[Option<Vec<f64>>],
+        left: &[Vec<f64>],
+    ) -> Vec<Vec<f64>> {
+        /// The most of it, and how many shares there are below, each smaller by a factor of √2.
+        const MOST: f64 = 2.0;
+        const FINER: i32 = 10;
+        if apart.iter().all(Option::is_none) {
+            return off.to_vec();
+        }
+        let with = |share: f64| -> Vec<Vec<f64>> {
+            let of_channel = |(off, apart): (&Vec<f64>, &Option<Vec<f64>>)| match apart {
+                Some(apart) => off.iter().zip(apart).map(|(off, apart)| off.hypot(share * apart)).collect(),
+                None => off.clone(),
+            };
+            off.iter().zip(apart).map(of_channel).collect()
+        };
+        let shares = (0..FINER).map(|k| MOST * 0.5_f64.powf(0.5 * f64::from(k))).chain([0.0]);
+        let all = shares.map(|share| {
+            let off = with(share);
+            (self.with_off(&off).tailed(left), off)
+        });
+        all.reduce(|best, next| if next.0 > best.0 { next } else { best })
+            .map_or_else(Vec::new, |best| best.1)
+    }
+
+    /// Greatest log-likelihood of rows of which `left` remains: see [`Rows::tailed`].
+    pub fn tailed(&self, left: &[Vec<f64>]) -> f64 {
+        self.rows.iter().zip(left).map(|(rows, left)| rows.tailed(left)).sum()
     }
 
     /// Weights of rows of which only the noise is known: its `deviation` and the number of `effective` rows, by channel.
@@ -309,4 +372,35 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
         }
     }
     local.iter().map(|square| square.max(LEAST * LEAST * mean)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Rows, Weights};
+    use crate::random::normals;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    /// Rows that lie off by half of what courses lie apart, where these lie apart at all, are told to lie off by that.
+    #[test]
+    fn how_far_rows_lie_off_is_told_by_what_is_left() {
+        const COUNT: usize = 4000;
+        let apart: Vec<f64> = (0..COUNT).map(|k| if k % 400 < 100 { 1.0 } else { 0.0 }).collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let (noise, far) = (normals(&mut rng, COUNT, 0.01), normals(&mut rng, COUNT, 0.5));
+        let left: Vec<f64> = (0..COUNT).map(|k| noise[k] + far[k] * apart[k]).collect();
+        let rows = Rows {
+            instrument: vec![1e-4; COUNT],
+            size: vec![1.0; COUNT],
+            phi: vec![1.0; COUNT],
+            trust: vec![1.0; COUNT],
+            share: 0.0,
+            scale: 1.0,
+        };
+        let weights = Weights { rows: vec![rows], noise: vec![0.01] };
+        let off = weights.most_probable_off(&[vec![0.0; COUNT]], &[Some(apart)], &[left]);
+        println!("off {}, of which rows were made 0.5, margin a step of √2", off[0][50]);
+        assert!((off[0][50] / 0.5).ln().abs() <= 0.5 * 2.0_f64.ln());
+        assert!(off[0][200] == 0.0);
+    }
 }

@@ -6,6 +6,7 @@ mod common;
 mod cutoff;
 mod diagnose;
 mod excite;
+mod journals;
 mod known_answers;
 mod missing;
 mod notes;

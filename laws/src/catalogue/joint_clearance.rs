@@ -115,7 +115,8 @@ pub static KIND: Kind = Kind {
         let table: ClearanceTable = values.table_but(COURSE)?;
         let clearance = Clearance::new(&table).map_err(|error| error.at(values.line()))?;
         let flies = values.word(COURSE)? == "flight";
-        Ok(Box::new(JointClearance { joint: values.joint()?, clearance, flies }))
+        let bounce = flies.then_some(0.0);
+        Ok(Box::new(JointClearance { joint: values.joint()?, clearance, bounce }))
     },
 };
 
@@ -128,6 +129,13 @@ const WIDEST: f64 = 0.01;
 /// The narrowest through which a flight is searched for, m, and the factor from one to the next.
 const NARROWEST: f64 = 5e-5;
 const WIDER: f64 = 2.0;
+
+/// Courses that the journal of `joint` may take in a bearing without oil: at rest, and in flight with restitutions from 0 to that of the paper. When a bounce ends is not foretold
+/// from a recorded motion.
+pub(super) fn dry_courses(joint: usize, clearance: Clearance) -> Vec<Box<dyn Effect>> {
+    let all = [None, Some(0.0), Some(0.3), Some(0.6), Some(0.9)].into_iter();
+    all.map(|bounce| -> Box<dyn Effect> { Box::new(JointClearance { joint, clearance, bounce }) }).collect()
+}
 
 /// A journal at rest, and journals that fly through their clearances.
 fn shapes(_: &Place) -> Vec<Table> {
@@ -147,20 +155,21 @@ struct JointClearance {
     joint: usize,
     clearance: Clearance,
     /// Whether the journal takes its time where the force turns round.
-    flies: bool,
+    /// The restitution with which a journal in flight meets the wall; `None` of one that is where it is pressed at once.
+    bounce: Option<f64>,
 }
 
 impl JointClearance {
     /// Tells `tell` where the journal is at each point, m along the two slides.
     fn go(&self, scene: &Scene, mut tell: impl FnMut(&BearingCourse, usize, [f64; 2])) {
-        if !self.flies {
+        let Some(bounce) = self.bounce else {
             let mut last = Rest::default();
             return follow(scene, self.joint, |bearing, at| {
                 let before = if at.begins { Rest::default() } else { last };
                 last = settle(&self.clearance, at.force, at.turning, &before, at.step);
                 tell(bearing, at.point, last.displacement);
             });
-        }
+        };
         let mut last: Option<(JournalFlight, [f64; 2])> = None;
         follow(scene, self.joint, |bearing, at| {
             let flight = match last {
@@ -168,7 +177,7 @@ impl JointClearance {
                     flight.advance([from, at.force], at.turning, at.step);
                     flight
                 }
-                _ => JournalFlight::resting(self.clearance, bearing.mass, at.force),
+                _ => JournalFlight::resting(self.clearance, bearing.mass, at.force).bouncing(bounce),
             };
             last = Some((flight, at.force));
             tell(bearing, at.point, flight.place());
@@ -190,6 +199,10 @@ impl Effect for JointClearance {
             bearing.burden(point, place, &mut change.torque);
             bearing.carry(point, place, &mut change.tool);
         });
+    }
+
+    fn courses(&self) -> Vec<Box<dyn Effect>> {
+        dry_courses(self.joint, self.clearance)
     }
 
     fn inject(&self, injection: &mut Injection) {

@@ -11,7 +11,7 @@ use freeplay_arm::Arm;
 use nalgebra::Vector3;
 use toml::Table;
 
-use super::joint_clearance::follow;
+use super::joint_clearance::{dry_courses, follow};
 use crate::archive::Archive;
 use crate::basis::{Place, Term, Terms, with};
 use crate::bearing_load::BearingLoad;
@@ -159,8 +159,14 @@ impl Effect for LubricatedClearance {
         self.start.is_none().then(begun)
     }
 
+    /// What a motion does not tell of the force presses a thin film out: then the journal goes as one without oil.
+    fn courses(&self) -> Vec<Box<dyn Effect>> {
+        dry_courses(self.joint, self.dry)
+    }
+
     fn inject(&self, injection: &mut Injection) {
         if let Ok(bearing) = BearingLoad::new(&self.arm, self.joint, self.dry) {
+            injection.films.push(self.joint);
             injection.tool.push(Box::new(Afloat { law: self.clone(), bearing, place: None }));
         }
     }
