@@ -152,7 +152,7 @@ fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
 
 /// The covariance that the discrepancy gives to the coefficients of `fit` without leaving a trace in the rows. A law is off by a share s of its size. The part of this error
 /// that differs in shape from the law stays in the rows, where s is taken from. The part that has the shape of the law changes the coefficients, and no row shows it; it is
-/// taken to be as large.
+/// taken to be as large. The same holds of the course of a law that may take several.
 fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(fit.beta.len(), fit.beta.len());
     let weights = system.weights.by_row();
@@ -162,9 +162,18 @@ fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
         let columns = system.candidate(member).columns.iter().zip(beta.iter().copied());
         let says = sum_of(columns, &weights);
         let (mut off, mut said) = (0.0, 0.0);
-        for ((rows, weights), says) in system.weights.rows.iter().zip(&weights).zip(&says) {
+        let is_open = system.candidate(member).is_open;
+        for (c, ((rows, weights), says)) in system.weights.rows.iter().zip(&weights).zip(&says).enumerate() {
             let square: f64 = weights.iter().zip(says).map(|(weight, x)| weight * x * x).sum();
             off += rows.share.powi(2) * square;
+            if is_open && square > 0.0 {
+                let noise = system.weights.noise[c % system.data.per_stage()];
+                off += weights
+                    .iter()
+                    .zip(rows.squares_off(noise))
+                    .map(|(weight, off)| weight * off)
+                    .sum::<f64>();
+            }
             said += square;
         }
         if said > 0.0 {

@@ -104,6 +104,11 @@ impl Rows {
         self.variances(self.share).map(|v| v.sqrt().max(f64::MIN_POSITIVE)).collect()
     }
 
+    /// Square of how far a perfect model may be off, by row, beside instruments of this `noise`.
+    pub fn squares_off(&self, noise: f64) -> impl Iterator<Item = f64> {
+        self.instrument.iter().map(move |square| (square - noise * noise).max(0.0))
+    }
+
     /// Effective number of rows.
     pub fn effective(&self) -> f64 {
         self.phi.iter().sum()
