@@ -109,7 +109,7 @@ impl Stage {
             let _ = controller.kill();
         }
         self.await_end(&mut controller);
-        root.tell_ended(0);
+        root.report_process_exit(0);
         self.await_end(&mut plant);
         self.until_gone();
     }

@@ -77,7 +77,7 @@ impl Symmetric3 {
     /// The inertia about a point from which the old reference point is seen at `r`, of a body with this inertia about the old
     /// point, mass `m` and first moment `h` about the old point: J + m(r² 1 − r rᵀ) + 2(r·h) 1 − r hᵀ − h rᵀ (Steiner 1840).
     #[inline(always)]
-    pub fn seen_from(&self, r: &Vector3<f64>, m: f64, h: &Vector3<f64>) -> Self {
+    pub fn about_point(&self, r: &Vector3<f64>, m: f64, h: &Vector3<f64>) -> Self {
         let g = h + r * (0.5 * m);
         let d = Vector3::new(r.x * g.x, r.y * g.y, r.z * g.z) * 2.0;
         Self {
@@ -101,7 +101,7 @@ pub(crate) struct Wrench {
 impl Wrench {
     /// The same wrench with its moment taken about a point from which the old one is seen at `r`.
     #[inline(always)]
-    pub fn seen_from(&self, r: &Vector3<f64>) -> Self {
+    pub fn about_point(&self, r: &Vector3<f64>) -> Self {
         Self { moment: self.moment + r.cross(&self.force), force: self.force }
     }
 
@@ -180,7 +180,7 @@ impl ArticulatedInertia {
     /// The same inertia about a point from which the old reference point is seen at `r`:
     /// H′ = H + [r]M, J′ = J − H′[r] + [r]Hᵀ, M′ = M, with [r] the cross-product matrix.
     #[inline(always)]
-    pub fn seen_from(&self, r: &Vector3<f64>) -> Self {
+    pub fn about_point(&self, r: &Vector3<f64>) -> Self {
         let m = &self.linear;
         let h = &self.cross;
         let moved = Matrix3::from_columns(&[

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 use crate::arm::Arm;
 use crate::spatial::{Acceleration, ArticulatedInertia, Symmetric3, Wrench};
 
-/// Intermediate results for one arm. Any function of this crate may overwrite all of it, so a reading function such as
+/// Intermediate results for one arm: scratch memory, not the space that the arm can reach. Any function of this crate may overwrite all of it, so a reading function such as
 /// [`Workspace::link_pose`] or [`crate::joint_reaction`] belongs directly after the function that it reads from.
 #[derive(Clone, Debug)]
 pub struct Workspace {

@@ -70,7 +70,8 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let recording = measured.for_arm(&args.model, &file)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
     messages::announce(format_args!("comparing {} samples", recording.len()));
-    let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
+    let folder =
+        args.out.as_deref().map(|out| claim_out(out, &EXTENSIONS, &RESULTS, args.force)).transpose()?;
     let compared = if freeplay_diagnosis::commands_alone(&recording) {
         freeplay_diagnosis::compare_commands(&file, &recording)
     } else {
@@ -89,7 +90,7 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
 }
 
 /// What a comparison writes.
-const ENDINGS: [&str; 3] = ["html", "json", "parquet"];
+const EXTENSIONS: [&str; 3] = ["html", "json", "parquet"];
 /// Results in the folder that `--out` names.
 const RESULTS: [&str; 3] = ["compare.json", "report.html", "residuals.parquet"];
 
@@ -116,7 +117,7 @@ impl View<'_> {
     /// report, or of that file.
     fn write(&self, out: &Path, residuals: &Residuals, json: &Value) -> Result<PathBuf, Failure> {
         let (page, data) = (|| self.document(residuals).to_html(), || format!("{json:#}\n"));
-        match asked_file(out, &ENDINGS) {
+        match asked_file(out, &EXTENSIONS) {
             Some("html") => return write(out, &page()).map(|()| out.to_owned()),
             Some("parquet") => return curves::write(residuals, out).map(|()| out.to_owned()),
             Some(_) => return write(out, &data()).map(|()| out.to_owned()),

@@ -11,7 +11,7 @@ use freeplay_diagnosis::{
 };
 use freeplay_harness::setup::PAPER_MODEL;
 use freeplay_recording::Recording;
-use freeplay_report::paste::seen_from;
+use freeplay_report::paste::about_point;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
@@ -85,7 +85,7 @@ pub struct DiagnoseArgs {
 }
 
 /// What a diagnosis writes.
-const ENDINGS: [&str; 2] = ["toml", "json"];
+const EXTENSIONS: [&str; 2] = ["toml", "json"];
 /// Results in the folder that `--out` names.
 const RESULTS: [&str; 3] = ["diagnosis.json", "model.toml", "report.html"];
 
@@ -132,7 +132,8 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let for_arm = |measured: Measured| measured.for_arm(&args.model, &file);
     let recordings: Vec<Recording> = measured.into_iter().map(for_arm).collect::<Result<_, _>>()?;
     // Before what takes minutes.
-    let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
+    let folder =
+        args.out.as_deref().map(|out| claim_out(out, &EXTENSIONS, &RESULTS, args.force)).transpose()?;
     let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::announce(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
@@ -250,10 +251,10 @@ impl View<'_> {
         let folder = target(out).map_or(out, |_| folder_of(out));
         let mut moved = json.clone();
         if self.args.model != PAPER_MODEL {
-            moved["inputs"]["model"] = serde_json::json!(seen_from(folder, Path::new(&self.args.model)));
+            moved["inputs"]["model"] = serde_json::json!(about_point(folder, Path::new(&self.args.model)));
         }
         let recordings: Vec<PathBuf> =
-            self.args.recording.iter().map(|path| seen_from(folder, path)).collect();
+            self.args.recording.iter().map(|path| about_point(folder, path)).collect();
         moved["inputs"]["recordings"] = serde_json::json!(recordings);
         let json = moved;
         match target(out) {
@@ -274,7 +275,7 @@ impl View<'_> {
 
 /// The single file of results that `out` asks for.
 fn target(out: &Path) -> Option<&'static str> {
-    asked_file(out, &ENDINGS)
+    asked_file(out, &EXTENSIONS)
 }
 
 /// The name of its file.

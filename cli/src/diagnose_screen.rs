@@ -10,7 +10,7 @@ use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
 use freeplay_report::units::{people, written};
-use freeplay_terminal::messages::{GOOD, OPEN, styled, width};
+use freeplay_terminal::messages::{GOOD, UNDECIDED, styled, width};
 
 use crate::diagnose::{View, file_name};
 use freeplay_report::paste::pasted;
@@ -105,10 +105,10 @@ fn painted_verdict(verdict: Verdict) -> String {
     let (style, words) = match verdict {
         Verdict::NothingMissing => (GOOD, "nothing missing"),
         Verdict::Named => (GOOD, "named"),
-        Verdict::OneOf => (OPEN, "one of several"),
-        Verdict::Unknown => (OPEN, "unknown"),
-        Verdict::InsufficientData => (OPEN, "insufficient data"),
-        Verdict::Setup => (OPEN, "set-up"),
+        Verdict::OneOf => (UNDECIDED, "one of several"),
+        Verdict::Unknown => (UNDECIDED, "unknown"),
+        Verdict::InsufficientData => (UNDECIDED, "insufficient data"),
+        Verdict::Setup => (UNDECIDED, "set-up"),
     };
     styled(style, words)
 }
@@ -221,7 +221,7 @@ fn bars(fit: &Fit, channels: &[&str]) -> String {
     let mut text = String::new();
     for &channel in channels {
         let rows = [
-            ("model as given", OPEN, &fit.before),
+            ("model as given", UNDECIDED, &fit.before),
             ("parameters re-tuned", Style::new(), &fit.retuned),
             ("with the effects found", GOOD, &fit.after),
             ("black box (splines)", Style::new(), &fit.black_box),

@@ -14,7 +14,7 @@ use freeplay_diagnosis::{
 use freeplay_harness::setup::{PAPER_MODEL, load_selected};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
-use freeplay_report::paste::{pasted, seen_from};
+use freeplay_report::paste::{about_point, pasted};
 use freeplay_report::units::power_of_ten;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
@@ -96,7 +96,7 @@ pub struct Question<'a> {
 }
 
 /// What a search for a motion writes.
-const ENDINGS: [&str; 1] = ["toml"];
+const EXTENSIONS: [&str; 1] = ["toml"];
 /// Results in the folder that `--out` names.
 const RESULTS: [&str; 2] = ["excite.csv", "excite.toml"];
 
@@ -111,7 +111,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     if !(args.reach > 0.0 && args.reach.is_finite()) {
         return Err(Failure::usage(format!("--reach {}: give a number above 0", args.reach)));
     }
-    let found = args.diagnosis.as_deref().map(Found::read).transpose()?;
+    let found = args.diagnosis.as_deref().map(PriorDiagnosis::read).transpose()?;
     let model = args.model.clone().or_else(|| found.as_ref().map(|found| found.model.clone()));
     let model = model.ok_or_else(|| Failure::usage("name a diagnosis.json, or --model with --kinds"))?;
     let tip = args.tip.clone().or_else(|| found.as_ref().and_then(|found| found.tip.clone()));
@@ -143,7 +143,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     };
     let question = Question { file: &file, rivals, seen: seen.as_ref() };
     // Before what takes minutes.
-    let folder = claim_out(&args.out, &ENDINGS, &RESULTS, args.force)?;
+    let folder = claim_out(&args.out, &EXTENSIONS, &RESULTS, args.force)?;
     let found = seek(&question, &settings)?;
     let path = write_path(&found, &model, &file, &args.out)?;
     drop(folder);
@@ -223,7 +223,7 @@ fn rival(
 }
 
 /// What a diagnosis.json says of the next motion.
-struct Found {
+struct PriorDiagnosis {
     path: PathBuf,
     model: String,
     tip: Option<String>,
@@ -232,7 +232,7 @@ struct Found {
     json: Value,
 }
 
-impl Found {
+impl PriorDiagnosis {
     fn read(path: &Path) -> Result<Self, Failure> {
         let wrong = |what: String| Failure::input(format!("{}: {what}", path.display()));
         let json: Value = read_json(path, "a diagnosis.json that freeplay diagnose --out left")?;
@@ -337,7 +337,7 @@ fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
 /// # Errors
 /// A file that can't be written.
 pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -> Result<PathBuf, Failure> {
-    let is_file = asked_file(out, &ENDINGS).is_some();
+    let is_file = asked_file(out, &EXTENSIONS).is_some();
     let folder = if is_file { folder_of(out) } else { out };
     let scenario_file = if is_file { out.to_owned() } else { out.join("excite.toml") };
     let motion = found.motion.trajectory(RATE);
@@ -358,7 +358,8 @@ pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -
     JointPath::plan(&file.arm, &spec, 1000.0).map_err(Failure::internal)?;
     let mut scenario = toml::Table::new();
     // A scenario's paths are those seen from its own folder.
-    let seen = if model == PAPER_MODEL { PathBuf::from(model) } else { seen_from(folder, Path::new(model)) };
+    let seen =
+        if model == PAPER_MODEL { PathBuf::from(model) } else { about_point(folder, Path::new(model)) };
     scenario.insert("model".to_owned(), seen.display().to_string().into());
     let rows_name = csv.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut path = toml::Table::new();

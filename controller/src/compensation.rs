@@ -217,7 +217,7 @@ impl Compensator {
 
     /// P = JᵀWJ + ρ, q = JᵀW r − ρ Δq₋₁, with ε in the angular rows of W.
     fn fill_cost(&mut self, jacobian: &DMatrix<f64>, deviation: &Vector6<f64>) {
-        weigh(&self.row_weights, jacobian, &mut self.weighted, &mut self.cost);
+        weighted_normal_matrix(&self.row_weights, jacobian, &mut self.weighted, &mut self.cost);
         for (j, weighted) in self.weighted.column_iter().enumerate() {
             self.cost[(j, j)] += self.change;
             self.linear[j] = MILLI * (weighted.dot(deviation) - self.change * self.last[j]);
@@ -256,7 +256,7 @@ impl Compensator {
 }
 
 /// Writes W J and the upper triangle of JᵀWJ, with the weights W of the `rows` of J.
-pub(crate) fn weigh(
+pub(crate) fn weighted_normal_matrix(
     rows: &Vector6<f64>,
     jacobian: &DMatrix<f64>,
     weighted: &mut DMatrix<f64>,

@@ -20,7 +20,7 @@ use freeplay_arm::{Arm, Limits};
 use nalgebra::{DMatrix, Vector6};
 use thiserror::Error;
 
-use crate::compensation::{MILLI, Motion, Weights, weigh};
+use crate::compensation::{MILLI, Motion, Weights, weighted_normal_matrix};
 use crate::correction_bounds::CorrectionBounds;
 use crate::dual_active_set::{Active, ActiveSetFault, DualActiveSet, Row};
 
@@ -194,7 +194,7 @@ impl Horizon {
         let Some(instant) = self.instants.last_mut() else { return };
         instant.jacobian.copy_from(jacobian);
         (instant.deviation, instant.target) = (*deviation, *deviation);
-        weigh(&self.row_weights, jacobian, &mut instant.weighted, &mut instant.cost);
+        weighted_normal_matrix(&self.row_weights, jacobian, &mut instant.weighted, &mut instant.cost);
         for (joint, (room, limits)) in instant.rooms.iter_mut().zip(&self.limits).enumerate() {
             *room = CorrectionBounds::of(
                 limits,

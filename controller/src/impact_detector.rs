@@ -17,10 +17,10 @@ pub const SOFTER: f64 = 0.5;
 pub const PATIENCE: f64 = 0.3;
 /// Least share of the natural frequency.
 pub const SOFTEST: f64 = 0.125;
-/// Time for which it is so, and time in which it comes back to the whole, s.
-const HELD: f64 = 0.015;
-/// See above.
-const RECOVERY: f64 = 0.03;
+/// Time for which the feedback stays softer after an impact, s.
+const SOFT_TIME: f64 = 0.015;
+/// Time in which its gain then comes back to the whole, s.
+const GAIN_RECOVERY_TIME: f64 = 0.03;
 
 /// How long ago the last knock was, and for how long there have been knocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,19 +38,20 @@ impl ImpactDetector {
     /// None so far, in ticks of `period` seconds, for an arm with play in `plays` joints.
     pub fn new(period: f64, plays: usize) -> ImpactDetector {
         let patience = if plays > 1 { 0.0 } else { PATIENCE };
-        ImpactDetector { period, calm: HELD + RECOVERY, bouncing: 0.0, patience }
+        ImpactDetector { period, calm: SOFT_TIME + GAIN_RECOVERY_TIME, bouncing: 0.0, patience }
     }
 
     /// Takes in the speeds `found` of the joints, where `expected` were to be if anything was expected.
     pub fn observe(&mut self, expected: Option<&[f64]>, found: &[f64]) {
-        self.calm = (self.calm + self.period).min(HELD + RECOVERY);
+        self.calm = (self.calm + self.period).min(SOFT_TIME + GAIN_RECOVERY_TIME);
         let knocked = |expected: &[f64]| {
             expected.iter().zip(found).any(|(expected, found)| (found - expected).abs() > KNOCK)
         };
         if expected.is_some_and(knocked) {
             self.calm = 0.0;
         }
-        self.bouncing = if self.calm < HELD + RECOVERY { self.bouncing + self.period } else { 0.0 };
+        self.bouncing =
+            if self.calm < SOFT_TIME + GAIN_RECOVERY_TIME { self.bouncing + self.period } else { 0.0 };
     }
 
     /// Share of the natural frequency right after a knock.
@@ -64,7 +65,7 @@ impl ImpactDetector {
 
     /// What is left of `gains`.
     pub fn soften(&self, gains: Gains) -> Gains {
-        let back = ((self.calm - HELD) / RECOVERY).clamp(0.0, 1.0);
+        let back = ((self.calm - SOFT_TIME) / GAIN_RECOVERY_TIME).clamp(0.0, 1.0);
         let share = self.share();
         Gains { natural_frequency: gains.natural_frequency * (share + (1.0 - share) * back), ..gains }
     }
@@ -72,7 +73,7 @@ impl ImpactDetector {
 
 #[cfg(test)]
 mod tests {
-    use super::{HELD, ImpactDetector, KNOCK, RECOVERY, SOFTER, SOFTEST};
+    use super::{GAIN_RECOVERY_TIME, ImpactDetector, KNOCK, SOFT_TIME, SOFTER, SOFTEST};
     use crate::task::Gains;
 
     #[test]
@@ -85,7 +86,7 @@ mod tests {
         knocks.observe(Some(&[0.0, 1.0]), &[0.0, 1.0 - 1.1 * KNOCK]);
         let soft = knocks.soften(gains);
         assert!((soft.natural_frequency / gains.natural_frequency - SOFTER).abs() < 1e-12, "{soft:?}");
-        let ticks = ((HELD + RECOVERY) / 1e-3).round() as usize;
+        let ticks = ((SOFT_TIME + GAIN_RECOVERY_TIME) / 1e-3).round() as usize;
         let shares: Vec<f64> = (0..=ticks)
             .map(|_| {
                 knocks.observe(Some(&[0.0]), &[0.0]);

@@ -34,17 +34,17 @@ impl Layout {
     }
 
     /// δφ of `play` at tick `k`.
-    pub fn angle(&self, k: usize, play: usize) -> usize {
+    pub fn angle_index(&self, k: usize, play: usize) -> usize {
         self.joint(k, self.joints + play)
     }
 
     /// y of `play` at tick `k`.
-    pub fn side(&self, k: usize, play: usize) -> usize {
+    pub fn lateral_index(&self, k: usize, play: usize) -> usize {
         self.joint(k, self.joints + self.plays + play)
     }
 
     /// s of `play` at tick `k`.
-    pub fn slack(&self, k: usize, play: usize) -> usize {
+    pub fn slack_index(&self, k: usize, play: usize) -> usize {
         self.joint(k, self.joints + 2 * self.plays + play)
     }
 }

@@ -176,7 +176,7 @@ impl Corner<'_> {
                 .clone()
                 .map(|k| row(k, layout.joints, 1.0 / MILLI, &|k, i| layout.joint(k, i)))
                 .collect(),
-            angles: ticks.map(|k| row(k, layout.plays, 1.0, &|k, i| layout.angle(k, i))).collect(),
+            angles: ticks.map(|k| row(k, layout.plays, 1.0, &|k, i| layout.angle_index(k, i))).collect(),
         }
     }
 
@@ -201,7 +201,7 @@ impl Corner<'_> {
                 let at = layout.joints + 2 * play;
                 let [first, second] = course.swing(k, play);
                 let moved = tool[(row, at)] * first + tool[(row, at + 1)] * second;
-                (layout.angle(k, play), MILLI * moved)
+                (layout.angle_index(k, play), MILLI * moved)
             });
             programme.add_square(
                 weight * self.emphasis[k],
@@ -210,7 +210,7 @@ impl Corner<'_> {
             );
         }
         for play in 0..layout.plays {
-            programme.add_square(DAMPING, 0.0, &[(layout.angle(k, play), 1.0)]);
+            programme.add_square(DAMPING, 0.0, &[(layout.angle_index(k, play), 1.0)]);
         }
     }
 
@@ -253,7 +253,7 @@ impl Corner<'_> {
             {
                 let [first, second] = course.swing(tick, index);
                 let moved = inertia[0] * first + inertia[1] * second;
-                entries.push((layout.angle(tick, index), share * moved));
+                entries.push((layout.angle_index(tick, index), share * moved));
             }
         }
         entries
@@ -276,21 +276,21 @@ impl Corner<'_> {
         let mut across = self.force_row(course, layout, k, &along([t[0] - mu * n[0], t[1] - mu * n[1]]));
         let mut push = self.force_row(course, layout, k, &along([-n[0], -n[1]]));
         if layout.is_free(k) {
-            across.push((layout.angle(k, index), mu * meeting.across - meeting.push));
-            push.push((layout.angle(k, index), meeting.across));
+            across.push((layout.angle_index(k, index), mu * meeting.across - meeting.push));
+            push.push((layout.angle_index(k, index), meeting.across));
         }
         let rolling = slope * meeting.push * course.radii[k][index] / (2.0 * course.period);
         for (tick, share) in [(k + 1, -rolling), (k - 1, rolling)] {
             if layout.is_free(tick) {
-                across.push((layout.angle(tick, index), share));
+                across.push((layout.angle_index(tick, index), share));
             }
         }
         let scale = self.per_newton(course, k, index);
         let mut entries: Vec<_> = across.into_iter().map(|(at, value)| (at, scale * value)).collect();
-        entries.push((layout.side(k, index), -1.0));
+        entries.push((layout.lateral_index(k, index), -1.0));
         programme.equal(Row { entries, bound: -self.side(course, k, index, &meeting) });
-        programme.add_square(weight, 0.0, &[(layout.side(k, index), 1.0)]);
-        let slack = layout.slack(k, index);
+        programme.add_square(weight, 0.0, &[(layout.lateral_index(k, index), 1.0)]);
+        let slack = layout.slack_index(k, index);
         let mut entries: Vec<_> = push.into_iter().map(|(at, value)| (at, -value)).collect();
         entries.push((slack, -1.0));
         programme.at_most(Row { entries, bound: meeting.push - self.options.least_push });

@@ -60,7 +60,7 @@ pub(crate) fn begun<'p>(
         let beside: Vec<&Placed> = beside.map(|(_, (open, known))| known.as_ref().unwrap_or(open)).collect();
         let others = others.upon(&beside)?;
         let at = |start: Start| -> Result<Option<Began>, LawError> {
-            let Some(effect) = law.effect.begun(start) else { return Ok(None) };
+            let Some(effect) = law.effect.with_initial_state(start) else { return Ok(None) };
             let law = Placed { kind: law.kind, joint: law.joint, effect, line: law.line };
             let said = others.with(&[&law])?;
             Ok(left(&said).map(|left| Began { said, law, left }))
@@ -82,14 +82,16 @@ pub(crate) fn begun<'p>(
 
 /// Whether the memory of `law` stands between two stops, and the file does not say where.
 fn is_between(law: &Placed) -> bool {
-    law.effect.begun(Start::Between(0.0)).is_some()
+    law.effect.with_initial_state(Start::Between(0.0)).is_some()
 }
 
 /// The kinds of channel that tell where the memory of `law` stands: none if it has no memory, or if the file says where it stands.
 fn told_by(law: &Placed) -> Vec<Kind> {
     match law.joint {
         Some(joint) if is_between(law) => vec![Kind::Torque(joint)],
-        Some(_) if law.effect.begun(Start::Within([0.0; 2])).is_some() => (0..3).map(Kind::Tool).collect(),
+        Some(_) if law.effect.with_initial_state(Start::Within([0.0; 2])).is_some() => {
+            (0..3).map(Kind::Tool).collect()
+        }
         _ => Vec::new(),
     }
 }

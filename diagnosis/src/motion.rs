@@ -18,8 +18,8 @@ const CUTOFF_SHARE: f64 = 0.03;
 pub(crate) const LEAST_CUTOFF: f64 = 10.0;
 const GREATEST_CUTOFF: f64 = 40.0;
 /// The fine cutoff is this many times the cutoff, but no more than this share of the rate.
-const FINE: f64 = 3.0;
-const MOST_FINE: f64 = 0.4;
+const FINE_CUTOFF_RATIO: f64 = 3.0;
+const MAX_CUTOFF_SHARE: f64 = 0.4;
 /// Least number of points kept per period of the cutoff.
 const POINTS_PER_PERIOD: f64 = 4.0;
 /// Periods of the cutoff that a stretch must last to be used.
@@ -103,7 +103,10 @@ impl Treatment {
         let rate_hz = grid.rate_hz();
         let cutoff_hz = settings.lowpass_hz.unwrap_or_else(|| default_cutoff_hz(rate_hz));
         let filter = LowPass::new(rate_hz, cutoff_hz)?;
-        let fine = LowPass::new(rate_hz, (FINE * cutoff_hz).min(MOST_FINE * rate_hz).max(cutoff_hz))?;
+        let fine = LowPass::new(
+            rate_hz,
+            (FINE_CUTOFF_RATIO * cutoff_hz).min(MAX_CUTOFF_SHARE * rate_hz).max(cutoff_hz),
+        )?;
         let every = ((rate_hz / (POINTS_PER_PERIOD * cutoff_hz) + 1e-6) as usize).max(1);
         let mut treatment = Self { grid, filter, fine, every, notes: Vec::new() };
         treatment.drop_short_stretches(recording, settings.trim_s)?;
@@ -317,7 +320,9 @@ impl Treatment {
         quantile: Quantile,
     ) -> f64 {
         let (rate_hz, cutoff_hz) = (self.rate_hz(), self.filter.cutoff_hz());
-        let Ok(wider) = LowPass::new(rate_hz, (2.0 * cutoff_hz).min(MOST_FINE * rate_hz)) else { return 0.0 };
+        let Ok(wider) = LowPass::new(rate_hz, (2.0 * cutoff_hz).min(MAX_CUTOFF_SHARE * rate_hz)) else {
+            return 0.0;
+        };
         let mut band = Vec::with_capacity(column.len());
         for stretch in &self.grid.stretches {
             let part = &column[band.len()..band.len() + stretch.len];

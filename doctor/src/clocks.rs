@@ -13,7 +13,7 @@ const COARSEST: u64 = 10_000;
 /// Wake-up p50 from which idle states are worth a change, ns.
 const SLOW_WAKE_UP: u64 = 20_000;
 /// Wake-up p99 with which the run's own wait (sleep, then spin the last 200 µs) no longer hides the sleep, ns.
-const HIDDEN: u64 = 200_000;
+const WAKE_UP_LIMIT: u64 = 200_000;
 
 /// How fine the timer is.
 pub fn timer(around: &SystemState) -> Finding {
@@ -109,9 +109,9 @@ pub fn wake_up(probe: &Probe) -> Finding {
         probe.clock_cost,
     );
     let remedy = "see the lines above: load, priority, isolation, stolen time";
-    if probe.spun.p99 > HIDDEN {
+    if probe.spun.p99 > WAKE_UP_LIMIT {
         fail(Use::Tails, "wake-up", found, remedy)
-    } else if probe.asleep.p99 > HIDDEN {
+    } else if probe.asleep.p99 > WAKE_UP_LIMIT {
         warn("wake-up", found, remedy)
     } else {
         ok("wake-up", found)

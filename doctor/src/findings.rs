@@ -1,7 +1,7 @@
 //! What the facts of a machine mean for a run: one line an item, what to change in one line, and what the machine is fit for.
 
 use clap::builder::styling::Style;
-use freeplay_terminal::messages::{BAD, GOOD, OPEN};
+use freeplay_terminal::messages::{BAD, GOOD, UNDECIDED};
 use serde::Serialize;
 
 use crate::clocks::{clock_source, idle, stolen, timer, wake_up};
@@ -37,7 +37,7 @@ impl Level {
     pub fn style(self) -> Style {
         match self {
             Self::Ok => GOOD,
-            Self::Warn => OPEN,
+            Self::Warn => UNDECIDED,
             Self::Fail => BAD,
         }
     }

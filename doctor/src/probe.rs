@@ -52,7 +52,7 @@ impl SystemState {
             is_tmpfs: kind.is_some_and(|found| found.f_type as u64 == TMPFS),
             free: room.map(|room| room.f_bavail * room.f_frsize),
             resolution: resolution.tv_sec as u64 * 1_000_000_000 + resolution.tv_nsec as u64,
-            may_hold: hold(Path::new("/")).is_some(),
+            may_hold: prevent_deep_idle(Path::new("/")).is_some(),
             shared_memory,
         }
     }
@@ -108,7 +108,7 @@ fn measure(priority: u8) -> Result<Probe, hdrhistogram::CreationError> {
     let before = cpu_time();
     let granted = prepare(&RtRequest { priority: Some(priority), cpu: None, lock_memory: false });
     let asleep = lateness(0)?;
-    let asleep_held = match hold(Path::new("/")) {
+    let asleep_held = match prevent_deep_idle(Path::new("/")) {
         Some(_held) => Some(lateness(0)?),
         None => None,
     };
@@ -135,7 +135,7 @@ fn cpu_time() -> Option<CpuTime> {
 }
 
 /// Keeps the cores out of deep idle states until the file is closed.
-fn hold(root: &Path) -> Option<File> {
+fn prevent_deep_idle(root: &Path) -> Option<File> {
     let mut file = OpenOptions::new().write(true).open(root.join(DMA_LATENCY)).ok()?;
     file.write_all(&0_i32.to_ne_bytes()).ok()?;
     Some(file)

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// Code of a held command in the column `in_force`.
-const HELD: f64 = 2.0;
+const HELD_COMMAND: f64 = 2.0;
 /// Ticks before a swap or a fault in which a stall of the machine still has a part in what comes of it.
 pub const AROUND: u64 = 2;
 /// Ticks after the blend during which the arm settles.
@@ -91,7 +91,7 @@ impl Alone {
         let column = |joint: usize| recording.column(&format!("applied_{joint}")).map(<[f64]>::to_vec);
         let applied = (1..=recording.joints()).filter_map(column).collect();
         let in_force = recording.column("in_force").unwrap_or_default();
-        let held = in_force.iter().skip(SETTLING).filter(|&&code| code == HELD).count() as u64;
+        let held = in_force.iter().skip(SETTLING).filter(|&&code| code == HELD_COMMAND).count() as u64;
         Ok(Self { name: name.to_owned(), deviation: deviation(recording)?, steady, applied, held })
     }
 
@@ -217,7 +217,7 @@ impl Run<'_> {
             cause: swap["cause"].clone(),
             gap_ticks: count("gap_ticks"),
             missed_ticks: ticks_with(self.rejected, &|code| code != 0.0),
-            held_ticks: count("held_ticks") + ticks_with(self.in_force, &|code| code == HELD),
+            held_ticks: count("held_ticks") + ticks_with(self.in_force, &|code| code == HELD_COMMAND),
             jump: self.of_usual(&numbers(&swap["jump"]), slots, &ticks),
             blend_change: self.of_usual(&numbers(&swap["greatest_change"]), slots, &ticks),
             stalls: stalls_in(&self.stalls, &(planned.saturating_sub(self.window as u64)..ticks.end as u64)),

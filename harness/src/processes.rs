@@ -201,7 +201,7 @@ pub fn supervise(
             if left.is_none() {
                 *left = controller.0.try_wait().map_err(Failure::internal)?;
                 if left.is_some() {
-                    root.tell_ended(slot);
+                    root.report_process_exit(slot);
                 }
             }
         }

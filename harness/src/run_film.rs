@@ -18,10 +18,8 @@ pub struct Seen<'a> {
 const CALM: f64 = 0.008;
 /// Frames at most.
 const MOST_FRAMES: usize = 3000;
-/// Contacts shorter than this are impacts, s.
-const IMPACT: f64 = 2e-3;
 /// How much of the picture the greatest deviation takes.
-const SHOWN: f64 = 0.12;
+const DEVIATION_SHARE: f64 = 0.12;
 /// Frames that the trail of a journal goes back.
 const TRAIL: usize = 40;
 /// What a journal does, by the duration of its contact so far.
@@ -58,7 +56,7 @@ fn frames(runs: &[Seen], play: &str) -> Option<Vec<usize>> {
         .iter()
         .map(|run| run.recording.column(&play_column(play, "contact_time")))
         .collect::<Option<_>>()?;
-    let is_busy = |row: usize| contact.iter().any(|time| time[row] < IMPACT);
+    let is_busy = |row: usize| contact.iter().any(|time| time[row] < freeplay_plant::IMPACT_LIMIT);
     let mut last = f64::NEG_INFINITY;
     let mut frames: Vec<usize> = (0..rows)
         .filter(|&row| {
@@ -96,7 +94,7 @@ fn side_view(arm: &Arm, runs: &[Seen], joint: usize, frames: &[usize]) -> Option
         .flat_map(|&row| deviations.iter().map(move |axes| flat(axes.map(|axis| axis[row]))))
         .map(|[x, y]| x.hypot(y))
         .fold(0.0, f64::max);
-    let magnified = round_down(SHOWN * size / greatest.max(f64::MIN_POSITIVE));
+    let magnified = round_down(DEVIATION_SHARE * size / greatest.max(f64::MIN_POSITIVE));
     let room = |[low, high]: [f64; 2]| [low - 0.15 * size, high + 0.15 * size];
     let mut scene = Scene {
         title: format!("From the side, deviation {magnified} ×"),
@@ -149,7 +147,7 @@ fn bearing(run: &Seen, play: &str, clearance: f64, frames: &[usize]) -> Option<S
     let circle = circle.map(|angle| [radius * angle.cos(), radius * angle.sin()]).collect();
     let state = |&row: &usize| match contact[row] {
         time if time <= 0.0 => 0,
-        time if time < IMPACT => 1,
+        time if time < freeplay_plant::IMPACT_LIMIT => 1,
         _ => 2,
     };
     let centres = frames.iter().map(|&row| vec![[first[row] * 1e3, second[row] * 1e3]]).collect();

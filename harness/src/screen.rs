@@ -15,7 +15,7 @@ use freeplay_report::paste::pasted;
 use freeplay_terminal::layout::text_table;
 
 /// Fail-overs that are told one by one.
-const MOST_FAIL_OVERS: usize = 10;
+const LISTED_FAIL_OVERS: usize = 10;
 
 /// The result of `freeplay run` in words and one table.
 pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path, report: &Path) -> String {
@@ -300,7 +300,7 @@ fn swap_remarks(run: &RunSummary) -> Vec<String> {
     let word = |value: &Value| value.as_str().unwrap_or("?").replace('_', " ");
     let mut remarks: Vec<String> = failed
         .iter()
-        .take(MOST_FAIL_OVERS)
+        .take(LISTED_FAIL_OVERS)
         .map(|swap| {
             format!(
                 "tick {}: {} took over from {} ({}), {} ticks held",
@@ -312,9 +312,11 @@ fn swap_remarks(run: &RunSummary) -> Vec<String> {
             )
         })
         .collect();
-    if failed.len() > MOST_FAIL_OVERS {
-        remarks
-            .push(format!("and {} more fail-overs; all are in the summary", failed.len() - MOST_FAIL_OVERS));
+    if failed.len() > LISTED_FAIL_OVERS {
+        remarks.push(format!(
+            "and {} more fail-overs; all are in the summary",
+            failed.len() - LISTED_FAIL_OVERS
+        ));
     }
     if !planned.is_empty() {
         let held = |key: &str| planned.iter().filter_map(|swap| swap[key].as_u64()).max().unwrap_or(0);

@@ -59,7 +59,7 @@ pub trait Effect: Debug + Send + Sync {
     }
 
     /// The same with its memory standing at `start` as a motion begins; `None` if it has none of that sort that a recording leaves open, or if it was told.
-    fn begun(&self, _start: Start) -> Option<Box<dyn Effect>> {
+    fn with_initial_state(&self, _start: Start) -> Option<Box<dyn Effect>> {
         None
     }
 
@@ -72,14 +72,14 @@ pub trait Effect: Debug + Send + Sync {
     fn inject(&self, injection: &mut Injection);
 
     /// Adds to `elements` what multibody tools share words for. Changes of the arm are already in.
-    fn express(&self, _elements: &mut Vec<Element>) -> Expressed {
-        Expressed::Not
+    fn export_elements(&self, _elements: &mut Vec<Element>) -> ExportCoverage {
+        ExportCoverage::Not
     }
 }
 
 /// How much of an effect the elements that multibody tools share can express.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Expressed {
+pub enum ExportCoverage {
     /// All of it.
     Whole,
     /// All but what the words name.

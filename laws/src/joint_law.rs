@@ -7,7 +7,7 @@ use freeplay_arm::export::Element;
 use crate::DriveFriction;
 use crate::archive::Archive;
 use crate::columns::Columns;
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::scene::Scene;
 
@@ -31,9 +31,9 @@ pub trait JointLaw: Copy + Debug + Send + Sync + 'static {
     /// The torque, N·m (N); positive where it resists a positive motion.
     fn resisting(&self, at: &Instant) -> f64;
 
-    /// As [`Effect::express`], for the law at `joint`.
-    fn express(&self, _joint: usize, _elements: &mut Vec<Element>) -> Expressed {
-        Expressed::Not
+    /// As [`Effect::export_elements`], for the law at `joint`.
+    fn export_elements(&self, _joint: usize, _elements: &mut Vec<Element>) -> ExportCoverage {
+        ExportCoverage::Not
     }
 }
 
@@ -62,8 +62,8 @@ impl<L: JointLaw> Effect for AtJoint<L> {
         injection.drives.push(Box::new(*self));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
-        self.law.express(self.joint, elements)
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
+        self.law.export_elements(self.joint, elements)
     }
 }
 

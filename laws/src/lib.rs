@@ -23,7 +23,7 @@
 //!   or by a [`Baseline`], which also says what one more effect would [`Change`], in [`Columns`].
 //! - [`Injection`]: what effects put into a plant: [`DriveLaw`], [`Transmission`], [`ToolForce`], [`SensorLaw`]; their state variables go
 //!   to and come from an [`Archive`].
-//! - [`mechanism`]: an arm file for the formats of other tools; [`Expressed`]: how much of an effect they can say.
+//! - [`mechanism`]: an arm file for the formats of other tools; [`ExportCoverage`]: how much of an effect they can say.
 
 mod archive;
 mod basis;
@@ -70,7 +70,7 @@ pub use clearance::{Clearance, ClearanceTable};
 pub use columns::{Change, Columns};
 pub use contact::{Material, NormalContact, NormalLaw, hertz_stiffness};
 pub use drive_friction::DriveFriction;
-pub use effect::{ArmParts, Effect, Expressed, Start};
+pub use effect::{ArmParts, Effect, ExportCoverage, Start};
 pub use effects::{Effects, LawError, Placed};
 pub use friction::{ContactFriction, FrictionLaw};
 pub use harmonic::PERIODS;

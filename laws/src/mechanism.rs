@@ -3,7 +3,7 @@
 use freeplay_arm::ArmFile;
 use freeplay_arm::export::{Mechanism, Named};
 
-use crate::effect::Expressed;
+use crate::effect::ExportCoverage;
 use crate::{Effects, Kind, LawError, Parameter, Placed, Range};
 
 /// The mechanism of `file`: the arm with the effects that change it, and the elements of the others.
@@ -16,11 +16,11 @@ pub fn mechanism(file: &ArmFile) -> Result<Mechanism, LawError> {
     let mut mechanism = Mechanism { arm, elements: Vec::new(), unsaid: Vec::new() };
     for placed in &effects.placed {
         let (name, mut elements) = (name(placed, file), Vec::new());
-        match placed.effect.express(&mut elements) {
-            Expressed::Whole => {}
-            Expressed::But(part) => mechanism.unsaid.push(format!("{name}: {part}")),
-            Expressed::Not => mechanism.unsaid.push(nothing(&name, placed.kind, reason(placed.kind))),
-            Expressed::Never(why) => mechanism.unsaid.push(nothing(&name, placed.kind, why)),
+        match placed.effect.export_elements(&mut elements) {
+            ExportCoverage::Whole => {}
+            ExportCoverage::But(part) => mechanism.unsaid.push(format!("{name}: {part}")),
+            ExportCoverage::Not => mechanism.unsaid.push(nothing(&name, placed.kind, reason(placed.kind))),
+            ExportCoverage::Never(why) => mechanism.unsaid.push(nothing(&name, placed.kind, why)),
         }
         mechanism.elements.extend(elements.into_iter().map(|element| Named { name: name.clone(), element }));
     }

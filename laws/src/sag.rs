@@ -14,7 +14,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::archive::Archive;
 use crate::columns::{Change, Columns};
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw};
 use crate::scene::Scene;
 
@@ -158,8 +158,8 @@ impl<L: SagLaw> Effect for Sagging<L> {
         injection.tool.push(Box::new(Sunk { of: self.clone(), now, begun: false }));
     }
 
-    fn express(&self, _: &mut Vec<Element>) -> Expressed {
-        Expressed::Never("it follows the load at once, and what gives way in other tools swings")
+    fn export_elements(&self, _: &mut Vec<Element>) -> ExportCoverage {
+        ExportCoverage::Never("it follows the load at once, and what gives way in other tools swings")
     }
 }
 

@@ -124,7 +124,7 @@ impl ThreadDelays {
 
 /// How long the links of a tick were, ns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Links {
+pub struct TickLatencies {
     /// Schedule → the plant is awake.
     pub wake_up_ns: u64,
     /// Integrating the tick.
@@ -141,7 +141,7 @@ pub struct Links {
     pub command_ns: u64,
 }
 
-impl Links {
+impl TickLatencies {
     /// Those that need no answer to be known.
     pub(crate) fn of_the_plant(&self) -> Self {
         Self { wake_up_ns: self.wake_up_ns, step_ns: self.step_ns, ..Self::default() }
@@ -154,9 +154,9 @@ pub struct Evidence {
     /// Length of a tick, ns.
     pub period_ns: u64,
     /// The links of this tick; of one without an answer, the controller's is the time from publication to the deadline.
-    pub links: Links,
+    pub links: TickLatencies,
     /// The usual links.
-    pub usual: Links,
+    pub usual: TickLatencies,
     /// Of the plant's thread, since the tick before.
     pub plant: ThreadDelays,
     /// Of the controller's thread, from the tick before to its next answer.
@@ -228,14 +228,14 @@ pub fn cause(evidence: &Evidence) -> Cause {
 
 #[cfg(test)]
 mod tests {
-    use super::{Cause, Evidence, Links, ThreadDelays, cause};
+    use super::{Cause, Evidence, ThreadDelays, TickLatencies, cause};
 
     /// A cause and what provokes it.
     type Case = (Cause, fn(&mut Evidence));
 
     /// A tick as usual: nothing is to blame.
     fn usual() -> Evidence {
-        let links = Links {
+        let links = TickLatencies {
             wake_up_ns: 100,
             step_ns: 90_000,
             state_ns: 1_000,

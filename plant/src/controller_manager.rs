@@ -24,7 +24,7 @@ use crate::limit_violation::{LimitViolation, Refusal};
 use crate::{Applied, Blend, Comparison, Gate, GateLimits, Rejection};
 
 /// Fail-overs that are kept; more are counted.
-const MOST_FAIL_OVERS: usize = 4096;
+const RECORDED_FAIL_OVERS: usize = 4096;
 
 /// A swap that was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,7 +161,7 @@ impl ControllerManager {
             held: 0,
             first_refusal: None,
             rejected: [0; Rejection::ALL.len()],
-            swaps: Vec::with_capacity(spec.swaps.len() + MOST_FAIL_OVERS),
+            swaps: Vec::with_capacity(spec.swaps.len() + RECORDED_FAIL_OVERS),
             unlisted: 0,
             steady_change: [0.0; MAX_JOINTS],
         }

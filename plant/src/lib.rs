@@ -49,7 +49,7 @@ mod tool_forces;
 pub use answer_counts::AnswerCounts;
 pub use bearing::{Bearing, ContactTally, IMPACT_LIMIT};
 pub use blend::Blend;
-pub use cause::{Cause as MissCause, Evidence, Links, ThreadDelays, cause as miss_cause};
+pub use cause::{Cause as MissCause, Evidence, ThreadDelays, TickLatencies, cause as miss_cause};
 pub use controller_manager::{Cause, ControllerManager, ControllerSet, PlannedSwap, Swap};
 pub use cross_check::{Comparison, PROBATION};
 pub use deviation::{Deviation, DeviationStatistics};

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::cause::{Cause, Evidence, LEAST, Links, ThreadDelays, cause};
+use crate::cause::{Cause, Evidence, LEAST, ThreadDelays, TickLatencies, cause};
 use crate::thread_watch::{StealWatch, ThreadWatch};
 use crate::{Stage, Stages};
 
@@ -53,7 +53,7 @@ pub(crate) struct Ended {
     /// How long after the next tick was due it ended, ns; 0 if before.
     pub over_ns: u64,
     /// Its links as far as they are known.
-    pub links: Links,
+    pub links: TickLatencies,
 }
 
 /// A thread that is watched.
@@ -91,7 +91,7 @@ impl Watched {
 enum Heard {
     Nothing,
     /// The answer came after all, with these links.
-    Late(Links),
+    Late(TickLatencies),
     /// An answer came to the tick that is this many later, whose state had been under way for these ns.
     PassedOver {
         later: u64,
@@ -126,7 +126,7 @@ pub struct Misses {
     /// What was stolen since the plant was last in time.
     stolen: u64,
     /// What the links were too long since then.
-    backlog: Links,
+    backlog: TickLatencies,
     /// How late the next tick is because this one ended late, ns.
     over_ns: u64,
     open: Vec<Open>,
@@ -149,7 +149,7 @@ impl Misses {
             steal: StealWatch::open(),
             stolen_seen: 0,
             stolen: 0,
-            backlog: Links::default(),
+            backlog: TickLatencies::default(),
             over_ns: 0,
             open: Vec::with_capacity(MOST_OPEN),
             listed: Vec::with_capacity(MOST_LISTED),
@@ -188,7 +188,7 @@ impl Misses {
     /// Notes how a tick went.
     pub(crate) fn end_tick(&mut self, ended: &Ended, stages: &Stages) {
         let Ended { tick, in_charge, missed, awaited, unanswered_ns, over_ns, links } = *ended;
-        let unanswered = Links { compute_ns: unanswered_ns, ..links.of_the_plant() };
+        let unanswered = TickLatencies { compute_ns: unanswered_ns, ..links.of_the_plant() };
         self.in_charge = in_charge;
         if (links.wake_up_ns as f64) < LEAST * self.period_ns as f64 {
             self.forget();
@@ -221,7 +221,7 @@ impl Misses {
     }
 
     /// An answer to `tick` of the controller in `slot` came; with it its `links` are known, and that it passed those before over.
-    pub(crate) fn answered(&mut self, slot: usize, tick: u64, links: &Links) {
+    pub(crate) fn answered(&mut self, slot: usize, tick: u64, links: &TickLatencies) {
         let unheard = self.open.iter_mut().filter(|open| open.heard == Heard::Nothing && open.slot == slot);
         for open in unheard.filter(|open| open.miss.tick <= tick) {
             open.heard = match tick - open.miss.tick {
@@ -241,7 +241,7 @@ impl Misses {
     }
 
     /// What is known of a miss of the controller in `slot`.
-    fn evidence(&self, slot: usize, links: Links, usual: Links, answered: bool) -> Evidence {
+    fn evidence(&self, slot: usize, links: TickLatencies, usual: TickLatencies, answered: bool) -> Evidence {
         Evidence {
             period_ns: self.period_ns,
             links,
@@ -255,9 +255,9 @@ impl Misses {
     }
 
     /// The plant was more than a period late for `tick`: by what its links were too long since it was last in time.
-    fn note_lateness(&mut self, tick: u64, usual: &Links) {
+    fn note_lateness(&mut self, tick: u64, usual: &TickLatencies) {
         let excess = self.backlog;
-        let links = Links {
+        let links = TickLatencies {
             wake_up_ns: usual.wake_up_ns + excess.wake_up_ns,
             step_ns: usual.step_ns + excess.step_ns,
             state_ns: usual.state_ns + excess.state_ns,
@@ -272,7 +272,7 @@ impl Misses {
     }
 
     /// Adds what `links` were too long. Of waking late, what the end of the tick before does not explain.
-    fn add_to_backlog(&mut self, links: &Links, usual: &Links) {
+    fn add_to_backlog(&mut self, links: &TickLatencies, usual: &TickLatencies) {
         let sum = &mut self.backlog;
         sum.wake_up_ns += links.wake_up_ns.saturating_sub(self.over_ns);
         for (sum, is, usual) in [
@@ -310,8 +310,11 @@ impl Misses {
         match heard {
             Heard::Nothing => {}
             Heard::Late(links) => {
-                evidence.links =
-                    Links { wake_up_ns: evidence.links.wake_up_ns, step_ns: evidence.links.step_ns, ..links };
+                evidence.links = TickLatencies {
+                    wake_up_ns: evidence.links.wake_up_ns,
+                    step_ns: evidence.links.step_ns,
+                    ..links
+                };
                 evidence.answered = true;
                 evidence.was_kept = is_kept(1, links.state_ns + links.compute_ns);
             }
@@ -319,7 +322,7 @@ impl Misses {
                 let lay_ns = later * self.period_ns + state_ns;
                 evidence.was_kept = is_kept(later, lay_ns);
                 if evidence.was_kept {
-                    evidence.links = Links { state_ns: lay_ns, ..evidence.links.of_the_plant() };
+                    evidence.links = TickLatencies { state_ns: lay_ns, ..evidence.links.of_the_plant() };
                 }
             }
         }
@@ -374,9 +377,9 @@ impl Misses {
 }
 
 /// The medians so far, ns.
-fn usual(stages: &Stages) -> Links {
+fn usual(stages: &Stages) -> TickLatencies {
     let median = |stage: Stage| stages.histogram(stage).value_at_quantile(0.5);
-    Links {
+    TickLatencies {
         wake_up_ns: median(Stage::WakeUp),
         step_ns: median(Stage::PlantStep),
         state_ns: median(Stage::StateTransport),
@@ -391,11 +394,11 @@ fn usual(stages: &Stages) -> Links {
 #[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 mod tests {
     use super::{Ended, Misses, Stall, Watched};
-    use crate::cause::{Cause, Links};
+    use crate::cause::{Cause, TickLatencies};
     use crate::thread_watch::ThreadWatch;
     use crate::{Stage, Stages};
 
-    const USUAL: Links = Links {
+    const USUAL: TickLatencies = TickLatencies {
         wake_up_ns: 100,
         step_ns: 100_000,
         state_ns: 1_000,
@@ -449,7 +452,7 @@ mod tests {
         }
         assert_eq!(found(&book), []);
         // The answer to tick 5 comes late: it was long on its way back. 6 and 7 are passed over.
-        book.answered(0, 5, &Links { command_ns: 2_500_000, ..USUAL });
+        book.answered(0, 5, &TickLatencies { command_ns: 2_500_000, ..USUAL });
         book.answered(0, 8, &USUAL);
         book.end_tick(&in_time(8), &stages);
         assert_eq!(found(&book), [5, 6, 7].map(|tick| (tick, Cause::Transport)));
@@ -489,7 +492,7 @@ mod tests {
             book.end_tick(&unanswered(5, 0, 950_000), &stages);
             let seen = &mut book.controllers[0].seen;
             (seen.turns, seen.ran_ns) = (seen.turns + turns, seen.ran_ns + ran_ns);
-            book.answered(0, 5, &Links { compute_ns: 1_500_000, ..USUAL });
+            book.answered(0, 5, &TickLatencies { compute_ns: 1_500_000, ..USUAL });
             book.end_tick(&in_time(6), &stages);
             found(&book)[0].1
         };
@@ -506,7 +509,7 @@ mod tests {
         book.answered(1, 6, &USUAL);
         book.end_tick(&in_time(6), &stages);
         assert_eq!(found(&book), []);
-        book.answered(0, 5, &Links { command_ns: 2_500_000, ..USUAL });
+        book.answered(0, 5, &TickLatencies { command_ns: 2_500_000, ..USUAL });
         book.end_tick(&in_time(7), &stages);
         assert_eq!(found(&book), [(5, Cause::Transport)]);
     }
@@ -517,7 +520,7 @@ mod tests {
         let (mut book, stages) = (book(), stages());
         let of_standby = |tick| Ended { missed: false, awaited: Some(1), ..unanswered(tick, 0, 950_000) };
         book.end_tick(&of_standby(5), &stages);
-        book.answered(1, 5, &Links { compute_ns: 1_500_000, ..USUAL });
+        book.answered(1, 5, &TickLatencies { compute_ns: 1_500_000, ..USUAL });
         book.end_tick(&of_standby(9), &stages);
         book.controllers.push(Watched::default());
         book.controllers[1].seen.turns = 1;
@@ -558,7 +561,7 @@ mod tests {
         let mut late = 0;
         for tick in 1..8 {
             let over_ns = late + 400_000;
-            let links = Links { wake_up_ns: late, step_ns: 1_300_000, ..USUAL };
+            let links = TickLatencies { wake_up_ns: late, step_ns: 1_300_000, ..USUAL };
             book.end_tick(
                 &Ended { tick, in_charge: 0, missed: false, awaited: None, unanswered_ns: 0, over_ns, links },
                 &stages,
@@ -569,7 +572,7 @@ mod tests {
         assert_eq!(first, (4, Cause::PlantStep), "{:?}", book.listed()[0]);
         // In time again, and then woken late at once: that is another matter.
         let mut end = |tick, wake_up_ns, over_ns| {
-            let links = Links { wake_up_ns, ..USUAL };
+            let links = TickLatencies { wake_up_ns, ..USUAL };
             book.end_tick(
                 &Ended { tick, in_charge: 0, missed: false, awaited: None, unanswered_ns: 0, over_ns, links },
                 &stages,

@@ -50,6 +50,6 @@ impl Drawing {
     /// where there is nothing to draw.
     #[must_use]
     pub fn to_svg(&self) -> Option<String> {
-        crate::standalone::picture(self)
+        crate::standalone::standalone_svg(self)
     }
 }

@@ -17,7 +17,7 @@ const LETTER: usize = 8;
 const STYLE: &str = include_str!("report.css");
 
 /// The file; none where there is nothing to draw.
-pub(crate) fn picture(drawing: &Drawing) -> Option<String> {
+pub(crate) fn standalone_svg(drawing: &Drawing) -> Option<String> {
     let document = Document::new("").overview(drawing.clone());
     let colours = Colours::of(&document);
     let drawn: Vec<String> = drawing

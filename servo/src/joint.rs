@@ -73,29 +73,33 @@ impl JointServo {
 
     /// The servo's torque at the error `e` (rad) and speed `v` (rad/s), N·m.
     pub fn torque(&self, e: f64, v: f64) -> f64 {
-        let line = self.line(e, v);
+        let line = self.linearized(e, v);
         line.constant + line.stiffness * e - line.damping * v
     }
 
     /// The servo's torque near the error `e` (rad) and speed `v` (rad/s) as a straight line of both.
     #[inline]
-    pub fn line(&self, e: f64, v: f64) -> Line {
+    pub fn linearized(&self, e: f64, v: f64) -> Linearization {
         let beyond = e - e.clamp(-self.deadband, self.deadband);
         let torque = self.stiffness * beyond - self.damping * v;
         if torque.abs() > self.torque_limit {
-            return Line { stiffness: 0.0, damping: 0.0, constant: self.torque_limit.copysign(torque) };
+            return Linearization {
+                stiffness: 0.0,
+                damping: 0.0,
+                constant: self.torque_limit.copysign(torque),
+            };
         }
         if beyond == 0.0 {
-            return Line { stiffness: 0.0, damping: self.damping, constant: 0.0 };
+            return Linearization { stiffness: 0.0, damping: self.damping, constant: 0.0 };
         }
         let constant = -self.stiffness * self.deadband.copysign(beyond);
-        Line { stiffness: self.stiffness, damping: self.damping, constant }
+        Linearization { stiffness: self.stiffness, damping: self.damping, constant }
     }
 }
 
 /// A piece of the servo's law: torque = constant + stiffness · error − damping · speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct Linearization {
     /// N·m/rad.
     pub stiffness: f64,
     /// N·m·s/rad.
@@ -104,7 +108,8 @@ pub struct Line {
     pub constant: f64,
 }
 
-impl Line {
+impl Linearization {
     /// Of no servo: not equal to any piece.
-    pub(crate) const NONE: Line = Line { stiffness: f64::NAN, damping: f64::NAN, constant: f64::NAN };
+    pub(crate) const NONE: Linearization =
+        Linearization { stiffness: f64::NAN, damping: f64::NAN, constant: f64::NAN };
 }

@@ -3,7 +3,7 @@
 //! The nouns, in the order in which data passes through them:
 //!
 //! - [`Commands`]: the commands of one joint, held between their stamps.
-//! - [`JointServo`]: the law of one joint: servo, friction, limits, delay; a piece of it is a [`Line`].
+//! - [`JointServo`]: the law of one joint: servo, friction, limits, delay; a piece of it is a [`Linearization`].
 //! - [`ServoArm`]: the rigid arm with the servo of each joint, as an arm file has them.
 //! - [`Burden`]: what the arm carries and how it stands beside what its file says.
 //! - [`Sliding`]: one step with set-valued friction; [`Rollout`]: many of them from a [`State`] along a [`Course`] of commands.
@@ -32,7 +32,7 @@ pub use beginning::{Sight, golden, lag, servos, sights};
 pub use burden::Burden;
 pub use command::Commands;
 pub use fit::{Fitted, Problem};
-pub use joint::{JointServo, Line};
+pub use joint::{JointServo, Linearization};
 pub use load::Load;
 pub use noise::Noise;
 pub use parallel::each;

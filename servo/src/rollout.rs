@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 
 use crate::burden::Burden;
 use crate::command::Commands;
-use crate::joint::{JointServo, Line};
+use crate::joint::{JointServo, Linearization};
 use crate::load::Load;
 use crate::solve::Sliding;
 use crate::unknowns::Quantity;
@@ -74,7 +74,7 @@ pub struct Rollout {
     middle: Vec<f64>,
     bias: Vec<f64>,
     sliding: Sliding,
-    pieces: Vec<Line>,
+    pieces: Vec<Linearization>,
     right: Vec<f64>,
     friction: Vec<f64>,
     bounds: Vec<[f64; 2]>,
@@ -95,7 +95,7 @@ impl Rollout {
             middle: vec![0.0; n],
             bias: vec![0.0; n],
             sliding: Sliding::new(n),
-            pieces: vec![Line::NONE; n],
+            pieces: vec![Linearization::NONE; n],
             right: vec![0.0; n],
             friction: vec![0.0; n],
             bounds: vec![[0.0; 2]; n],
@@ -193,7 +193,7 @@ impl Rollout {
             self.mass[(i, i)] += joint.rotor_inertia;
         }
         self.mass *= 2.0 / own;
-        self.pieces.fill(Line::NONE);
+        self.pieces.fill(Linearization::NONE);
         for step in 0..steps as usize {
             self.servo_step(n, model, commands, t + step as f64 * own, own);
         }
@@ -215,7 +215,7 @@ impl Rollout {
             let most = joint.speed_limit * h;
             set_point[i] += (wished - set_point[i]).clamp(-most, most);
             let error = set_point[i] - q[i];
-            let piece = joint.line(error - 0.5 * h * v[i], v[i]);
+            let piece = joint.linearized(error - 0.5 * h * v[i], v[i]);
             is_same &= piece.damping == pieces[i].damping && piece.stiffness == pieces[i].stiffness;
             pieces[i] = piece;
             // Column by column is row by row of what is symmetric.

@@ -28,7 +28,7 @@ const COMMANDS: &str = "command";
 
 /// The plant's end.
 pub struct BarePlant {
-    states: Ahead<State>,
+    states: PreloanedPublisher<State>,
     commands: Subscriber<Ipc, Command, ()>,
     _node: Node<Ipc>,
 }
@@ -36,7 +36,7 @@ pub struct BarePlant {
 /// The controller's end.
 pub struct BareController {
     states: Subscriber<Ipc, State, ()>,
-    commands: Ahead<Command>,
+    commands: PreloanedPublisher<Command>,
     _node: Node<Ipc>,
 }
 
@@ -50,7 +50,7 @@ impl BarePlant {
         let states = service(&node, STATES)?.publisher_builder().create();
         let commands = service(&node, COMMANDS)?.subscriber_builder().create();
         Ok(Self {
-            states: Ahead::of(states.map_err(transport("publish on", STATES))?, STATES)?,
+            states: PreloanedPublisher::of(states.map_err(transport("publish on", STATES))?, STATES)?,
             commands: commands.map_err(transport("subscribe to", COMMANDS))?,
             _node: node,
         })
@@ -87,7 +87,7 @@ impl BareController {
         let commands = service(&node, COMMANDS)?.publisher_builder().create();
         Ok(Self {
             states: states.map_err(transport("subscribe to", STATES))?,
-            commands: Ahead::of(commands.map_err(transport("publish on", COMMANDS))?, COMMANDS)?,
+            commands: PreloanedPublisher::of(commands.map_err(transport("publish on", COMMANDS))?, COMMANDS)?,
             _node: node,
         })
     }
@@ -113,13 +113,13 @@ impl BareController {
 }
 
 /// A publisher with the memory for its next message on loan.
-struct Ahead<Message: Debug + ZeroCopySend + 'static> {
+struct PreloanedPublisher<Message: Debug + ZeroCopySend + 'static> {
     // Dropped before the publisher it is loaned from.
     next: Option<SampleMutUninit<Ipc, MaybeUninit<Message>, ()>>,
     publisher: Publisher<Ipc, Message, ()>,
 }
 
-impl<Message: Debug + Copy + ZeroCopySend + 'static> Ahead<Message> {
+impl<Message: Debug + Copy + ZeroCopySend + 'static> PreloanedPublisher<Message> {
     fn of(publisher: Publisher<Ipc, Message, ()>, service: &str) -> Result<Self, LinkError> {
         let next = Some(publisher.loan_uninit().map_err(transport("loan memory of", service))?);
         Ok(Self { next, publisher })

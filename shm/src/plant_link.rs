@@ -161,7 +161,7 @@ impl PlantLink {
     }
 
     /// Whether the process that was started for `slot` has ended, as whoever started it says with
-    /// [`RunRoot::tell_ended`](crate::RunRoot::tell_ended): nobody needs to wait for it. One system call.
+    /// [`RunRoot::report_process_exit`](crate::RunRoot::report_process_exit): nobody needs to wait for it. One system call.
     #[must_use]
     pub fn has_ended(&self, slot: usize) -> bool {
         self.share.has_ended(slot)

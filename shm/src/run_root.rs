@@ -74,7 +74,7 @@ impl RunRoot {
 
     /// Tells the plant that the process which was started for `slot` has ended; see [`PlantLink::has_ended`](crate::PlantLink::has_ended).
     /// What can't be told, the plant finds out when its patience ends.
-    pub fn tell_ended(&self, slot: usize) {
+    pub fn report_process_exit(&self, slot: usize) {
         let _ = self.share.folder.make_file(&*ended_mark(slot));
     }
 
@@ -114,7 +114,7 @@ impl Share {
         if folder.is_gone() { Err(no_run()) } else { Ok(Self { folder, address: address.clone() }) }
     }
 
-    /// Whether [`RunRoot::tell_ended`] was called for `slot`.
+    /// Whether [`RunRoot::report_process_exit`] was called for `slot`.
     pub(crate) fn has_ended(&self, slot: usize) -> bool {
         self.folder.status(&*ended_mark(slot)).is_some()
     }

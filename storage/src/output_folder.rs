@@ -90,7 +90,7 @@ impl OutputFolder {
 
     /// Whether the file system could lock the folder. Some network file systems cannot.
     #[must_use]
-    pub fn is_locked(&self) -> bool {
+    pub fn holds_lock(&self) -> bool {
         self.lock.is_some()
     }
 

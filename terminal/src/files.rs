@@ -82,7 +82,7 @@ pub fn claim_or_new(
         Some(out) => OutputFolder::claim(out, Claim { results, force })?,
         None => OutputFolder::claim_new(new)?,
     };
-    if !folder.is_locked() {
+    if !folder.holds_lock() {
         let path = folder.path().display();
         messages::note(format_args!(
             "note: the file system of {path} has no locks: let no other command write there meanwhile"

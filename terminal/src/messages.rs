@@ -22,12 +22,12 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// A good result.
 pub const GOOD: Style = AnsiColor::Green.on_default().bold();
 /// An undecided or unknown result.
-pub const OPEN: Style = AnsiColor::Yellow.on_default().bold();
+pub const UNDECIDED: Style = AnsiColor::Yellow.on_default().bold();
 /// A bad result.
 pub const BAD: Style = AnsiColor::Red.on_default().bold();
 
 /// The styles of [`styled`] words, which alone may speak to the terminal.
-pub const STYLES: [Style; 3] = [GOOD, OPEN, BAD];
+pub const STYLES: [Style; 3] = [GOOD, UNDECIDED, BAD];
 
 /// What every command understands.
 #[derive(Args, Clone, Copy, Debug)]

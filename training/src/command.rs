@@ -21,7 +21,7 @@ use crate::choice::{Answers, Tried, choose, held_out, scored};
 use crate::data::Data;
 use crate::forecast::{Forecast, forecasts};
 use crate::recorded::{RecordedRun, files, name_of, task_of};
-use crate::rehearsal::{Course, Rehearsal, check_mode, check_rate};
+use crate::rehearsal::{DeviationCurve, Rehearsal, check_mode, check_rate};
 use crate::selection::{errors, is_lower};
 use crate::structure::{Fitting, Structure};
 use crate::text::text;
@@ -102,7 +102,7 @@ pub struct Trained {
     pub forecasts: Vec<Forecast>,
     /// The simulated runs that decided.
     #[serde(skip)]
-    pub courses: Vec<Course>,
+    pub courses: Vec<DeviationCurve>,
 }
 
 impl Trained {

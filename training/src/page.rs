@@ -8,7 +8,7 @@ use freeplay_report::{
 use crate::choice::{Tried, rms};
 use crate::command::Trained;
 use crate::forecast::Forecast;
-use crate::rehearsal::Course;
+use crate::rehearsal::DeviationCurve;
 
 /// Names of the axes.
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -107,7 +107,7 @@ fn along(forecast: &Forecast) -> Drawing {
 }
 
 /// The tool's deviation in the simulated runs of one path.
-fn deviation(course: &Course) -> Chart {
+fn deviation(course: &DeviationCurve) -> Chart {
     Chart::trace(
         format!("Tool deviation in simulated runs along {}", course.name),
         Axis::new("time", "s"),

@@ -102,8 +102,9 @@ impl RecordedRun {
         }
         let reference = reference(recording, period);
         let sent = sent(recording, &reference);
-        let taken_out = taken_out(recording);
-        let observed = Observed { nominal, reference: &reference, sent, taken_out: &taken_out, tool };
+        let compensated_deviation = compensated_deviation(recording);
+        let observed =
+            Observed { nominal, reference: &reference, sent, taken_out: &compensated_deviation, tool };
         let left = remainder(model, &observed, period).map_err(Failure::input)?;
         if let Some(at) = left.iter().position(|left| !left.iter().all(|value| value.is_finite())) {
             return Err(Failure::input(format!(
@@ -191,7 +192,7 @@ fn sent<'a>(recording: &'a Recording, reference: &'a Trajectory) -> &'a [Vec<f64
 
 /// What the controller of a run in mode torque took out: what it predicted of each instant in its answer to the state before. Nothing for
 /// a controller that compensates nothing.
-fn taken_out(recording: &Recording) -> Vec<Vector3<f64>> {
+fn compensated_deviation(recording: &Recording) -> Vec<Vector3<f64>> {
     let is_plain = recording.origin.file_stem().is_some_and(|stem| stem == COMPUTED_TORQUE);
     let predicted = ["x", "y", "z"].map(|axis| recording.column(&format!("predicted_{axis}")));
     let [Some(x), Some(y), Some(z)] = predicted else { return Vec::new() };

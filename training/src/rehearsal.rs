@@ -38,7 +38,7 @@ const DRAWN: u64 = 10;
 
 /// The tool's deviation along one run, for people.
 #[derive(Clone, Debug, Default)]
-pub struct Course {
+pub struct DeviationCurve {
     /// Name of the run.
     pub name: String,
     /// Instants, s.
@@ -110,14 +110,14 @@ impl Rehearsal<'_> {
     ///
     /// # Errors
     /// A run that fails.
-    pub fn decide(&self, files: &[WeightFile]) -> Result<(Receipt, Vec<Course>), Failure> {
+    pub fn decide(&self, files: &[WeightFile]) -> Result<(Receipt, Vec<DeviationCurve>), Failure> {
         let Data { runs, folds, .. } = self.data;
         let came = on_all_cores(runs.len(), |number| self.one(&runs[number], &files[folds[number]]))?;
         let (runs, courses) = came.into_iter().unzip();
         Ok((verdict(runs, folds), courses))
     }
 
-    fn one(&self, run: &RecordedRun, weights: &WeightFile) -> Result<(Rehearsed, Course), Failure> {
+    fn one(&self, run: &RecordedRun, weights: &WeightFile) -> Result<(Rehearsed, DeviationCurve), Failure> {
         let folder = tempfile::tempdir().map_err(Failure::internal)?;
         let path = written_path(run, folder.path())?;
         let believable = folder.path().join("weights.json");
@@ -129,7 +129,7 @@ impl Rehearsal<'_> {
         let with = self.played(run, Some(believable.display().to_string()), &path, &beyond)?;
         let rehearsed = Rehearsed { name: run.name.clone(), without_mm: without.0, with_mm: with.0 };
         let t = (0..without.1.len()).map(|k| (k as u64 * DRAWN) as f64 / RATE).collect();
-        Ok((rehearsed, Course { name: run.name.clone(), t, without_mm: without.1, with_mm: with.1 }))
+        Ok((rehearsed, DeviationCurve { name: run.name.clone(), t, without_mm: without.1, with_mm: with.1 }))
     }
 
     /// The tool's deviation along `path` with the `weights`: RMS after the start, and its course, mm.

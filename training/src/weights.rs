@@ -54,7 +54,7 @@ impl Weights<'_> {
         let series = data.series(&self.structure.inputs)?;
         let narx = fitted(data, &series, self.structure, self.fitting, |_| true)?;
         let file = |narx: &Narx, fold: Option<usize>| {
-            let narx = self.of_groups(narx).map_err(Failure::internal)?;
+            let narx = self.widen_to_groups(narx).map_err(Failure::internal)?;
             WeightFile::new(&narx, parts(fold)).map_err(Failure::internal)
         };
         let whole = file(&narx, None)?;
@@ -63,7 +63,7 @@ impl Weights<'_> {
     }
 
     /// The network `narx` of some channels as one of their groups, which a weight file holds.
-    fn of_groups(&self, narx: &Narx) -> Result<Narx, NarxError> {
+    fn widen_to_groups(&self, narx: &Narx) -> Result<Narx, NarxError> {
         let (joints, inputs) = (self.data.joints(), &self.structure.inputs);
         let groups = Channel::groups(inputs);
         let all: Vec<Channel> =

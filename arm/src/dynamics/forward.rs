@@ -120,8 +120,8 @@ fn gather(arm: &Arm, ws: &mut Workspace, drive: impl Fn(usize) -> Drive) {
                 (link.column, link.inverse_felt, link.residual) = (column, inverse_felt, residual);
             }
         }
-        inertia = inertia.seen_from(&link.from_parent);
-        wrench = wrench.seen_from(&link.from_parent);
+        inertia = inertia.about_point(&link.from_parent);
+        wrench = wrench.about_point(&link.from_parent);
     }
 }
 

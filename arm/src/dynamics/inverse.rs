@@ -47,7 +47,7 @@ pub fn gravity_torque(arm: &Arm, ws: &mut Workspace, q: &[f64], out: &mut [f64])
         let moment = -(link.rotation * joint.first_moment).cross(arm.gravity());
         link.wrench = Wrench { moment: moment + carried.moment, force: force + carried.force };
         out[i] = along_axis(joint.kind, &link.axis, &link.wrench);
-        carried = link.wrench.seen_from(&link.from_parent);
+        carried = link.wrench.about_point(&link.from_parent);
     }
     ws.wrench_source = WrenchSource::Transmitted;
 }
@@ -130,7 +130,7 @@ fn newton_euler(arm: &Arm, ws: &mut Workspace, a: impl Fn(usize) -> f64, tau: &m
     for (i, ((link, joint), tau)) in ws.links.iter_mut().zip(arm.constants()).zip(tau).enumerate().rev() {
         link.wrench.add(&carried);
         *tau = motor_torque(joint, &link.axis, &link.wrench, a(i));
-        carried = link.wrench.seen_from(&link.from_parent);
+        carried = link.wrench.about_point(&link.from_parent);
     }
     ws.wrench_source = WrenchSource::Transmitted;
 }

@@ -55,7 +55,7 @@ fn fill(arm: &Arm, ws: &mut Workspace, m: &mut DMatrix<f64>) {
         m[(i, i)] =
             along_axis(arm.constants()[i].kind, &link.axis, &wrench) + arm.constants()[i].rotor_inertia;
         for j in (0..i).rev() {
-            wrench = wrench.seen_from(&ws.links[j + 1].from_parent);
+            wrench = wrench.about_point(&ws.links[j + 1].from_parent);
             let element = along_axis(arm.constants()[j].kind, &ws.links[j].axis, &wrench);
             m[(i, j)] = element;
             m[(j, i)] = element;
@@ -73,7 +73,7 @@ pub(crate) fn compose_inertias(arm: &Arm, ws: &mut Workspace) {
         first_moment += link.rotation * joint.first_moment;
         inertia.add(&joint.inertia.rotated(&link.rotation));
         (link.mass, link.first_moment, link.inertia) = (mass, first_moment, inertia);
-        inertia = inertia.seen_from(&link.from_parent, mass, &first_moment);
+        inertia = inertia.about_point(&link.from_parent, mass, &first_moment);
         first_moment += link.from_parent * mass;
     }
 }

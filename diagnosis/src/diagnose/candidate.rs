@@ -235,7 +235,7 @@ impl Candidate {
     pub fn placed_in(&self, arm: &Arm, coefficients: &[f64], stage: usize) -> Option<Placed> {
         let mut placed = self.placed(arm, coefficients)?;
         let begins = self.begins[stage].map(|place| Start::Within(place.eccentricity()));
-        if let Some(effect) = begins.and_then(|begins| placed.effect.begun(begins)) {
+        if let Some(effect) = begins.and_then(|begins| placed.effect.with_initial_state(begins)) {
             placed.effect = effect;
         }
         Some(placed)

@@ -188,7 +188,7 @@ impl Study<'_> {
                 (with, events) = (Found { off: with.off, ..without }, others);
             }
         }
-        let with = self.by_own_rows(&data, &events, with)?;
+        let with = self.rivals_resolved(&data, &events, with)?;
         let weights = self.weights(&data, &events, &left, &with.off);
         let (mut search, members) = self.search(&data, &events, weights, &with.members)?;
         let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
@@ -199,7 +199,7 @@ impl Study<'_> {
 
     /// `found`, once each law that may take one of several courses, or stands where such a law could, was compared with its rivals: each under the rows that
     /// it foretells or leaves open. The ones that lost are looked for no more.
-    fn by_own_rows(
+    fn rivals_resolved(
         &mut self,
         data: &Data,
         events: &[Event],
@@ -276,7 +276,7 @@ impl Study<'_> {
 
     /// The diagnosis by the laws that were `found`.
     fn by_laws(&mut self, data: &Data, left: &[Vec<f64>], found: Found) -> Result<Diagnosis, DiagnoseError> {
-        let found = self.by_own_rows(data, &[], found)?;
+        let found = self.rivals_resolved(data, &[], found)?;
         let weights = self.weights(data, &[], left, &found.off);
         let (mut search, members) = self.search(data, &[], weights, &found.members)?;
         let answer = search.settled(members).and_then(|answer| search.agreed(&answer));

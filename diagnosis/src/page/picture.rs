@@ -7,7 +7,7 @@ use freeplay_laws::{BearingLoad, Clearance, Effects, tool_sensitivity};
 use freeplay_report::units::{people, written};
 use freeplay_report::{Axis, Chart, Drawing, Series};
 
-use super::points::{Over, Points, column, forwards, law, line, plainest, traces};
+use super::points::{Over, Points, best_plot_variable, column, forwards, law, line, traces};
 use crate::{Diagnosis, Effect, Map};
 
 /// Most channels that one finding is drawn in.
@@ -105,14 +105,14 @@ fn span(values: &[f64]) -> f64 {
     high.max(-low)
 }
 
-/// One channel over the variable in which the law is plainest; over the phase of its period where it has one.
+/// One channel over the variable in which the law is best_plot_variable; over the phase of its period where it has one.
 fn in_channel(diagnosis: &Diagnosis, arm: &Arm, index: usize, channel: &str) -> Option<Drawing> {
     let effect = &diagnosis.effects[index];
     let unit = traces(diagnosis, channel).next()?.1.unit;
     let points = Points::of(diagnosis, index, channel);
     let over = match periodic(diagnosis, arm, effect) {
         Some(over) => over,
-        None => plainest(diagnosis, &seats(arm, effect, channel), &points.law)?,
+        None => best_plot_variable(diagnosis, &seats(arm, effect, channel), &points.law)?,
     };
     let title = format!("{} over the {}", described(channel), over.name);
     let caption = format!(
@@ -229,7 +229,7 @@ fn as_angle(diagnosis: &Diagnosis, arm: &Arm, index: usize, joint: usize) -> Opt
     if all <= 0.0 || turned < TURNS * all {
         return None;
     }
-    let over = plainest(diagnosis, &[joint], &points.law)?;
+    let over = best_plot_variable(diagnosis, &[joint], &points.law)?;
     let name = &arm.joints()[joint].name;
     let title = format!("The tool's error as a turn of {name}, over the {}", over.name);
     let caption = format!(
@@ -307,7 +307,7 @@ pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
     .series(Series::points("mean in each twelfth of the samples", &x, &y))
     .series(Series::line("", &x, &y).like("mean in each twelfth of the samples"));
     let caption = format!(
-        "The plainest such curve: it explains {:.0} % of what the tuned model leaves in {} on the data of the fit (p = {}).",
+        "The best_plot_variable such curve: it explains {:.0} % of what the tuned model leaves in {} on the data of the fit (p = {}).",
         100.0 * map.explained,
         map.channel,
         written(map.p)

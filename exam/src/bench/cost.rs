@@ -39,12 +39,12 @@ impl Measured {
     }
 
     /// The quantile number `which` of `stage` over all blocks, ns.
-    fn at(&self, stage: &str, which: usize) -> Option<f64> {
+    fn stage_quantile(&self, stage: &str, which: usize) -> Option<f64> {
         self.all.get(stage).map(|histogram| quantiles(histogram)[which])
     }
 
     /// The same of each block.
-    fn each_at(&self, stage: &str, which: usize) -> impl Iterator<Item = Option<f64>> {
+    fn block_quantiles(&self, stage: &str, which: usize) -> impl Iterator<Item = Option<f64>> {
         self.each.iter().map(move |block| block.get(stage).map(|quantiles| quantiles[which]))
     }
 }
@@ -173,8 +173,8 @@ fn costs(measured: &[Measured; KINDS]) -> Vec<Cost> {
         let with = &measured[looking as usize];
         for (stage, _) in STAGES {
             let ratios = [0, 1, 2].map(|which| {
-                let each = with.each_at(stage, which).zip(plain.each_at(stage, which));
-                Ratio::of((with.at(stage, which), plain.at(stage, which)), each)
+                let each = with.block_quantiles(stage, which).zip(plain.block_quantiles(stage, which));
+                Ratio::of((with.stage_quantile(stage, which), plain.stage_quantile(stage, which)), each)
             });
             if ratios.iter().any(Option::is_some) {
                 costs.push(Cost { stage, looking, ratios, verdict: Told::of(ratios[1]) });

@@ -15,7 +15,7 @@ use crate::swap_measures::{AROUND, Alone, deviation, stalls_in};
 /// What a deviation may be over that without a fault where a fault is to do no harm.
 const HARMLESS: f64 = 1.05;
 /// Codes of the column `in_force`.
-const HELD: f64 = 2.0;
+const HELD_COMMAND: f64 = 2.0;
 const BRAKED: f64 = 3.0;
 
 /// What came of one fault.
@@ -104,7 +104,7 @@ impl Finding {
             reason: refused.map(|tick| reason(rejected[tick])),
             faulty_in_force: (begin + 1..(faulty + 1).min(end)).filter(|&tick| was_faulty(tick)).count()
                 as u64,
-            held: held(HELD),
+            held: held(HELD_COMMAND),
             braked: held(BRAKED) > 0,
             next_in_charge: name(next),
             back: end > 0 && in_charge.get(end).is_some_and(|&slot| slot == 0.0),

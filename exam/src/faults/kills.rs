@@ -27,7 +27,7 @@ const LONGEST: Duration = Duration::from_secs(120);
 const NEXT: [&str; 3] = ["duration=0.02", "recording=none", "patience=60"];
 const LOOK: Duration = Duration::from_millis(1);
 /// Where segments are.
-const SEGMENTS: &str = "/dev/shm";
+const SHM_FOLDER: &str = "/dev/shm";
 
 /// Which process of a run is killed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -236,7 +236,7 @@ fn files_of(runs: &[u32]) -> usize {
         let id = name.strip_prefix("freeplay-").and_then(|rest| rest.split('-').next()?.parse().ok());
         id.is_some_and(|id| runs.contains(&id))
     };
-    let entries = std::fs::read_dir(SEGMENTS).into_iter().flatten().flatten();
+    let entries = std::fs::read_dir(SHM_FOLDER).into_iter().flatten().flatten();
     entries.filter(|entry| is_theirs(&entry.file_name().to_string_lossy())).count()
 }
 

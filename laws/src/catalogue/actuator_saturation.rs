@@ -9,7 +9,7 @@ use toml::Table;
 
 use crate::DriveFriction;
 use crate::basis::{Place, Term, Terms, with};
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -102,11 +102,11 @@ impl Effect for ActuatorSaturation {
         injection.saturations.push((self.joint, self.limit));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::TorqueLimit { joint: self.joint, limit: self.limit });
         match self.share < 1.0 {
-            true => Expressed::But("the torque beyond the limit that is not lost"),
-            false => Expressed::Whole,
+            true => ExportCoverage::But("the torque beyond the limit that is not lost"),
+            false => ExportCoverage::Whole,
         }
     }
 }

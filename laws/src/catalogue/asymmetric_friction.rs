@@ -8,7 +8,7 @@
 use freeplay_arm::export::Element;
 
 use crate::basis::Terms;
-use crate::effect::Expressed;
+use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -71,11 +71,11 @@ impl JointLaw for Asymmetric {
         0.5 * (at.sign * (self.positive + self.negative) + self.positive - self.negative)
     }
 
-    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, joint: usize, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.extend([
             Element::DryFriction { joint, level: 0.5 * (self.positive + self.negative) },
             Element::ConstantTorque { joint, torque: 0.5 * (self.positive - self.negative) },
         ]);
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }

@@ -25,7 +25,7 @@ use toml::{Table, Value};
 use crate::archive::Archive;
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::{Change, Columns};
-use crate::effect::{Effect, Expressed, Start};
+use crate::effect::{Effect, ExportCoverage, Start};
 use crate::flight::Flight;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
 use crate::kind::{Kind, Occurrence, START, Seen, Site};
@@ -407,7 +407,7 @@ impl Effect for Backlash {
         });
     }
 
-    fn begun(&self, start: Start) -> Option<Box<dyn Effect>> {
+    fn with_initial_state(&self, start: Start) -> Option<Box<dyn Effect>> {
         let Start::Between(start) = start else { return None };
         let begun = || -> Box<dyn Effect> { Box::new(Backlash { start, ..*self }) };
         (self.slides() && !self.is_begun).then(begun)
@@ -427,7 +427,7 @@ impl Effect for Backlash {
         }
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         let friction = 0.5 * (self.friction[0] + self.friction[1]);
         let joint = self.joint;
         // Of two flanks the mean gives way.
@@ -440,10 +440,10 @@ impl Effect for Backlash {
         }
         let differ = |pair: [f64; 2]| pair[0] != pair[1];
         match differ(self.friction) || differ(self.compliance) {
-            true => Expressed::But(
+            true => ExportCoverage::But(
                 "the difference of friction or stiffness between the directions, whose mean is there",
             ),
-            false => Expressed::Whole,
+            false => ExportCoverage::Whole,
         }
     }
 }

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, UnitQuaternion};
 
 use crate::LawError;
 use crate::basis::{Term, Terms, with};
-use crate::effect::{ArmParts, Effect, Expressed};
+use crate::effect::{ArmParts, Effect, ExportCoverage};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -97,7 +97,7 @@ impl Effect for BaseTilt {
 
     fn inject(&self, _injection: &mut Injection) {}
 
-    fn express(&self, _elements: &mut Vec<Element>) -> Expressed {
-        Expressed::Whole
+    fn export_elements(&self, _elements: &mut Vec<Element>) -> ExportCoverage {
+        ExportCoverage::Whole
     }
 }

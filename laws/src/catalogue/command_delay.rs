@@ -6,7 +6,7 @@
 use freeplay_arm::export::Element;
 
 use super::commanded::{NO_TERMS, no_shape};
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -49,11 +49,11 @@ impl Effect for CommandDelay {
         injection.command_delays.push((self.joint, self.delay));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         if self.delay < 0.0 {
-            return Expressed::Not;
+            return ExportCoverage::Not;
         }
         elements.push(Element::CommandDelay { joint: self.joint, delay: self.delay });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }

@@ -8,7 +8,7 @@
 use freeplay_arm::export::Element;
 
 use crate::basis::Terms;
-use crate::effect::Expressed;
+use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -63,8 +63,8 @@ impl JointLaw for Coulomb {
         self.coulomb * at.sign
     }
 
-    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, joint: usize, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::DryFriction { joint, level: self.coulomb });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }

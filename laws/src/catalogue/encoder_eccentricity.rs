@@ -8,7 +8,7 @@ use freeplay_arm::export::Element;
 
 use crate::archive::Archive;
 use crate::columns::Columns;
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::harmonic::TERMS;
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
@@ -74,8 +74,8 @@ impl Effect for EncoderEccentricity {
         injection.sensors.push(Box::new(*self));
     }
 
-    fn express(&self, _: &mut Vec<Element>) -> Expressed {
-        Expressed::Never("encoders of other tools read the true position")
+    fn export_elements(&self, _: &mut Vec<Element>) -> ExportCoverage {
+        ExportCoverage::Never("encoders of other tools read the true position")
     }
 }
 

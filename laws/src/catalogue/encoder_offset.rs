@@ -8,7 +8,7 @@ use freeplay_arm::export::Element;
 use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
 use crate::columns::Columns;
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -77,9 +77,9 @@ impl Effect for EncoderOffset {
         injection.sensors.push(Box::new(*self));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::EncoderZero { joint: self.joint, offset: self.offset });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }
 

@@ -6,7 +6,7 @@
 use freeplay_arm::export::Element;
 
 use super::commanded::{NO_TERMS, no_shape};
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -60,8 +60,8 @@ struct HardStop {
 impl Effect for HardStop {
     fn inject(&self, _injection: &mut Injection) {}
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::Stop { joint: self.joint, lower: self.lower, upper: self.upper });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }

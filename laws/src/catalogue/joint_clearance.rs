@@ -15,7 +15,7 @@ use toml::{Table, Value};
 use crate::basis::{Place, Term, Terms, with};
 use crate::bearing_course::BearingCourse;
 use crate::columns::{Change, Columns};
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
 use crate::journal_flight::JournalFlight;
 use crate::kind::{Kind, Occurrence, Seen, Site};
@@ -209,9 +209,9 @@ impl Effect for JointClearance {
         injection.clearances.push((self.joint, self.clearance));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::RadialPlay { joint: self.joint, clearance: self.clearance.clearance });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }
 

@@ -14,7 +14,7 @@ use crate::DriveFriction;
 use crate::archive::Archive;
 use crate::basis::{Place, Terms, with};
 use crate::columns::Columns;
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -138,7 +138,7 @@ impl Effect for JointCoupling {
         injection.drives.push(Box::new(*self));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::Shaft {
             joints: self.joints,
             ratio: self.sign,
@@ -147,7 +147,7 @@ impl Effect for JointCoupling {
             coulomb: self.coulomb,
             own_shares_named: !self.is_shaft,
         });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }
 

@@ -11,7 +11,7 @@ use toml::{Table, Value};
 
 use crate::basis::{Term, Terms, with};
 use crate::columns::Columns;
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Transmission};
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -114,9 +114,9 @@ impl Effect for JointElasticity {
         injection.transmissions.push((self.joint, Transmission { stiffness, damping, gap: 0.0 }));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         let JointElasticity { joint, stiffness, damping } = *self;
         elements.push(Element::Gear { joint, stiffness: Some(stiffness), damping, gap: 0.0, friction: 0.0 });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }

@@ -7,7 +7,7 @@
 use freeplay_arm::export::Element;
 
 use crate::basis::{Term, Terms, with};
-use crate::effect::Expressed;
+use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
@@ -74,8 +74,8 @@ impl JointLaw for Spring {
         self.stiffness * (at.q - self.rest)
     }
 
-    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, joint: usize, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::Spring { joint, stiffness: self.stiffness, rest: self.rest });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }

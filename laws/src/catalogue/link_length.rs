@@ -10,7 +10,7 @@ use toml::{Table, Value};
 
 use crate::LawError;
 use crate::basis::{Term, Terms, with};
-use crate::effect::{ArmParts, Effect, Expressed};
+use crate::effect::{ArmParts, Effect, ExportCoverage};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
@@ -97,7 +97,7 @@ impl Effect for LinkLength {
 
     fn inject(&self, _injection: &mut Injection) {}
 
-    fn express(&self, _elements: &mut Vec<Element>) -> Expressed {
-        Expressed::Whole
+    fn export_elements(&self, _elements: &mut Vec<Element>) -> ExportCoverage {
+        ExportCoverage::Whole
     }
 }

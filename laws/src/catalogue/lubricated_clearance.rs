@@ -153,7 +153,7 @@ impl Effect for LubricatedClearance {
         });
     }
 
-    fn begun(&self, start: Start) -> Option<Box<dyn Effect>> {
+    fn with_initial_state(&self, start: Start) -> Option<Box<dyn Effect>> {
         let Start::Within(start) = start else { return None };
         let begun = || -> Box<dyn Effect> { Box::new(Self { start: Some(start), ..self.clone() }) };
         self.start.is_none().then(begun)

@@ -14,7 +14,7 @@ use crate::DriveFriction;
 use crate::archive::Archive;
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
-use crate::effect::{Effect, Expressed, Start};
+use crate::effect::{Effect, ExportCoverage, Start};
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Site, Tolerance};
 use crate::needs::Need;
@@ -205,7 +205,7 @@ impl Effect for Presliding {
         }
     }
 
-    fn begun(&self, start: Start) -> Option<Box<dyn Effect>> {
+    fn with_initial_state(&self, start: Start) -> Option<Box<dyn Effect>> {
         let Start::Between(start) = start else { return None };
         let begun = || -> Box<dyn Effect> { Box::new(Presliding { start: Some(start), ..*self }) };
         (self.bristles.level > 0.0 && self.start.is_none()).then(begun)
@@ -215,10 +215,10 @@ impl Effect for Presliding {
         injection.drives.push(Box::new(Presliding { bristles: self.first(), ..*self }));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         let level = self.bristles.level - self.replaced.coulomb;
         elements.push(Element::DryFriction { joint: self.joint, level });
-        Expressed::But("the way on which the friction builds up after a reversal; it is there at once")
+        ExportCoverage::But("the way on which the friction builds up after a reversal; it is there at once")
     }
 }
 

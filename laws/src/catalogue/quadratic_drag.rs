@@ -6,7 +6,7 @@
 use freeplay_arm::export::Element;
 
 use crate::basis::Terms;
-use crate::effect::Expressed;
+use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -55,8 +55,8 @@ impl JointLaw for Drag {
         self.coefficient * at.v * at.v.abs()
     }
 
-    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, joint: usize, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::Damping { joint, linear: 0.0, quadratic: self.coefficient });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }

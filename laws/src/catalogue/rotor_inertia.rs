@@ -8,7 +8,7 @@ use freeplay_arm::export::Element;
 
 use crate::basis::Terms;
 use crate::columns::Columns;
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -66,8 +66,8 @@ impl Effect for RotorInertia {
         injection.rotors.push((self.joint, self.inertia));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::RotorInertia { joint: self.joint, inertia: self.inertia });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }

@@ -12,7 +12,7 @@ use toml::Table;
 
 use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, small_and_about};
 use crate::needs::Need;
@@ -116,8 +116,8 @@ impl Effect for SensorLowpass {
         injection.sensors.push(Box::new(*self));
     }
 
-    fn express(&self, _: &mut Vec<Element>) -> Expressed {
-        Expressed::Never("sensors of other tools have no filter")
+    fn export_elements(&self, _: &mut Vec<Element>) -> ExportCoverage {
+        ExportCoverage::Never("sensors of other tools have no filter")
     }
 }
 

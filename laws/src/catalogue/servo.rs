@@ -9,7 +9,7 @@
 use freeplay_arm::export::Element;
 
 use super::commanded::{NO_TERMS, no_shape};
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, ServoLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -82,13 +82,13 @@ impl Effect for Servo {
         injection.servos.push((self.joint, self.law));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         let ServoLaw { stiffness, damping, offset, torque_limit: limit, .. } = self.law;
         elements.push(Element::Servo { joint: self.joint, stiffness, damping, offset, limit });
         let ServoLaw { deadband, speed_limit, resolution, .. } = self.law;
         match deadband > 0.0 || resolution > 0.0 || speed_limit.is_finite() {
-            true => Expressed::But("dead band, speed limit and resolution of the set-point"),
-            false => Expressed::Whole,
+            true => ExportCoverage::But("dead band, speed limit and resolution of the set-point"),
+            false => ExportCoverage::Whole,
         }
     }
 }

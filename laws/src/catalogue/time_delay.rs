@@ -10,7 +10,7 @@ use toml::{Table, Value};
 
 use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, small_and_about};
 use crate::needs::Need;
@@ -120,15 +120,15 @@ impl Effect for TimeDelay {
         injection.sensors.push(Box::new(Late { of: *self, columns, memory, seen: 0 }));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         let channel = match self.channel {
             "torque" => Channel::Torque,
             "tool" => Channel::Tool,
             "position" => Channel::Motor,
-            _ => return Expressed::Never("the file has no sensor on the links' side"),
+            _ => return ExportCoverage::Never("the file has no sensor on the links' side"),
         };
         elements.push(Element::Delay { channel, delay: self.delay });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }
 

@@ -8,7 +8,7 @@ use toml::Table;
 
 use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
@@ -73,9 +73,9 @@ impl Effect for TorqueGain {
         injection.sensors.push(Box::new(*self));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::TorqueGain { joint: self.joint, gain: self.gain });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }
 

@@ -7,7 +7,7 @@ use freeplay_arm::export::Element;
 
 use crate::archive::Archive;
 use crate::basis::Terms;
-use crate::effect::{Effect, Expressed};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
@@ -62,9 +62,9 @@ impl Effect for TorqueOffset {
         injection.sensors.push(Box::new(*self));
     }
 
-    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::TorqueOffset { joint: self.joint, offset: self.offset });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }
 

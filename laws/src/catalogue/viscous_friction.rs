@@ -7,7 +7,7 @@
 use freeplay_arm::export::Element;
 
 use crate::basis::Terms;
-use crate::effect::Expressed;
+use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -61,8 +61,8 @@ impl JointLaw for Viscous {
         self.viscous * at.v
     }
 
-    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+    fn export_elements(&self, joint: usize, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::Damping { joint, linear: self.viscous, quadratic: 0.0 });
-        Expressed::Whole
+        ExportCoverage::Whole
     }
 }

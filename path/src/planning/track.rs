@@ -48,11 +48,11 @@ pub(crate) struct Tracker<'a> {
     pub v: DVector<f64>,
     pub a: DVector<f64>,
     jerk: DVector<f64>,
-    task: Task,
+    task: TaskJacobian,
 }
 
 /// The Jacobian of the task and its pseudo-inverse.
-struct Task {
+struct TaskJacobian {
     rows: usize,
     full: DMatrix<f64>,
     j: DMatrix<f64>,
@@ -74,7 +74,7 @@ impl<'a> Tracker<'a> {
             v: zero.clone(),
             a: zero.clone(),
             jerk: zero,
-            task: Task {
+            task: TaskJacobian {
                 rows,
                 full: DMatrix::zeros(6, dof),
                 j: DMatrix::zeros(rows, dof),
@@ -166,7 +166,7 @@ impl<'a> Tracker<'a> {
     }
 }
 
-impl Task {
+impl TaskJacobian {
     fn update(&mut self, arm: &Arm, workspace: &mut Workspace, q: &[f64]) {
         jacobian(arm, workspace, q, &mut self.full);
         self.j.copy_from(&self.full.rows(0, self.rows));

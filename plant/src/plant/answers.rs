@@ -3,7 +3,7 @@
 use freeplay_shm::{COMMAND_BUFFER, Command, Pace, now_ns};
 
 use crate::Stage;
-use crate::cause::Links;
+use crate::cause::TickLatencies;
 use crate::misses::Ended;
 use crate::plant::{PUBLISHED, Plant, PlantError};
 
@@ -132,7 +132,7 @@ impl Plant {
 
     /// Counts the latencies that a command of the one in charge, in `slot`, tells of, in time or late; those of its parts if it `has_times`.
     fn clock(&mut self, slot: usize, command: &Command, has_times: bool, scheduled: u64, received: u64) {
-        let (links, published) = (self.links_of(command, received), self.published_ns(command.tick));
+        let (links, published) = (self.latencies_of(command, received), self.published_ns(command.tick));
         let stages = &mut self.stages;
         if has_times {
             if published.is_some() {
@@ -168,7 +168,7 @@ impl Plant {
 
     /// What a command of `slot` tells of a deadline that was missed.
     fn note_answer(&mut self, slot: usize, command: &Command, received: u64) {
-        let links = self.links_of(command, received);
+        let links = self.latencies_of(command, received);
         if let Some(misses) = &mut self.misses {
             misses.answered(slot, command.tick, &links);
         }
@@ -181,9 +181,9 @@ impl Plant {
     }
 
     /// The links of the tick of `command`, received at `received` ns.
-    fn links_of(&self, command: &Command, received: u64) -> Links {
+    fn latencies_of(&self, command: &Command, received: u64) -> TickLatencies {
         let published = self.published_ns(command.tick).unwrap_or(command.received_ns);
-        Links {
+        TickLatencies {
             state_ns: command.received_ns.saturating_sub(published),
             compute_ns: command.sent_ns.saturating_sub(command.received_ns),
             command_ns: received.saturating_sub(command.sent_ns),

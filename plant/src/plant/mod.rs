@@ -19,7 +19,7 @@ use freeplay_shm::{Backoff, Foreign, Pace, PlantLink, Schedule, State, now_ns};
 
 pub use config::{Deadlines, Ending, PlantConfig, PlantError, PlantOutcome, TickLaws};
 
-use crate::cause::Links;
+use crate::cause::TickLatencies;
 use crate::misses::Misses;
 use crate::response_timeouts::ResponseTimeouts;
 use crate::round_trips::RoundTrips;
@@ -70,7 +70,7 @@ pub struct Plant {
     /// When the latest states were published, ns.
     published: [u64; PUBLISHED],
     /// The links of this tick that the plant itself sees.
-    links: Links,
+    links: TickLatencies,
     misses: Option<Misses>,
 }
 

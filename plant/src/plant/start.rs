@@ -9,7 +9,7 @@ use freeplay_arm::Workspace;
 use freeplay_path::JointPath;
 use freeplay_shm::{Backoff, Greeting, MAX_JOINTS, Mode, PlantLink, State, now_ns};
 
-use crate::cause::Links;
+use crate::cause::TickLatencies;
 use crate::plant::{Deadlines, PUBLISHED, Plant, PlantConfig, PlantError};
 use crate::response_timeouts::ResponseTimeouts;
 use crate::{
@@ -77,7 +77,7 @@ impl Plant {
             is_planning: false,
             round_trips: None,
             published: [0; PUBLISHED],
-            links: Links::default(),
+            links: TickLatencies::default(),
             misses: None,
             config,
             system,

@@ -9,7 +9,7 @@ use freeplay_shm::{
 };
 use nalgebra::Vector3;
 
-use crate::cause::Links;
+use crate::cause::TickLatencies;
 use crate::plant::{PUBLISHED, Plant, PlantError};
 use crate::{
     Applied, DeviationStatistics, Input, LimitViolation, Motion, NO_DIFFERENCES, OperatorRequest, PlayRecord,
@@ -81,7 +81,7 @@ impl Plant {
             Pace::RealTime => {
                 let arrival = schedule.await_tick(tick, SPIN_NS);
                 self.stages.record_arrival(arrival);
-                self.links = Links { wake_up_ns: arrival.late_ns, ..Links::default() };
+                self.links = TickLatencies { wake_up_ns: arrival.late_ns, ..TickLatencies::default() };
                 self.deadlines.plant_late += u64::from(arrival.late_ns > self.config.period_ns);
                 schedule.due_ns(tick)
             }

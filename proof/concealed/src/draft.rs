@@ -35,12 +35,12 @@ impl Context<'_> {
     }
 
     /// The torque that is wanted at `joint`, N·m.
-    fn torque(&self, joint: usize) -> f64 {
+    fn target_torque(&self, joint: usize) -> f64 {
         self.target * self.floor.torque[joint]
     }
 
     /// The angle (m for a slide) that is wanted at `joint`.
-    fn angle(&self, joint: usize) -> f64 {
+    fn target_angle(&self, joint: usize) -> f64 {
         self.target * self.floor.tool / self.floor.lever[joint]
     }
 
@@ -55,7 +55,7 @@ impl Context<'_> {
     }
 
     fn friction(&self, kind: &str, joint: usize, rng: &mut ChaCha8Rng) -> Option<Physics> {
-        let (torque, speed) = (self.torque(joint), self.speed(joint));
+        let (torque, speed) = (self.target_torque(joint), self.speed(joint));
         let dry = self.arm.joints()[joint].friction.coulomb;
         Some(match kind {
             "coulomb_friction" => {
@@ -104,7 +104,7 @@ impl Context<'_> {
     }
 
     fn drive(&self, kind: &str, joint: usize, rng: &mut ChaCha8Rng) -> Option<Physics> {
-        let torque = self.torque(joint);
+        let torque = self.target_torque(joint);
         let load = self.floor.load[joint].max(1e-6);
         Some(match kind {
             "torque_offset" => Physics::TorqueOffset { offset: sign(rng) * torque },
@@ -149,7 +149,7 @@ impl Context<'_> {
     }
 
     fn structure(&self, kind: &str, joint: usize, rng: &mut ChaCha8Rng) -> Option<Physics> {
-        let angle = self.angle(joint);
+        let angle = self.target_angle(joint);
         let load = self.floor.load[joint].max(1e-3);
         let wanted = self.target * self.floor.tool;
         Some(match kind {
@@ -183,7 +183,7 @@ impl Context<'_> {
     }
 
     fn odd(&self, kind: &str, joint: usize, rng: &mut ChaCha8Rng) -> Option<Physics> {
-        let torque = self.torque(joint);
+        let torque = self.target_torque(joint);
         let way = self.floor.way[joint].max(1e-3);
         Some(match kind {
             "magnetic_detent" => Physics::MagneticDetent {
@@ -204,7 +204,7 @@ impl Context<'_> {
                 frequency: log_uniform(rng, 1.5, 8.0),
             },
             "encoder_slip" => Physics::EncoderSlip {
-                jump: sign(rng) * 1.4 * self.angle(joint),
+                jump: sign(rng) * 1.4 * self.target_angle(joint),
                 at: self.duration * uniform(rng, 0.3, 0.6),
             },
             "broken_tooth" => Physics::BrokenTooth {

@@ -38,7 +38,7 @@ pub const SETUP: [&str; 14] = [
 /// A posture or a torque that changes by less than this share of its own deviation shows nothing of a fault.
 const SHOWS: f64 = 0.6;
 /// The arm speaks in a torque of whose deviation it makes this share: a tenth of the variance.
-const SPEAKS: f64 = 0.3;
+const MIN_RIGID_SHARE: f64 = 0.3;
 /// A tool that moves by less than this does not either, m.
 const SHOWS_AT_TOOL: f64 = 0.03;
 /// Draws of a fault before the recording counts as one that can't show it.
@@ -322,7 +322,7 @@ fn shows(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
     // The torque of a joint shows something of the arm, not of its friction alone.
     let speaks = |joint: usize| {
         let torque = torque.as_ref().map(|torque| rows.of(&torque[joint]));
-        torque.is_some_and(|torque| deviation(&rigid[joint]) > SPEAKS * deviation(&torque))
+        torque.is_some_and(|torque| deviation(&rigid[joint]) > MIN_RIGID_SHARE * deviation(&torque))
     };
     match fault.kind {
         "time_unit" | "another_arm" => true,

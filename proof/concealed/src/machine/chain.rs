@@ -51,7 +51,7 @@ impl Chain {
 const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 
 /// A joint without inertia.
-fn bare(name: String, kind: JointKind, axis: Vector3<f64>, placement: Isometry3<f64>) -> Joint {
+fn massless_joint(name: String, kind: JointKind, axis: Vector3<f64>, placement: Isometry3<f64>) -> Joint {
     let axis = Unit::new_normalize(axis);
     let (limits, friction, inertia) = (Limits::NONE, JointFriction::default(), Inertia::zero());
     Joint { name, kind, axis, placement, limits, friction, rotor_inertia: 0.0, inertia }
@@ -154,7 +154,7 @@ fn insert_slides(chain: &mut Chain, effect: &Effect, joint: usize) -> Result<(),
     let axis = next.axis.into_inner();
     let name = next.name.clone();
     let first = across(&axis);
-    let slide = |name, direction, placement| bare(name, JointKind::Prismatic, direction, placement);
+    let slide = |name, direction, placement| massless_joint(name, JointKind::Prismatic, direction, placement);
     chain
         .links
         .insert(at, (slide(format!("{name} play 2"), axis.cross(&first), Isometry3::identity()), Role::Free));
@@ -181,7 +181,7 @@ fn insert_hinges(chain: &mut Chain, effect: &Effect, joint: usize, stiffness: f6
     let second = direction.cross(&first);
     let hinge = |name: &str, axis, along: f64| {
         let root = Isometry3::from_parts(Translation3::from(way * along), UnitQuaternion::identity());
-        let joint = bare(format!("bend {name} {joint}"), JointKind::Revolute, axis, root);
+        let joint = massless_joint(format!("bend {name} {joint}"), JointKind::Revolute, axis, root);
         (joint, Role::Spring { stiffness: turning, damping })
     };
     let mut hinges = [
@@ -210,8 +210,9 @@ fn insert_mount(chain: &mut Chain, arm: &Arm, poses: &[Vec<f64>], frequency: f64
     }
     let omega = std::f64::consts::TAU * frequency;
     let role = Role::Spring { stiffness: inertia * omega * omega, damping: 2.0 * damping * inertia * omega };
-    let rock =
-        |name: &str, axis| bare(format!("mount {name}"), JointKind::Revolute, axis, Isometry3::identity());
+    let rock = |name: &str, axis| {
+        massless_joint(format!("mount {name}"), JointKind::Revolute, axis, Isometry3::identity())
+    };
     chain.links.insert(0, (rock("y", Vector3::y()), role));
     chain.links.insert(0, (rock("x", Vector3::x()), role));
 }
@@ -226,7 +227,7 @@ fn append_pendulum(chain: &mut Chain, arm: &Arm, load: &Load, poses: &[Vec<f64>]
     let axis = turn * Vector3::x();
     let hook =
         Isometry3::from_parts(Translation3::from(load.place - down * length), UnitQuaternion::identity());
-    let mut swing = bare("load".to_owned(), JointKind::Revolute, axis, hook);
+    let mut swing = massless_joint("load".to_owned(), JointKind::Revolute, axis, hook);
     swing.inertia = point(mass, down * length);
     swing.inertia.about_com = Matrix3::identity() * (1e-3 * mass * length * length);
     let damping = 0.05 * mass * length * (length * 9.81).sqrt();
