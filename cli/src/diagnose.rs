@@ -11,7 +11,7 @@ use freeplay_diagnosis::{
 };
 use freeplay_harness::setup::PAPER_MODEL;
 use freeplay_recording::Recording;
-use freeplay_report::paste::about_point;
+use freeplay_report::paste::seen_from;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
@@ -251,10 +251,10 @@ impl View<'_> {
         let folder = target(out).map_or(out, |_| folder_of(out));
         let mut moved = json.clone();
         if self.args.model != PAPER_MODEL {
-            moved["inputs"]["model"] = serde_json::json!(about_point(folder, Path::new(&self.args.model)));
+            moved["inputs"]["model"] = serde_json::json!(seen_from(folder, Path::new(&self.args.model)));
         }
         let recordings: Vec<PathBuf> =
-            self.args.recording.iter().map(|path| about_point(folder, path)).collect();
+            self.args.recording.iter().map(|path| seen_from(folder, path)).collect();
         moved["inputs"]["recordings"] = serde_json::json!(recordings);
         let json = moved;
         match target(out) {

@@ -14,7 +14,7 @@ use freeplay_diagnosis::{
 use freeplay_harness::setup::{PAPER_MODEL, load_selected};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
-use freeplay_report::paste::{about_point, pasted};
+use freeplay_report::paste::{pasted, seen_from};
 use freeplay_report::units::power_of_ten;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
@@ -358,8 +358,7 @@ pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -
     JointPath::plan(&file.arm, &spec, 1000.0).map_err(Failure::internal)?;
     let mut scenario = toml::Table::new();
     // A scenario's paths are those seen from its own folder.
-    let seen =
-        if model == PAPER_MODEL { PathBuf::from(model) } else { about_point(folder, Path::new(model)) };
+    let seen = if model == PAPER_MODEL { PathBuf::from(model) } else { seen_from(folder, Path::new(model)) };
     scenario.insert("model".to_owned(), seen.display().to_string().into());
     let rows_name = csv.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut path = toml::Table::new();

@@ -49,7 +49,7 @@ impl HorizonPreview {
 
     /// The horizon from the tick `first` on; `predictor` says what the journals move the tool by. In a passage it aims at what the
     /// passage has planned. One tick is new if the last call was for the tick before, else all are.
-    pub fn about_point(
+    pub fn seen_from(
         &mut self,
         first: u64,
         arm: &Arm,

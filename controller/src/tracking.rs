@@ -209,7 +209,7 @@ impl Tracking {
         outlook.at(task.mode.lead() + AHEAD - 1);
         let mut predictor = QuasiStatic::new(&with_play, period);
         if let Some(foresight) = &mut foresight {
-            foresight.about_point(task.mode.lead() + AHEAD - 1, &model.arm, &passages, &mut predictor);
+            foresight.seen_from(task.mode.lead() + AHEAD - 1, &model.arm, &passages, &mut predictor);
         }
         Ok(Tracking {
             mode: task.mode,
@@ -381,7 +381,7 @@ impl Tracking {
         self.learned = [before, learned];
         let foresight = self.foresight.as_mut().filter(|_| own);
         let horizon = foresight
-            .map(|foresight| foresight.about_point(ahead, &self.arm, &self.passages, &mut self.predictor));
+            .map(|foresight| foresight.seen_from(ahead, &self.arm, &self.passages, &mut self.predictor));
         let predicted = now_ns();
         let deviation = physics + learned;
         let report = match (passage, horizon) {

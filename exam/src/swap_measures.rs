@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// Code of a held command in the column `in_force`.
-const HELD_COMMAND: f64 = 2.0;
+pub(crate) const HELD_COMMAND: f64 = 2.0;
 /// Ticks before a swap or a fault in which a stall of the machine still has a part in what comes of it.
 pub const AROUND: u64 = 2;
 /// Ticks after the blend during which the arm settles.

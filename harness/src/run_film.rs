@@ -1,6 +1,7 @@
 //! The film of a run: the arm from the side with its deviation magnified, and each journal in its bearing.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics};
+use freeplay_plant::IMPACT_LIMIT;
 use freeplay_recording::Recording;
 use freeplay_report::{Film, Moving, Scene};
 
@@ -56,7 +57,7 @@ fn frames(runs: &[Seen], play: &str) -> Option<Vec<usize>> {
         .iter()
         .map(|run| run.recording.column(&play_column(play, "contact_time")))
         .collect::<Option<_>>()?;
-    let is_busy = |row: usize| contact.iter().any(|time| time[row] < freeplay_plant::IMPACT_LIMIT);
+    let is_busy = |row: usize| contact.iter().any(|time| time[row] < IMPACT_LIMIT);
     let mut last = f64::NEG_INFINITY;
     let mut frames: Vec<usize> = (0..rows)
         .filter(|&row| {
@@ -147,7 +148,7 @@ fn bearing(run: &Seen, play: &str, clearance: f64, frames: &[usize]) -> Option<S
     let circle = circle.map(|angle| [radius * angle.cos(), radius * angle.sin()]).collect();
     let state = |&row: &usize| match contact[row] {
         time if time <= 0.0 => 0,
-        time if time < freeplay_plant::IMPACT_LIMIT => 1,
+        time if time < IMPACT_LIMIT => 1,
         _ => 2,
     };
     let centres = frames.iter().map(|&row| vec![[first[row] * 1e3, second[row] * 1e3]]).collect();

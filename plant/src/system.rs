@@ -271,7 +271,7 @@ impl System {
         self.drives.servos.iter_mut().zip(q).for_each(|(servo, q)| servo.command(now, *q));
     }
 
-    /// Puts the joints at `q`, `v` (nominal), the journals in the middle of their bearings at rest, and the time to zero. TickLatencies
+    /// Puts the joints at `q`, `v` (nominal), the journals in the middle of their bearings at rest, and the time to zero. Links
     /// behind transmissions stand where their springs carry them.
     pub fn start(&mut self, q: &[f64], v: &[f64]) {
         self.q.fill(0.0);

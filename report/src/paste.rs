@@ -30,7 +30,7 @@ pub fn quoted(word: &str) -> String {
 }
 
 /// `path` as seen from `folder`, so that both may move together; absolute where they share no root.
-pub fn about_point(folder: &Path, path: &Path) -> PathBuf {
+pub fn seen_from(folder: &Path, path: &Path) -> PathBuf {
     let real = |path: &Path| std::fs::canonicalize(path).or_else(|_| std::path::absolute(path));
     let (Ok(from), Ok(to)) = (real(folder), real(path)) else { return path.to_owned() };
     let shared = from.components().zip(to.components()).take_while(|(one, other)| one == other).count();
@@ -42,7 +42,7 @@ pub fn about_point(folder: &Path, path: &Path) -> PathBuf {
 mod tests {
     use std::path::Path;
 
-    use super::{about_point, pasted, quoted};
+    use super::{pasted, quoted, seen_from};
 
     #[test]
     fn a_shell_reads_a_pasted_word_back() {
@@ -72,10 +72,10 @@ mod tests {
         let (out, data) = (folder.path().join("out/a"), folder.path().join("data"));
         std::fs::create_dir_all(&out).expect("made");
         std::fs::create_dir_all(&data).expect("made");
-        let seen = about_point(&out, &data.join("r.csv"));
+        let seen = seen_from(&out, &data.join("r.csv"));
         // A file that is not there yet keeps its folder's name.
         assert!(seen.ends_with("data/r.csv"), "{}", seen.display());
         std::fs::write(data.join("r.csv"), "t").expect("written");
-        assert_eq!(about_point(&out, &data.join("r.csv")), Path::new("../../data/r.csv"));
+        assert_eq!(seen_from(&out, &data.join("r.csv")), Path::new("../../data/r.csv"));
     }
 }

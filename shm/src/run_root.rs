@@ -114,7 +114,7 @@ impl Share {
         if folder.is_gone() { Err(no_run()) } else { Ok(Self { folder, address: address.clone() }) }
     }
 
-    /// Whether [`RunRoot::report_process_exit`] was called for `slot`.
+    /// Whether the process that was started for `slot` has ended: [`RunRoot::report_process_exit`] leaves a mark for it.
     pub(crate) fn has_ended(&self, slot: usize) -> bool {
         self.folder.status(&*ended_mark(slot)).is_some()
     }

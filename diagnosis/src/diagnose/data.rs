@@ -109,7 +109,7 @@ impl<'a> Data<'a> {
         of_stages.flat_map(|(stage, off)| off_with(stage, found, off, seed)).collect()
     }
 
-    /// By how much the courses lie apart that the effects `found` may take, by channel: see [`apart_with`]; `None` where there is one course.
+    /// The deviation between the courses that the effects `found` may take, by channel: see [`apart_with`].
     pub fn apart_with(&self, found: &[Placed]) -> Answer {
         self.stages.iter().flat_map(|stage| apart_with(stage, found)).collect()
     }

@@ -206,6 +206,13 @@ impl Study<'_> {
         mut found: Found,
     ) -> Result<Found, DiagnoseError> {
         for place in 0..found.members.len() {
+            let member = &found.members[place];
+            let is_open_rival = |one: &Candidate| {
+                one.excludes(member) && !one.same_effect(member) && (one.is_open || member.is_open)
+            };
+            if !self.laid.iter().any(is_open_rival) {
+                continue;
+            }
             let weights = self.weights(data, events, &found.left, &found.off);
             let (mut search, members) = self.search(data, events, weights.clone(), &found.members)?;
             if members.len() < found.members.len() {

@@ -135,7 +135,8 @@ pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: 
     stage.channels.iter().zip(off).map(of_channel).collect()
 }
 
-/// How far apart the courses lie that the effects `found` may take, by channel: their deviation, the greatest of a row's neighbours. `None` where there is one course.
+/// The deviation between the courses that the effects `found` may take, by channel. Each row has the greatest deviation of the rows around it. `None` in a channel in which all effects
+/// have one course.
 pub(crate) fn apart_with(stage: &Stage, found: &[Placed]) -> Answer {
     let reach = reach(&stage.ground.treatment);
     let mut squares: Answer = vec![None; stage.channels.len()];

@@ -87,12 +87,12 @@ impl Tried {
 pub(crate) struct Found {
     /// The effects.
     pub members: Vec<Candidate>,
-    /// By how much each row may be off beside them: see [`Data::off_with`](super::data::Data::off_with) and
+    /// The error that each row may have although the model has these effects: see [`Data::off_with`](super::data::Data::off_with) and
     /// [`Weights::most_probable_off`](super::weights::Weights::most_probable_off).
     pub off: Vec<Vec<f64>>,
     /// What they leave of every row.
     pub left: Vec<Vec<f64>>,
-    /// What of the log of their evidence does not depend on the rows.
+    /// The part of their log evidence that comes from the priors, not from the rows.
     pub log_prior: f64,
 }
 

@@ -385,8 +385,8 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// By how much each channel changes if the machine has each of `arms` in the place of its own arm. The smooth laws act on that arm, both those of the model
-    /// and those that were found; without any, the arm is rigid. Laws that jump take no part: a slightly different arm shifts only the instant of a jump.
+    /// For each of `arms`: the change of every channel if the machine has that arm in the place of its own. The smooth laws of the model and those that were found
+    /// act on that arm; without any, the arm is rigid. Laws that jump take no part: a slightly different arm shifts only the instant of a jump.
     pub fn answers_of(&self, arms: &[Arm]) -> Vec<Answer> {
         let found = self.found.borrow();
         // The arms have already what the model's laws change of an arm.

@@ -242,17 +242,17 @@ impl Weights {
         Self { rows: self.rows.iter().enumerate().map(of_channel).collect(), noise: self.noise.clone() }
     }
 
-    /// By how much each row may be off, by channel: by `off`, and by a share of what several courses lie `apart`. It is the share under which what is `left` is the most
-    /// probable, one for all channels: one bearing throws its journal as far in each.
+    /// The error that each row may have, by channel: `off`, and a share of the deviation `apart` between several courses. One share holds for all channels, because one bearing
+    /// throws its journal as far in each. It is the share that makes the rows of which `left` remains most probable.
     pub fn most_probable_off(
         &self,
         off: &[Vec<f64>],
         apart: &[Option<Vec<f64>>],
         left: &[Vec<f64>],
     ) -> Vec<Vec<f64>> {
-        /// The most of it, and how many shares there are below, each smaller by a factor of √2.
+        /// The greatest share that is tried, and how many are: each is smaller by a factor of √2 than the one before. Zero is tried, too.
         const MOST: f64 = 2.0;
-        const FINER: i32 = 10;
+        const COUNT: i32 = 10;
         if apart.iter().all(Option::is_none) {
             return off.to_vec();
         }
@@ -263,7 +263,7 @@ impl Weights {
             };
             off.iter().zip(apart).map(of_channel).collect()
         };
-        let shares = (0..FINER).map(|k| MOST * 0.5_f64.powf(0.5 * f64::from(k))).chain([0.0]);
+        let shares = (0..COUNT).map(|k| MOST * 0.5_f64.powf(0.5 * f64::from(k))).chain([0.0]);
         let all = shares.map(|share| {
             let off = with(share);
             (self.with_off(&off).tailed(left), off)

@@ -14,7 +14,7 @@ const DRAWS: usize = 400;
 
 type Pick = fn(&Trace) -> &[f64];
 
-/// What is compared, from the best_plot_variable model to the findings.
+/// What is compared, from the plainest model to the findings.
 const MODELS: [(&str, Pick); 4] = [
     ("as given", |trace| &trace.before),
     ("re-tuned", |trace| &trace.retuned),

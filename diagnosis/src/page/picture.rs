@@ -105,7 +105,7 @@ fn span(values: &[f64]) -> f64 {
     high.max(-low)
 }
 
-/// One channel over the variable in which the law is best_plot_variable; over the phase of its period where it has one.
+/// One channel over the variable in which the law shows most clearly; over the phase of its period where it has one.
 fn in_channel(diagnosis: &Diagnosis, arm: &Arm, index: usize, channel: &str) -> Option<Drawing> {
     let effect = &diagnosis.effects[index];
     let unit = traces(diagnosis, channel).next()?.1.unit;
@@ -307,7 +307,7 @@ pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
     .series(Series::points("mean in each twelfth of the samples", &x, &y))
     .series(Series::line("", &x, &y).like("mean in each twelfth of the samples"));
     let caption = format!(
-        "The best_plot_variable such curve: it explains {:.0} % of what the tuned model leaves in {} on the data of the fit (p = {}).",
+        "The plainest such curve: it explains {:.0} % of what the tuned model leaves in {} on the data of the fit (p = {}).",
         100.0 * map.explained,
         map.channel,
         written(map.p)

@@ -8,7 +8,7 @@ const BINS: usize = 24;
 const CLEARLY: f64 = 0.03;
 /// Share of the law that one variable has to explain for the directions not to be told apart.
 const ENOUGH: f64 = 0.9;
-/// What laws are looked at over, the best_plot_variable first.
+/// What laws are looked at over; of two that are as good, the first is taken.
 const QUANTITIES: [&str; 6] = ["velocity", "load", "position", "acceleration", "way", "time"];
 
 /// One channel of all passages, as an effect sees it. All columns are of one length.
@@ -71,7 +71,7 @@ pub struct Over {
     pub forwards: Option<Vec<bool>>,
 }
 
-/// The variable over which `law` is best_plot_variable, of those of `joints`, and the time.
+/// The variable over which `law` shows most clearly, of those of `joints`, and the time.
 pub fn best_plot_variable(diagnosis: &Diagnosis, joints: &[usize], law: &[f64]) -> Option<Over> {
     let first = diagnosis.passages.first()?;
     let wanted = |v: &&Variable| v.joint.is_none_or(|joint| joints.contains(&joint));

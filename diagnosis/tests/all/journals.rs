@@ -3,24 +3,19 @@
 use std::path::Path;
 
 use freeplay_arm::parse_toml;
-use freeplay_concealed::{Case, Demand, Machine, Noise, Samples, Severity, generate};
+use freeplay_concealed::{Case, Demand, Machine, Noise, Severity, generate};
 use freeplay_diagnosis::{DiagnoseSettings, diagnose};
-use freeplay_recording::Recording;
 
-fn recording(samples: &Samples) -> Recording {
-    let columns = samples.names.iter().cloned().zip(samples.columns.iter().cloned());
-    let columns = std::iter::once(("t".to_owned(), samples.t.clone())).chain(columns).collect();
-    Recording::new(Path::new("made.csv"), columns).expect("a recording")
-}
+use crate::common::of_samples;
 
-/// What is named where the column of a machine of three axes has an effect of this `kind`.
+/// The kinds that the diagnosis names where the column of a machine of three axes has an effect of this `kind`.
 fn named(kind: &str, seed: u64) -> Vec<&'static str> {
     let effects = vec![Demand { kind: kind.to_owned(), joint: Some(0), severity: Severity::Clear }];
     let case =
         Case { machine: Machine::Three, effects, family: None, noise: Noise::Low, hollow: false, seed };
     let made = generate(&case).expect("a machine");
     let file = parse_toml(&made.model, Path::new("model.toml")).expect("a model");
-    let recordings = [&made.recording, &made.second].map(recording);
+    let recordings = [&made.recording, &made.second].map(of_samples);
     let diagnosis = diagnose(&file, &recordings, &DiagnoseSettings::default(), &mut |_| {}).expect("rows");
     diagnosis.effects.iter().map(|effect| effect.kind).collect()
 }

@@ -10,6 +10,8 @@ use freeplay_diagnosis::{Certainty, DiagnoseSettings, Setup, SetupFinding, diagn
 use freeplay_recording::Recording;
 use nalgebra::Rotation3;
 
+use crate::common::of_samples;
+
 const SECONDS: f64 = 14.0;
 const RATE: f64 = 100.0;
 
@@ -351,9 +353,7 @@ fn the_reading_of_another_arm_comes_to_an_end() {
     let faulty = with_setup_faults(&made, &["another_arm"], kept, (draw * 31) as u64);
     let (made, _) = faulty.expect("a data sheet").expect("room for the fault");
     let arm = freeplay_arm::parse_toml(&made.model, Path::new("model.toml")).expect("a model").arm;
-    let columns = made.recording.names.into_iter().zip(made.recording.columns);
-    let columns = std::iter::once(("t".to_owned(), made.recording.t)).chain(columns).collect();
-    let recording = Recording::new(Path::new("made.csv"), columns).expect("a recording");
+    let recording = of_samples(&made.recording);
     let (sender, receiver) = channel();
     std::thread::spawn(move || sender.send(Box::new(examine(&arm, &recording))));
     let setup = receiver.recv_timeout(Duration::from_secs(120)).expect("an answer");

@@ -10,12 +10,11 @@ use freeplay_terminal::exit::Failure;
 use serde::Serialize;
 
 use crate::faults::kinds::{Expected, Injection, Kind, LENGTH};
-use crate::swap_measures::{AROUND, Alone, deviation, stalls_in};
+use crate::swap_measures::{AROUND, Alone, HELD_COMMAND, deviation, stalls_in};
 
 /// What a deviation may be over that without a fault where a fault is to do no harm.
 const HARMLESS: f64 = 1.05;
-/// Codes of the column `in_force`.
-const HELD_COMMAND: f64 = 2.0;
+/// Code of a braked arm in the column `in_force`.
 const BRAKED: f64 = 3.0;
 
 /// What came of one fault.

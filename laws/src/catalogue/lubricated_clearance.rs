@@ -159,7 +159,7 @@ impl Effect for LubricatedClearance {
         self.start.is_none().then(begun)
     }
 
-    /// What a motion does not tell of the force presses a thin film out: then the journal goes as one without oil.
+    /// Forces that a recorded motion does not show press a thin film out. The journal then moves as one without oil.
     fn courses(&self) -> Vec<Box<dyn Effect>> {
         dry_courses(self.joint, self.dry)
     }

@@ -15,7 +15,7 @@ use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
 
 use super::cases::{Case, Notch};
-use freeplay_report::paste::about_point;
+use freeplay_report::paste::seen_from;
 
 /// The controller that plays every run.
 pub const CONTROLLER: &str = "quasi-static";
@@ -194,7 +194,7 @@ fn add(notch: Notch, q: &[f64], torque: &mut [f64]) {
 fn keep(nominal: &ArmFile, before: &Played, diagnosis: &Diagnosis, out: &Path) -> Result<(), Failure> {
     let mut json = serde_json::to_value(diagnosis).map_err(Failure::internal)?;
     let model = out.join("nominal.toml").display().to_string();
-    let recording = about_point(out, &before.recording);
+    let recording = seen_from(out, &before.recording);
     json["inputs"] = serde_json::json!({ "model": "nominal.toml", "recordings": [recording] });
     json["model"] = serde_json::json!("model.toml");
     json["report"] = serde_json::json!("report.html");

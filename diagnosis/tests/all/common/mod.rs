@@ -7,6 +7,7 @@ use std::path::Path;
 use freeplay_arm::{
     Arm, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, forward_kinematics, rnea,
 };
+use freeplay_concealed::Samples;
 use freeplay_recording::Recording;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
@@ -75,6 +76,13 @@ pub fn columns_along(motion: Motion, arm: &Arm, t: &[f64], extra: Extra) -> Vec<
         }
     }
     columns
+}
+
+/// The recording that a machine of the generator made.
+pub fn of_samples(samples: &Samples) -> Recording {
+    let columns = samples.names.iter().cloned().zip(samples.columns.iter().cloned());
+    let columns = std::iter::once(("t".to_owned(), samples.t.clone())).chain(columns).collect();
+    Recording::new(Path::new("made.csv"), columns).expect("a recording")
 }
 
 /// A recording of these columns.
