@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 /// Shows what a model file holds.
 #[derive(Args, Debug)]
 pub struct ArmArgs {
-    /// The model: an arm file (URDF or TOML), or "paper".
+    /// The model: an arm file (URDF, MJCF or TOML), or "paper".
     model: String,
     /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
     #[arg(long, value_name = "LINK")]

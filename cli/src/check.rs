@@ -3,11 +3,14 @@
 use std::path::Path;
 
 use freeplay_diagnosis::{Certainty, SetupFinding, sentences};
+use freeplay_report::paste::pasted;
+use freeplay_terminal::messages;
 
 use crate::diagnose_screen::{MARGIN, wrapped};
 
-/// What is wrong with the set-up and how to mend it, and the file that does so; empty where nothing is. What is only likely is a question.
-pub fn block(findings: &[SetupFinding], setup: Option<&Path>) -> String {
+/// What is wrong with the set-up and how to mend it, and the command `again` that reads the recording so, or writes how to; empty where nothing is wrong. What
+/// is only likely is a question.
+pub fn block(findings: &[SetupFinding], again: &str) -> String {
     let mut text = String::new();
     for (index, (certainty, statement, remedy)) in sentences(findings).into_iter().enumerate() {
         let words = match certainty {
@@ -17,14 +20,18 @@ pub fn block(findings: &[SetupFinding], setup: Option<&Path>) -> String {
         text.push_str(if index == 0 { "\n" } else { "" });
         text.push_str(&wrapped(if index == 0 { "CHECK" } else { "" }, MARGIN, &words));
     }
-    if let Some(setup) = setup {
-        text.push_str(&wrapped(
-            "",
-            MARGIN,
-            &format!("freeplay diagnose … --mapping {} reads it so.", setup.display()),
-        ));
+    if findings.iter().any(|finding| finding.certainty == Certainty::Sure) && !messages::is_quiet() {
+        // In one line, so that it can be pasted.
+        text.push_str(&format!("{:MARGIN$}{again}\n", ""));
     }
     text
+}
+
+/// The command that writes how a recording is to be read.
+pub fn command(model: &str, recording: &Path, mapping: Option<&Path>) -> String {
+    let mapping = mapping.map_or_else(String::new, |mapping| format!(" --mapping {}", pasted(mapping)));
+    let model = pasted(Path::new(model));
+    format!("freeplay diagnose --model {model} --recording {}{mapping} --out found", pasted(recording))
 }
 
 #[cfg(test)]
@@ -47,10 +54,17 @@ mod tests {
             gravity: None,
         };
         let both = ["a", "b"].map(|joint| finding(joint, Certainty::Sure, "Four times."));
-        let text = block(&[both.as_slice(), &[finding("c", Certainty::Likely, "Late?")]].concat(), None);
+        let text = block(
+            &[both.as_slice(), &[finding("c", Certainty::Likely, "Late?")]].concat(),
+            "freeplay diagnose",
+        );
         println!("{text}");
         assert_eq!(text.matches("Four times. Scale them.").count(), 1);
         assert!(text.contains("Likely") && text.starts_with("\nCHECK"));
-        assert_eq!(block(&[], None), "");
+        assert!(text.ends_with("\n         freeplay diagnose\n"), "a command stands in a line of its own");
+        assert!(
+            !block(&[finding("c", Certainty::Likely, "Late?")], "freeplay diagnose").contains("freeplay")
+        );
+        assert_eq!(block(&[], "freeplay diagnose"), "");
     }
 }

@@ -29,7 +29,7 @@ use freeplay_terminal::target::{asked_file, claim_out};
 /// against forward kinematics. Link encoders: against the motor side. Both sides pass the same low-pass.
 #[derive(Args, Debug)]
 pub struct CompareArgs {
-    /// The model: an arm file (URDF or TOML), or "paper".
+    /// The model: an arm file (URDF, MJCF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
     /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
@@ -109,6 +109,7 @@ impl View<'_> {
         value["model"] =
             json!({ "file": self.args.model, "name": self.file.arm.name(), "ignored": self.file.ignored });
         value["recording"] = json!(self.args.recording);
+        value["worst"] = json!(self.comparison.worst().map(|worst| &worst.name));
         value["effects"] = self.file.effects.iter().map(effect_name).collect();
         Ok(value)
     }
@@ -136,15 +137,20 @@ impl View<'_> {
         for (what, words) in self.heading() {
             let _ = writeln!(text, "{what:11} {words}");
         }
-        text.push_str(&crate::check::block(&self.comparison.setup, None));
+        let CompareArgs { model, recording, mapping, .. } = self.args;
+        let again = crate::check::command(model, recording, mapping.as_deref());
+        text.push_str(&crate::check::block(&self.comparison.setup, &again));
         let _ = writeln!(text, "\n{}\n\n{}\n", self.verdict(), self.terminal_table());
-        let _ =
-            writeln!(text, "error: measured minus model; spread: standard deviation of the measured signal");
+        text.push_str(
+            "error: measured minus model, in every row, also near a reversal, where a diagnosis does not count; spread: standard deviation of the\n\
+             measured signal; noise: what the channel has of it behind the low-pass\n",
+        );
         for remark in self.remarks() {
             let _ = writeln!(text, "note: {remark}");
         }
         let next = match report {
             Some(path) => format!("report      {}", pasted(path)),
+            None if messages::is_quiet() => return text,
             None => "next        add --out DIR for the curves, measured against model; --lowpass HZ for another filter".into(),
         };
         let _ = writeln!(text, "{next}");
@@ -205,6 +211,9 @@ impl View<'_> {
         let Some(worst) = self.comparison.worst() else {
             return format!("Every channel is constant: there is no variation to judge the model by.{tool}");
         };
+        if self.comparison.is_within_noise(worst, worst.rmse) {
+            return format!("No channel is off by more than its own noise.{tool}");
+        }
         let share = worst.nrmse_std.unwrap_or(f64::NAN);
         let meaning = match share {
             share if share < 0.05 => "the model explains nearly all of it",
@@ -213,8 +222,10 @@ impl View<'_> {
             _ => "a model that predicts the mean would do better",
         };
         let (scale, unit) = shown_in(worst.unit);
+        let times = worst.times_noise();
+        let times = times.map_or_else(String::new, |times| format!(", {} times its noise", brief(times)));
         format!(
-            "Worst: {}, off by {} {unit} rms. That is {} % of how much it varies: {meaning}.{tool}",
+            "Worst: {}, off by {} {unit} rms{times}. That is {} % of how much it varies: {meaning}.{tool}",
             label(worst),
             brief(worst.rmse * scale),
             brief(100.0 * share)
@@ -229,7 +240,15 @@ impl View<'_> {
             .iter()
             .map(|effect| format!("the model has the effect {}", effect_name(effect)));
         let ignored = self.file.ignored.iter().map(|ignored| format!("model: {ignored}"));
-        self.comparison.notes.iter().cloned().chain(effects).chain(ignored).collect()
+        let of_noise: Vec<String> = self.comparison.of_noise().map(label).collect();
+        let of_noise = (!of_noise.is_empty())
+            .then(|| format!("these vary by nothing but their noise: {}", of_noise.join(", ")));
+        of_noise
+            .into_iter()
+            .chain(self.comparison.notes.iter().cloned())
+            .chain(effects)
+            .chain(ignored)
+            .collect()
     }
 
     /// Whether the model names friction, so that there are two errors to show.
@@ -248,7 +267,7 @@ impl View<'_> {
             "error,\n% of rms",
             "% of\nspread",
         ];
-        header.push("mean\nerror");
+        header.extend(["mean\nerror", "\nnoise"]);
         if self.has_friction() {
             header.push("error rms\nwithout friction");
         }
@@ -317,7 +336,8 @@ impl View<'_> {
         .column(Column::number("error rms", ""))
         .column(Column::number("of rms", "%").group("error rms"))
         .column(Column::number("of spread", "%").group("error rms").bars())
-        .column(Column::number("mean error", ""));
+        .column(Column::number("mean error", ""))
+        .column(Column::number("noise", ""));
         if self.has_friction() {
             table = table.column(Column::number("error rms without friction", ""));
         }
@@ -383,8 +403,8 @@ fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Char
     }
 }
 
-/// The numbers of a table's row: measured, error, shares in %, mean error, error without friction; NaN where there is none.
-fn numbers(channel: &ChannelError, scale: f64) -> [f64; 6] {
+/// The numbers of a table's row: measured, error, shares in %, mean error, noise, error without friction; NaN where there is none.
+fn numbers(channel: &ChannelError, scale: f64) -> [f64; 7] {
     let percent = |share: Option<f64>| share.map_or(f64::NAN, |share| 100.0 * share);
     [
         channel.rms_measured * scale,
@@ -392,6 +412,7 @@ fn numbers(channel: &ChannelError, scale: f64) -> [f64; 6] {
         percent(channel.nrmse),
         percent(channel.nrmse_std),
         channel.mean_error * scale,
+        channel.noise.map_or(f64::NAN, |noise| noise * scale),
         channel.rmse_without_friction.map_or(f64::NAN, |rmse| rmse * scale),
     ]
 }

@@ -11,7 +11,7 @@ use freeplay_diagnosis::{
 };
 use freeplay_harness::setup::PAPER_MODEL;
 use freeplay_recording::Recording;
-use freeplay_report::paste::seen_from;
+use freeplay_report::paste::{pasted, seen_from};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
@@ -39,7 +39,7 @@ const NEXT_CANDIDATES: usize = 16;
 /// gravity, clocks): then all else is said of the mended reading. All of them end with exit code 0.
 #[derive(Args, Debug)]
 pub struct DiagnoseArgs {
-    /// The model: an arm file (URDF or TOML), or "paper".
+    /// The model: an arm file (URDF, MJCF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
     /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
@@ -226,9 +226,40 @@ impl View<'_> {
         self.diagnosis.mapping.as_ref().and_then(|_| Some(self.out()?.join(SETUP)))
     }
 
-    /// The recording that is held out, as it was named.
-    pub fn last_recording(&self) -> &Path {
-        self.args.recording.last().map_or(Path::new(""), PathBuf::as_path)
+    /// The mapping file by which the recordings are to be read: the mended reading, or else the one that was given.
+    pub fn reading(&self) -> Option<PathBuf> {
+        self.setup_file().or_else(|| self.args.mapping.clone())
+    }
+
+    /// The commands that use the model `model` of this diagnosis: one that compares it with the recording that judged, and one that moves it; by the scenario
+    /// of that recording where it has one.
+    pub fn commands(&self, model: &Path) -> [String; 2] {
+        let recording = self.args.recording.last().map_or(Path::new(""), PathBuf::as_path);
+        let scenario = self.recordings.last().and_then(scenario_of);
+        freeplay_diagnosis::page::commands(model, recording, self.reading().as_deref(), scenario.as_deref())
+    }
+
+    /// The command that makes this diagnosis again with the mended reading, or that writes how the recordings are to be read.
+    pub fn again(&self) -> String {
+        match (self.setup_file(), &self.args.mapping) {
+            (Some(mended), _) => self.command(Some(&mended)),
+            (None, given) => self.command(given.as_deref()) + " --out found",
+        }
+    }
+
+    /// This diagnosis as a command that reads the recordings by `mapping`.
+    fn command(&self, mapping: Option<&Path>) -> String {
+        let DiagnoseArgs { model, tip, recording, lowpass, .. } = self.args;
+        let mut words = format!("freeplay diagnose --model {}", pasted(Path::new(model)));
+        if let Some(tip) = tip {
+            words += &format!(" --tip {}", pasted(Path::new(tip)));
+        }
+        words += " --recording";
+        recording.iter().for_each(|path| words += &format!(" {}", pasted(path)));
+        if let Some(lowpass) = lowpass {
+            words += &format!(" --lowpass {lowpass}");
+        }
+        mapping.map_or(words.clone(), |mapping| words + &format!(" --mapping {}", pasted(mapping)))
     }
 
     /// `freeplay.diagnosis/1`, with what it was made from.
@@ -239,14 +270,16 @@ impl View<'_> {
             value["inputs"]["tip"] = serde_json::json!(tip);
         }
         if self.args.out.is_some() {
-            value["model"] = serde_json::json!("model.toml");
+            if self.diagnosis.has_model() {
+                value["model"] = serde_json::json!("model.toml");
+            }
             value["report"] = serde_json::json!("report.html");
         }
         Ok(value)
     }
 
-    /// Writes diagnosis.json, model.toml and report.html into the folder `out`, or the one of them that the ending of the file `out` asks
-    /// for. Paths in a diagnosis.json are those seen from its folder.
+    /// Writes diagnosis.json, report.html and, where the recordings could tell, model.toml into the folder `out`, or the one of them that the ending of the
+    /// file `out` asks for. Paths in a diagnosis.json are those seen from its folder.
     fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
         let folder = target(out).map_or(out, |_| folder_of(out));
         let mut moved = json.clone();
@@ -258,17 +291,33 @@ impl View<'_> {
         moved["inputs"]["recordings"] = serde_json::json!(recordings);
         let json = moved;
         match target(out) {
+            Some("toml") if !self.diagnosis.has_model() => return Ok(freeplay_storage::remove_file(out)?),
             Some("toml") => return write(out, &to_toml(&self.diagnosis.model)),
             Some(_) => return write(out, &format!("{json:#}\n")),
             None => {}
         }
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
-        write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
-        if let Some(mapping) = &self.diagnosis.mapping {
-            write(&out.join(SETUP), mapping)?;
+        // What an earlier diagnosis left, which this one replaces, would pass for its own.
+        let model = out.join("model.toml");
+        if self.diagnosis.has_model() {
+            write(&model, &to_toml(&self.diagnosis.model))?;
+        } else {
+            freeplay_storage::remove_file(&model)?;
+        }
+        match &self.diagnosis.mapping {
+            Some(mapping) => write(&out.join(SETUP), mapping)?,
+            None => freeplay_storage::remove_file(&out.join(SETUP))?,
         }
         let View { args, file, diagnosis, .. } = self;
-        let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis, out };
+        let subject = Subject {
+            model: &args.model,
+            file,
+            recordings: &args.recording,
+            mapping: args.mapping.as_deref(),
+            commands: self.commands(&model),
+            diagnosis,
+            out,
+        };
         write(&out.join("report.html"), &document(&subject).to_html())
     }
 }
@@ -276,6 +325,13 @@ impl View<'_> {
 /// The single file of results that `out` asks for.
 fn target(out: &Path) -> Option<&'static str> {
     asked_file(out, &EXTENSIONS)
+}
+
+/// The scenario that a run left beside its `recording`; `None` of a recording of another machine.
+fn scenario_of(recording: &Recording) -> Option<PathBuf> {
+    let is_of_a_run = recording.metadata.iter().any(|(key, _)| key == "scenario");
+    let file = folder_of(&recording.origin).join("scenario.toml");
+    (is_of_a_run && file.is_file()).then_some(file)
 }
 
 /// The name of its file.

@@ -5,12 +5,12 @@ use std::fmt::Write as _;
 
 use clap::builder::styling::Style;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
-use freeplay_diagnosis::page::{channels, in_words, kind_title, reasons, title};
+use freeplay_diagnosis::page::{MODELS, channels, in_words, kind_title, reasons, title};
 use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
 use freeplay_report::units::{people, written};
-use freeplay_terminal::messages::{GOOD, UNDECIDED, styled, width};
+use freeplay_terminal::messages::{GOOD, UNDECIDED, is_quiet, styled, width};
 
 use crate::diagnose::{View, file_name};
 use freeplay_report::paste::pasted;
@@ -22,9 +22,8 @@ pub const MARGIN: usize = 9;
 const BAR: f64 = 24.0;
 /// Up to how many channels have a bar for every model.
 const FEW: usize = 2;
-/// Most lines of what the recording can't show, and of what else it could be.
+/// Most lines of what the recording can't show.
 const UNTESTABLE: usize = 3;
-const RULED_OUT: usize = 4;
 /// Most lines of what would tell one effect from another.
 const SEPARATIONS: usize = 4;
 
@@ -38,7 +37,7 @@ pub fn text(view: &View) -> String {
     for note in diagnosis.quality.iter().map(|note| format!("note: {note}")).chain(untestable(diagnosis)) {
         text.push_str(&wrapped("  ", 4, &note));
     }
-    text.push_str(&crate::check::block(&diagnosis.setup, view.setup_file().as_deref()));
+    text.push_str(&crate::check::block(&diagnosis.setup, &view.again()));
     let verdict = format!("\n{:MARGIN$}{}\n", "VERDICT", painted_verdict(diagnosis.verdict));
     text.push_str(&verdict);
     text.push_str(&wrapped("", MARGIN, &diagnosis.statement));
@@ -64,20 +63,22 @@ fn next(view: &View) -> String {
     }
     match view.out() {
         Some(out) => {
-            if !view.diagnosis.ends_at_setup() {
-                let (model, recording) = (pasted(&out.join("model.toml")), pasted(view.last_recording()));
-                let _ = writeln!(text, "{:MARGIN$}{model}", "MODEL");
-                let _ =
-                    writeln!(text, "{:MARGIN$}freeplay compare --model {model} --recording {recording}", "");
-                let _ = writeln!(text, "{:MARGIN$}freeplay run --model {model}", "");
+            if view.diagnosis.changes_model() {
+                let model = out.join("model.toml");
+                let _ = writeln!(text, "{:MARGIN$}{}", "MODEL", pasted(&model));
+                let commands = view.commands(&model).into_iter().filter(|_| !is_quiet());
+                commands.for_each(|command| text.push_str(&format!("{:MARGIN$}{command}\n", "")));
             }
             let _ = writeln!(text, "{:MARGIN$}{}", "REPORT", pasted(&out.join("report.html")));
         }
         None if view.file().is_some() => {
-            let _ = writeln!(text, "{:MARGIN$}{}", "FILE", view.file().map_or_else(String::new, pasted));
+            let file = view.file().filter(|file| file.is_file());
+            let words = file.map_or_else(|| "none is written: there is no model to give".to_owned(), pasted);
+            let _ = writeln!(text, "{:MARGIN$}{words}", "FILE");
         }
+        None if is_quiet() => {}
         None => {
-            let model = if view.diagnosis.ends_at_setup() { "" } else { ", the model with these effects" };
+            let model = if view.diagnosis.changes_model() { ", the model with these effects" } else { "" };
             let words = format!("add --out DIR for the report{model} and diagnosis.json");
             text.push_str(&wrapped("REPORT", MARGIN, &words));
         }
@@ -182,19 +183,33 @@ fn findings(diagnosis: &Diagnosis) -> String {
     text
 }
 
-/// What else it could be: what this motion leaves open, then the closest of what it rules out.
+/// What else it could be: what this motion leaves open, and how many it rules out.
 fn alternatives(diagnosis: &Diagnosis) -> String {
     let (open, ruled_out): (Vec<_>, Vec<_>) =
         diagnosis.alternatives.iter().partition(|other| other.indistinguishable);
     let mut table = plain_table();
-    for other in open.into_iter().chain(ruled_out.into_iter().take(RULED_OUT)) {
+    let is_open = !open.is_empty();
+    for other in open {
         table.add_row(vec![
             in_words(&other.instead_of),
             title(other.kind, other.joint.as_deref()),
             other.why_not.clone(),
         ]);
     }
-    under("OR ELSE", "other explanations of the same data", table)
+    let text = under("OR ELSE", "other explanations that this motion does not tell from it", table);
+    let tried = ruled_out.len();
+    let ruled_out = match (is_open, tried) {
+        (_, 0) => return text,
+        (true, 1) => "1 other effect was tried in the place of a finding and is excluded".to_owned(),
+        (true, _) => format!("{tried} other effects were tried in the place of a finding and are excluded"),
+        (false, 1) => "nothing: the effect that was tried in the place of a finding is excluded".to_owned(),
+        (false, _) => {
+            format!("nothing: all {tried} effects that were tried in the place of a finding are excluded")
+        }
+    };
+    let word = if is_open { "" } else { "OR ELSE" };
+    let before = if is_open { "" } else { "\n" };
+    text + before + &wrapped(word, MARGIN, &format!("{ruled_out}; the report lists them with their odds"))
 }
 
 /// The held-out errors for the channels in which something was found.
@@ -205,6 +220,20 @@ fn errors(fit: &Fit, diagnosis: &Diagnosis) -> String {
     }
     let mut text = format!("\n{:MARGIN$}root mean square error, test part: {}\n", "FIT", fit.test);
     text.push_str(&if channels.len() > FEW { one_line_each(fit, &channels) } else { bars(fit, &channels) });
+    let meanings: Vec<String> = MODELS.iter().map(|(name, meaning)| format!("{name}: {meaning}")).collect();
+    text.push_str(&wrapped(
+        "",
+        MARGIN,
+        &format!(
+            "{}. A bar shows {}.",
+            meanings.join("; "),
+            if channels.len() > FEW {
+                "the error with the findings beside the greatest of its line"
+            } else {
+                "an error beside the greatest of its channel"
+            }
+        ),
+    ));
     if let Some(gain) = fit.gain {
         let [low, high] = gain.ci95.map(|share| 100.0 * share);
         let words = format!(
@@ -221,10 +250,10 @@ fn bars(fit: &Fit, channels: &[&str]) -> String {
     let mut text = String::new();
     for &channel in channels {
         let rows = [
-            ("model as given", UNDECIDED, &fit.before),
-            ("parameters re-tuned", Style::new(), &fit.retuned),
-            ("with the effects found", GOOD, &fit.after),
-            ("black box (splines)", Style::new(), &fit.black_box),
+            (MODELS[0].0, UNDECIDED, &fit.before),
+            (MODELS[1].0, Style::new(), &fit.retuned),
+            (MODELS[2].0, Style::new(), &fit.black_box),
+            (MODELS[3].0, GOOD, &fit.after),
         ];
         let longest = rows.iter().map(|(_, _, table)| table[channel].rmse).fold(f64::MIN_POSITIVE, f64::max);
         let (scale, unit) = people(fit.units.get(channel).copied().unwrap_or(""), longest);
@@ -233,7 +262,7 @@ fn bars(fit: &Fit, channels: &[&str]) -> String {
         for (name, style, table) in rows {
             let rmse = table[channel].rmse;
             let bar = styled(style, "█".repeat((BAR * rmse / longest).round() as usize));
-            let _ = writeln!(text, "{:MARGIN$}  {name:20}{:>9}  {bar}", "", written(rmse * scale));
+            let _ = writeln!(text, "{:MARGIN$}  {name:16}{:>9}  {bar}", "", written(rmse * scale));
         }
     }
     text
@@ -242,7 +271,8 @@ fn bars(fit: &Fit, channels: &[&str]) -> String {
 /// One line a channel.
 fn one_line_each(fit: &Fit, channels: &[&str]) -> String {
     let mut table = plain_table();
-    table.set_header(["", "as given", "re-tuned", "black box", "found", "floor", ""]);
+    let [given, retuned, black_box, found, floor] = MODELS.map(|(name, _)| name);
+    table.set_header(["", given, retuned, black_box, found, floor, ""]);
     for &channel in channels {
         let all = [&fit.before, &fit.retuned, &fit.black_box, &fit.after, &fit.noise_floor];
         let all = all.map(|table| table[channel].rmse);

@@ -47,7 +47,7 @@ const PER_SECOND: f64 = 10.0;
 pub struct ExciteArgs {
     /// A diagnosis.json that names its model and recordings.
     diagnosis: Option<PathBuf>,
-    /// The model: an arm file (URDF or TOML), or "paper"; without it: the diagnosis's.
+    /// The model: an arm file (URDF, MJCF or TOML), or "paper"; without it: the diagnosis's.
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
     /// The link of the model at the end of the arm; without it: the diagnosis's.
@@ -423,11 +423,13 @@ fn text(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     text.push_str("Freeplay does not know the surroundings of the arm: check the path before you run it.\n");
     let _ = writeln!(
         text,
-        "path    {}   {:.0} s, from rest to rest\nnext    freeplay run {}",
+        "path    {}   {:.0} s, from rest to rest",
         pasted(&path.with_extension("csv")),
-        found.motion.duration,
-        pasted(path)
+        found.motion.duration
     );
+    if !messages::is_quiet() {
+        let _ = writeln!(text, "next    freeplay run {}", pasted(path));
+    }
     text
 }
 

@@ -40,7 +40,7 @@ enum Action {
 struct InfoArgs {
     /// The recording, of any kind that can be read.
     recording: PathBuf,
-    /// The model of its arm, URDF or TOML: with it, also check that model and recording agree in their conventions (units, signs, order, zeros, gravity, clocks).
+    /// The model of its arm, URDF, MJCF or TOML: with it, also check that model and recording agree in their conventions (units, signs, order, zeros, gravity, clocks).
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
     /// The mapping file, which says what the columns mean; `record import` and `diagnose` write such files.
@@ -118,18 +118,19 @@ fn info(args: &InfoArgs) -> Result<Exit, Failure> {
     let measured = Measured::read(&args.recording, args.mapping.as_deref())?;
     let recording = measured.recording().clone();
     let mut described = describe(&recording);
-    let mut setup = Vec::new();
+    let (mut setup, mut again) = (Vec::new(), String::new());
     if let Some(model) = &args.model {
         let file = measured.model(model, None)?;
         let matched = measured.for_arm(model, &file)?;
         setup = examine(&file.arm, &matched).findings;
+        again = check::command(model, &args.recording, args.mapping.as_deref());
         described["setup"] = serde_json::to_value(&setup).map_err(Failure::internal)?;
     }
     match args.format {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&described).map_err(Failure::internal)?))?;
         }
-        Format::Text => show(&(in_words(&recording) + &check::block(&setup, None)))?,
+        Format::Text => show(&(in_words(&recording) + &check::block(&setup, &again)))?,
     }
     Ok(Exit::Done)
 }

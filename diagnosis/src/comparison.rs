@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::conventions::{SetupFinding, examine};
 use crate::curves::Curves;
+use crate::diagnose::Noises;
 use crate::error::ResidualError;
 use crate::long::most_rows;
 use crate::motion::{Settings, Treatment};
@@ -75,17 +76,28 @@ pub struct ChannelError {
     pub std_error: f64,
     /// Largest amount of measured minus model.
     pub max_error: f64,
+    /// Standard deviation of the channel's own noise behind the low-pass, by what its samples have above it; `None` of positions compared with commanded ones, which no filter touches.
+    pub noise: Option<f64>,
     /// Time by which the measured position follows the commanded one, s; of command channels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lag_s: Option<f64>,
 }
 
+impl ChannelError {
+    /// How many times its noise the error is.
+    pub fn times_noise(&self) -> Option<f64> {
+        self.noise.filter(|noise| *noise > 0.0).map(|noise| self.rmse / noise)
+    }
+}
+
 impl Comparison {
-    /// The torque channel (where there is none: the channel) that the model explains worst, by `nrmse_std`; channels that hardly
-    /// measure anything beside the others of their unit are passed over.
+    /// The torque channel whose error is the most times its noise; where no torque has more error than its noise leaves, the channel of which that is true.
+    /// Channels that hardly measure anything beside the others of their unit are passed over. Where no noise is known, the one that is explained worst, by
+    /// `nrmse_std`.
     pub fn worst(&self) -> Option<&ChannelError> {
         let is_torque = |channel: &&ChannelError| matches!(channel.kind, Kind::Torque(_));
-        let any_torque = self.channels.iter().any(|channel| is_torque(&channel));
+        let stands_out = |channel: &ChannelError| !self.is_within_noise(channel, channel.rmse);
+        let any_torque = self.channels.iter().any(|channel| is_torque(&channel) && stands_out(channel));
         let greatest = |unit: &str| {
             let same = self.channels.iter().filter(|channel| channel.unit == unit);
             same.map(|channel| channel.rms_measured).fold(0.0, f64::max)
@@ -94,9 +106,26 @@ impl Comparison {
             .iter()
             .filter(|channel| !any_torque || is_torque(channel))
             .filter(|channel| channel.std_measured > NEGLIGIBLE * greatest(channel.unit))
-            .filter_map(|channel| Some((channel, channel.nrmse_std?)))
+            .filter_map(|channel| Some((channel, channel.times_noise().or(channel.nrmse_std)?)))
+            .filter(|(channel, _)| channel.nrmse_std.is_some())
             .max_by(|(_, a), (_, b)| a.total_cmp(b))
             .map(|(channel, _)| channel)
+    }
+
+    /// Whether noise alone may have the deviation `deviation` in `channel`: it is inside the 95 % that an estimate from so many samples has around the true one, of
+    /// which those behind a low-pass are worth two a period of its cutoff.
+    pub fn is_within_noise(&self, channel: &ChannelError, deviation: f64) -> bool {
+        /// One-sided 95 % point of the normal distribution.
+        const NORMAL_95: f64 = 1.645;
+        let worth = 2.0 * self.lowpass_hz * self.samples as f64 / self.compared_hz;
+        channel.noise.is_some_and(|noise| {
+            deviation.powi(2) <= noise.powi(2) * (1.0 + NORMAL_95 * (2.0 / worth.max(1.0)).sqrt())
+        })
+    }
+
+    /// The channels in which nothing was measured but noise.
+    pub fn of_noise(&self) -> impl Iterator<Item = &ChannelError> {
+        self.channels.iter().filter(|channel| self.is_within_noise(channel, channel.std_measured))
     }
 
     /// Root of the mean square distance between the tracked tool and where the model puts it, m; `None` without a tracker.
@@ -142,7 +171,9 @@ pub(crate) fn in_parts(
         if channels.is_empty() {
             channels = residuals.channels.iter().map(ChannelTally::like).collect();
         }
-        channels.iter_mut().zip(&residuals.channels).for_each(|(tally, channel)| tally.add(channel));
+        let noises = noises(recording, &part, &residuals);
+        let parts = residuals.channels.iter().zip(noises);
+        channels.iter_mut().zip(parts).for_each(|(tally, (channel, noise))| tally.add(channel, noise));
         curves.add(residuals);
     }
     let missing: Vec<Kind> =
@@ -169,4 +200,13 @@ pub(crate) fn in_parts(
     let mut curves = curves.finish();
     curves.channels.retain(|channel| !missing.contains(&channel.kind));
     Ok((comparison, curves))
+}
+
+/// The deviation of the noise of each channel of `residuals` behind the low-pass of `treatment`.
+fn noises(recording: &Recording, treatment: &Treatment, residuals: &Residuals) -> Vec<f64> {
+    let points = treatment.whole_column(recording, &recording.t).len();
+    let nothing_sharp = vec![vec![0.0; points]; recording.joints()];
+    let noises = Noises::of(recording, treatment, &residuals.channels, &nothing_sharp);
+    let gain = treatment.filter().noise_gain();
+    noises.channels.iter().map(|noise| gain * noise.deviation).collect()
 }

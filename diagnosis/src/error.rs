@@ -8,7 +8,7 @@ use thiserror::Error;
 use crate::grid::FEWEST;
 
 /// Length of recordings that a diagnosis asks for where there is too little, s.
-const ENOUGH_S: f64 = 10.0;
+pub(crate) const ENOUGH_S: f64 = 10.0;
 /// Share of a single recording that the shortest of its parts is, which are fitted and judged apart; of several each is used as it is.
 const SHORTEST_PART: f64 = 0.25;
 
@@ -126,7 +126,7 @@ impl ResidualError {
         let parts = if recordings.len() > 1 { 1.0 } else { SHORTEST_PART };
         format!(
             "{}: too short: it lasts {whole_s:.1} s; a low-pass at {cutoff_hz:.1} Hz needs {needed_s:.2} s without a gap in each of the parts \
-             that are fitted and judged on; record at least {:.0} s of motion without a gap, or set a higher --lowpass",
+             that are fitted and judged on; record at least {:.0} s of motion without a gap",
             origin.display(),
             (needed_s / parts).max(ENOUGH_S).ceil()
         )
@@ -157,7 +157,7 @@ mod tests {
                 .iter()
                 .all(|words| said.contains(words))
         );
-        assert!(!said.contains("--trim") && !said.contains("0.396"));
+        assert!(!said.contains("--") && !said.contains("0.396"), "only a longer recording helps");
         let said = short(8.0).in_a_diagnosis(&whole);
         assert!(said.contains("at 0.5 Hz") && said.contains("at least 32 s"), "{said}");
     }

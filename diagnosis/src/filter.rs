@@ -52,6 +52,15 @@ impl LowPass {
         1.0 / (1.0 + (warped(frequency_hz) / warped(self.cutoff_hz)).powi(8))
     }
 
+    /// Standard deviation that white noise of deviation 1 has behind the filter, by Parseval's theorem.
+    pub fn noise_gain(&self) -> f64 {
+        /// Frequencies of the midpoint rule; the gain is smooth over many of them.
+        const POINTS: usize = 4096;
+        let half = self.rate_hz / 2.0;
+        let square = |k: usize| self.gain(half * (k as f64 + 0.5) / POINTS as f64).powi(2);
+        ((0..POINTS).map(square).sum::<f64>() / POINTS as f64).sqrt()
+    }
+
     /// How long the ends of a signal differ from what they were if the signal went on, s.
     pub fn settling_time(&self) -> f64 {
         SETTLING_PERIODS / self.cutoff_hz

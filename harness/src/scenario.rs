@@ -114,7 +114,7 @@ impl Default for RealtimeTable {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Scenario {
-    /// The plant's arm: "paper", or the path of a URDF or TOML arm file.
+    /// The plant's arm: "paper", or the path of a URDF, MJCF or TOML arm file.
     pub model: String,
     /// The link at the end of the arm, of a URDF; absent: what the arm file says, else `tool0`, else the longest chain without fingers.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,5 +1,7 @@
 //! What a recording has to hold for an effect to be told from others, and what it lacks, in words.
 
+use freeplay_arm::JointKind;
+
 use crate::basis::Place;
 use crate::kind::{Kind, Site};
 
@@ -104,6 +106,11 @@ impl Need {
         let (q, v) = (&place.scene.motion.q[joint], &place.scene.motion.v[joint]);
         let load = &place.scene.load[joint];
         let (least, most) = extremes(q);
+        let kind = place.scene.arm.joints()[joint].kind;
+        let (of_way, of_load) = match kind {
+            JointKind::Revolute => ("rad", "N·m"),
+            JointKind::Prismatic => ("m", "N"),
+        };
         match self {
             Need::Motion => (!v.iter().any(|v| v.abs() > STILL))
                 .then(|| format!("{name} does not move in this recording")),
@@ -125,13 +132,15 @@ impl Need {
                 let (low, high) = extremes(load);
                 let greatest = low.abs().max(high.abs());
                 (high - low < share * greatest || greatest == 0.0).then(|| {
-                    format!("the load of {name} hardly changes ({low:.3} to {high:.3} by the model)")
+                    format!(
+                        "the load of {name} hardly changes ({low:.3} to {high:.3} {of_load} by the model)"
+                    )
                 })
             }
             Need::LoadReversal => {
                 let (low, high) = extremes(load);
                 (low >= 0.0 || high <= 0.0).then(|| {
-                    format!("the load of {name} never changes its sign ({low:.3} to {high:.3} by the model)")
+                    format!("the load of {name} never changes its sign ({low:.3} to {high:.3} {of_load} by the model)")
                 })
             }
             Need::Turns(needed) => {
@@ -140,8 +149,9 @@ impl Need {
                     format!("{name} covers {turns:.2} of a turn; {needed:.2} are needed to see a period")
                 })
             }
-            Need::Travel(needed) => (most - least < needed)
-                .then(|| format!("{name} moves over {:.4} only; {needed} is needed", most - least)),
+            Need::Travel(needed) => (most - least < needed).then(|| {
+                format!("{name} moves over {:.4} {of_way} only; {needed} {of_way} are needed", most - least)
+            }),
             Need::NominalFriction => {
                 let friction = place.scene.arm.joints()[joint].friction;
                 (friction.viscous == 0.0 && friction.coulomb == 0.0)

@@ -29,7 +29,7 @@ use super::words;
 use crate::residual::Kind as ChannelKind;
 
 /// Chance below which a part of the motion is named.
-const SIGNIFICANT: f64 = 0.05;
+pub(crate) const SIGNIFICANT: f64 = 0.05;
 
 /// The diagnosis of recordings that can't tell, because of `lack`: what is wrong; what to do.
 pub(crate) fn insufficient(

@@ -52,11 +52,12 @@ mod whitening;
 mod windows;
 mod words;
 
-pub(crate) use conclude::insufficient;
+pub(crate) use conclude::{SIGNIFICANT, insufficient};
 pub use engine::{DiagnoseError, DiagnoseSettings};
 pub use excite::{ChannelNoise, Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
 pub use gain::Gain;
 pub use locate::Map;
+pub(crate) use noise::Noises;
 pub use passage::{Passage, Trace};
 pub use report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, EvidenceRow, Fit, Location,

@@ -2,8 +2,9 @@
 
 use super::data::Data;
 use super::noise::Noise;
-use super::parts::{Part, file_name};
+use super::parts::{Part, SHARES, file_name};
 use super::stage::Stage;
+use crate::error::ENOUGH_S;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::rest::STILL;
@@ -36,8 +37,9 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
             .sum();
         return Some(format!(
             "{}: too short: it lasts {whole:.1} s, of which {fit:.1} s are left to fit, {choice:.1} s to choose by and {test:.1} s to test, after the ends that \
-             the low-pass needs; record at least 10 s, or set a higher cutoff (--lowpass)",
-            names.join(" and ")
+             the low-pass needs; record at least {:.0} s of motion without a long rest",
+            names.join(" and "),
+            needed(data)
         ));
     }
     let moves = |joint: usize| {
@@ -60,6 +62,12 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
         );
     }
     None
+}
+
+/// Length of a recording whose fit part lasts [`LEAST_S`] under the low-pass of `data`, s: the low-pass takes its settling time at both ends and around both cuts.
+fn needed(data: &Data) -> f64 {
+    let settles = data.stages.iter().map(|stage| stage.ground.treatment.filter().settling_time());
+    (LEAST_S / SHARES[0] + 4.0 * settles.fold(0.0, f64::max)).max(ENOUGH_S).ceil()
 }
 
 /// What a reader should know of the recordings: noise, rounding, standing joints, torques that are stuck.

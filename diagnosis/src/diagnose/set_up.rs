@@ -75,12 +75,21 @@ fn later(
 }
 
 impl Diagnosis {
-    /// True if a set-up fault that can't be mended ended the diagnosis before anything was compared: the model is then as given.
-    pub fn ends_at_setup(&self) -> bool {
-        self.verdict == Verdict::Setup
-            && self.fit.is_none()
-            && self.mapping.is_none()
-            && self.noise.is_empty()
+    /// True if the model is the answer: recording and model were compared, or gravity was mended in the model. Else the model is as given, and nothing
+    /// speaks for it.
+    pub fn has_model(&self) -> bool {
+        self.fit.is_some() || self.has_other_gravity()
+    }
+
+    /// True if the model differs from the given one.
+    pub fn changes_model(&self) -> bool {
+        !self.effects.is_empty() && self.fit.is_some() || self.has_other_gravity()
+    }
+
+    fn has_other_gravity(&self) -> bool {
+        let is_mended =
+            |finding: &SetupFinding| finding.certainty == Certainty::Sure && finding.gravity.is_some();
+        self.verdict == Verdict::Setup && self.setup.iter().any(is_mended)
     }
 }
 

@@ -55,11 +55,16 @@ fn moving(recording: &Recording, notes: &mut Vec<String>) -> Range<usize> {
     }
     let from = t.partition_point(|at| *at < t[0] + rest[0] - GUARD_S);
     let to = t.partition_point(|at| *at <= t[last] - rest[1] + GUARD_S);
+    let ends = [("first", rest[0], t[from] - t[0]), ("last", rest[1], t[last] - t[to - 1])];
+    let rests: Vec<String> = ends
+        .into_iter()
+        .filter(|(_, rest, _)| *rest > 0.0)
+        .map(|(end, _, left_out)| format!("the {end} {left_out:.1} s"))
+        .collect();
     notes.push(format!(
-        "{}: the arm rests for the first {:.1} s and the last {:.1} s; that is left out",
+        "{}: the arm rests for {}; that is left out",
         file_name(recording),
-        t[from] - t[0],
-        t[last] - t[to - 1]
+        rests.join(" and ")
     ));
     from..to
 }

@@ -212,7 +212,13 @@ fn pair(other: &Alternative) -> [String; 2] {
     let (instead, place) = other.instead_of.split_once(' ').unwrap_or((&other.instead_of, ""));
     let here = site(other.joint.as_deref());
     let other = titled(other.kind);
-    [format!("{} {place}", titled(instead)), if place == here { other } else { format!("{other} {here}") }]
+    // Many kinds have an "of" of their own: "coupling of two joints at joint_3".
+    let at = |place: &str| match place.strip_prefix("of ") {
+        Some(joint) if joint != "the whole arm" => format!(" at {joint}"),
+        _ => format!(" {place}"),
+    };
+    let there = if place == here { String::new() } else { at(&here) };
+    [titled(instead) + &at(place), other + &there]
 }
 
 /// What this motion leaves open, in one sentence; empty where it leaves nothing open.

@@ -14,20 +14,25 @@ const DRAWS: usize = 400;
 
 type Pick = fn(&Trace) -> &[f64];
 
-/// What is compared, from the plainest model to the findings.
-const MODELS: [(&str, Pick); 4] = [
-    ("as given", |trace| &trace.before),
-    ("re-tuned", |trace| &trace.retuned),
-    ("unnamed correction", |trace| &trace.unnamed),
-    ("with the findings", |trace| &trace.after),
+/// What is compared, from the plainest model to the findings, and the least that can be left: the names of their errors wherever these are shown, and what each is.
+pub const MODELS: [(&str, &str); 5] = [
+    ("as given", "the model as it is"),
+    ("re-tuned", "its masses, lengths, frictions, zeros and delays moved inside their tolerances"),
+    ("black box", "re-tuned, with splines in the place of the findings"),
+    ("with findings", "re-tuned, with the findings: the model that is written"),
+    ("noise floor", "what the instruments alone leave"),
 ];
+/// The errors of each but the last in a trace.
+const PICKS: [Pick; 4] =
+    [|trace| &trace.before, |trace| &trace.retuned, |trace| &trace.unnamed, |trace| &trace.after];
 
 /// The section.
 pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
     let fit = diagnosis.fit.as_ref()?;
     let mut section = Section::new("How much better").with(format!(
-        "Errors on {}: roots of mean squares with 95 % intervals from blocks of {BLOCK_S} s drawn with replacement. As given: the model as it is. Re-tuned: its masses, lengths, frictions, zeros and delays moved inside their tolerances. Unnamed correction: re-tuned, with splines in the place of the findings. Noise floor: what the instruments alone leave.",
-        fit.test
+        "Errors on {}: roots of mean squares with 95 % intervals from blocks of {BLOCK_S} s drawn with replacement. {}.",
+        fit.test,
+        MODELS.map(|(name, meaning)| format!("{name}: {meaning}")).join("; ")
     ));
     let shown = channels(diagnosis);
     for channel in &shown {
@@ -49,7 +54,7 @@ fn bars(diagnosis: &Diagnosis, channel: &str) -> Table {
     let held: Vec<(&Passage, &Trace)> =
         super::points::traces(diagnosis, channel).filter(|(passage, _)| passage.held_out).collect();
     let errors: Vec<(&str, Estimate)> =
-        MODELS.iter().map(|(name, pick)| (*name, rms(&held, *pick, diagnosis.seed))).collect();
+        MODELS.iter().zip(PICKS).map(|((name, _), pick)| (*name, rms(&held, pick, diagnosis.seed))).collect();
     let largest = errors.iter().map(|(_, e)| e.value).fold(0.0, f64::max);
     let unit = held.first().map_or("", |(_, trace)| trace.unit);
     let (scale, unit) = people(unit, largest);
@@ -68,7 +73,7 @@ fn bars(diagnosis: &Diagnosis, channel: &str) -> Table {
     }
     let floor = diagnosis.fit.as_ref().and_then(|fit| fit.noise_floor.get(channel));
     let floor = floor.map_or(f64::NAN, |floor| floor.rmse);
-    table.row([Cell::from("noise floor"), (floor * scale).into()])
+    table.row([Cell::from(MODELS[4].0), (floor * scale).into()])
 }
 
 /// A number with its 95 % interval.

@@ -29,11 +29,11 @@ pub fn kind_title(kind: &str) -> &str {
     freeplay_laws::kind(kind).map_or(kind, |kind| kind.title)
 }
 
-/// Kind and place, for headings: `coulomb friction of elbow`.
+/// Kind and place, for headings: `Coulomb friction at elbow`. Many kinds have an "of" of their own: "coupling of two joints".
 pub fn title(kind: &str, joint: Option<&str>) -> String {
     let name = kind_title(kind);
     match joint {
-        Some(joint) => format!("{name} of {joint}"),
+        Some(joint) => format!("{name} at {joint}"),
         None => format!("{name} of the whole arm"),
     }
 }

@@ -1,4 +1,4 @@
-//! `report.html` of a diagnosis: the verdict first, then where, what, how much better, what else it could be, and what to do next.
+//! `report.html` of a diagnosis: the verdict first, then what, where, how much better, what else it could be, and what to do next.
 //!
 //! Files in the order of the page: `findings` (each effect with its pictures, made by `picture` from `points`), `errors` (held-out
 //! errors with intervals), `over_time`, `rest` (what else, what can't be told, the model, how it was judged).
@@ -16,12 +16,13 @@ use freeplay_arm::ArmFile;
 use freeplay_report::units::{people, written};
 use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Verdict};
 
-use crate::{Certainty, Diagnosis, Verdict as Outcome, sentences};
+use crate::{Certainty, Diagnosis, Fit, Verdict as Outcome, sentences};
 use freeplay_report::paste::pasted;
 
+pub use errors::MODELS;
 pub use findings::{kind_title, title};
 pub use picture::{of as pictures, strongest_map};
-pub use rest::{in_words, reasons};
+pub use rest::{commands, in_words, reasons};
 
 /// What a report is about.
 pub struct Subject<'a> {
@@ -31,6 +32,10 @@ pub struct Subject<'a> {
     pub file: &'a ArmFile,
     /// The recordings.
     pub recordings: &'a [PathBuf],
+    /// The mapping file by which they were read.
+    pub mapping: Option<&'a Path>,
+    /// Commands that use the model of the diagnosis: see [`commands`].
+    pub commands: [String; 2],
     /// What was found.
     pub diagnosis: &'a Diagnosis,
     /// The folder of results.
@@ -39,7 +44,8 @@ pub struct Subject<'a> {
 
 /// The page.
 pub fn document(subject: &Subject) -> Document {
-    let Subject { model, recordings, diagnosis, .. } = subject;
+    let Subject { model, recordings, mapping, diagnosis, .. } = subject;
+    let mapping = mapping.map_or_else(String::new, |mapping| format!(" --mapping {}", pasted(mapping)));
     let names: Vec<String> = recordings.iter().map(|path| path.display().to_string()).collect();
     let mut document =
         Document::new("Freeplay diagnosis").subtitle(format!("{model} against {}", names.join(", ")));
@@ -47,8 +53,8 @@ pub fn document(subject: &Subject) -> Document {
         document = document.overview(block);
     }
     let sections = [
-        whereabouts(diagnosis),
         findings::section(subject),
+        whereabouts(diagnosis),
         errors::section(diagnosis),
         over_time::section(diagnosis),
         rest::alternatives(diagnosis),
@@ -58,7 +64,7 @@ pub fn document(subject: &Subject) -> Document {
         rest::judged(diagnosis),
     ];
     sections.into_iter().flatten().fold(document, Document::section).footer(format!(
-        "seed {}; `freeplay diagnose --model {} --recording {}`",
+        "seed {}; `freeplay diagnose --model {} --recording {}{mapping}`",
         diagnosis.seed,
         pasted(Path::new(model)),
         recordings.iter().map(|path| pasted(path)).collect::<Vec<_>>().join(" ")
@@ -132,7 +138,7 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
     }
     tiles.truncate(4);
     let Some(fit) = &diagnosis.fit else { return tiles };
-    let (Some(gain), Some(first)) = (fit.gain, channels(diagnosis).first().copied()) else { return tiles };
+    let (Some(gain), Some(first)) = (fit.gain, plainest(diagnosis, fit)) else { return tiles };
     let (before, after) = (fit.before[first].rmse, fit.after[first].rmse);
     let (scale, unit) = people(fit.units[first], before);
     tiles.push(
@@ -146,6 +152,16 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
         percent(gain.ci95[1])
     )));
     tiles
+}
+
+/// The channel in which the findings take most off the error of the given model, in squares of the channel's noise.
+fn plainest<'a>(diagnosis: &'a Diagnosis, fit: &Fit) -> Option<&'a str> {
+    let taken = |channel: &str| {
+        let [before, after, floor] =
+            [&fit.before, &fit.after, &fit.noise_floor].map(|errors| errors[channel].rmse.powi(2));
+        (before - after) / floor.max(f64::MIN_POSITIVE)
+    };
+    channels(diagnosis).into_iter().max_by(|a, b| taken(a).total_cmp(&taken(b)))
 }
 
 /// Where model and machine differ.
@@ -176,8 +192,8 @@ fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
     let mut table = Table::new("Every channel beside the noise floor, held-out data")
         .column(Column::text("channel"))
         .column(Column::text("unit"))
-        .column(Column::number("tuned model", "").significant(3))
-        .column(Column::number("noise floor", "").significant(3))
+        .column(Column::number(MODELS[1].0, "").significant(3))
+        .column(Column::number(MODELS[4].0, "").significant(3))
         .column(Column::number("times the floor", "").significant(3).bars())
         .note("Noise floor: what a machine leaves that is its model inside the tolerances, moved the same way and measured as badly; simulated.");
     for (channel, unit) in &fit.units {

@@ -4,6 +4,7 @@ use freeplay_report::units::people;
 use freeplay_report::{Axis, Block, Chart, Mark, Section, Series};
 
 use super::channels;
+use super::errors::MODELS;
 use super::points::traces;
 use crate::{Diagnosis, Passage, Trace};
 
@@ -61,15 +62,15 @@ fn pair(channel: &str, part: &[(&Passage, &Trace)]) -> [Chart; 2] {
     let up = |column: &[f64], scale: f64| -> Vec<f64> { column.iter().map(|x| x * scale).collect() };
     let shown = shown
         .series(Series::line("measured", &t, &up(&measured, scale)))
-        .series(Series::line("model as given", &t, &up(&minus(&measured, &before), scale)))
-        .series(Series::line("with what was found", &t, &up(&minus(&measured, &after), scale)).dashed());
+        .series(Series::line(MODELS[0].0, &t, &up(&minus(&measured, &before), scale)))
+        .series(Series::line(MODELS[3].0, &t, &up(&minus(&measured, &after), scale)).dashed());
     let (scale, unit) = people(unit, largest(&before));
     let errors =
         chart(part, format!("error of {channel}"), Axis::new("measured minus model", unit)).in_view(0.0);
     let errors = errors
-        .series(Series::line("model as given", &t, &up(&before, scale)))
-        .series(Series::line("parameters re-tuned", &t, &up(&retuned, scale)))
-        .series(Series::line("with what was found", &t, &up(&after, scale)));
+        .series(Series::line(MODELS[0].0, &t, &up(&before, scale)))
+        .series(Series::line(MODELS[1].0, &t, &up(&retuned, scale)))
+        .series(Series::line(MODELS[3].0, &t, &up(&after, scale)));
     [shown, errors]
 }
 

@@ -8,6 +8,7 @@ use freeplay_report::units::{people, written};
 use freeplay_report::{Axis, Chart, Drawing, Series};
 
 use super::points::{Over, Points, best_plot_variable, column, forwards, law, line, traces};
+use crate::diagnose::SIGNIFICANT;
 use crate::{Diagnosis, Effect, Map};
 
 /// Most channels that one finding is drawn in.
@@ -286,11 +287,12 @@ fn bearing(diagnosis: &Diagnosis, joint: usize) -> Option<Clearance> {
     effects.clearances.iter().find(|(at, _)| *at == joint).map(|(_, clearance)| *clearance)
 }
 
-/// The strongest map of what the tuned model leaves, in words and as a picture.
+/// The strongest map of what the tuned model leaves, in words and as a picture; none where chance draws such a map, too.
 pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
     let place = diagnosis.location.first()?;
     // Over the direction there are two bars only: the velocity shows the same and more.
-    let drawable = |map: &&Map| place.channels.contains(&map.channel) && map.mean.len() > 2;
+    let drawable =
+        |map: &&Map| place.channels.contains(&map.channel) && map.mean.len() > 2 && map.p < SIGNIFICANT;
     let near = diagnosis.maps.iter().filter(drawable);
     let map: &Map = near.min_by(|a, b| a.p.total_cmp(&b.p).then(b.explained.total_cmp(&a.explained)))?;
     let (x_scale, x_unit) = people(map.variable_unit, span(&map.at));

@@ -1,5 +1,7 @@
 //! The end of the page: what else it could be, what can't be told here, the model, what to do next, and how it was judged.
 
+use std::path::Path;
+
 use freeplay_arm::to_toml;
 use freeplay_report::units::power_of_ten;
 use freeplay_report::{Block, Cell, Column, Section, Table, Verdict};
@@ -7,7 +9,7 @@ use freeplay_report::{Block, Cell, Column, Section, Table, Verdict};
 use super::Subject;
 use super::findings::{kind_title, title};
 use crate::Diagnosis;
-use freeplay_report::paste::pasted;
+use freeplay_report::paste::{pasted, quoted};
 
 /// Most rows of the table of evidence.
 const ROWS: usize = 40;
@@ -42,10 +44,11 @@ pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
     Some(Section::new("What else it could be").with(table))
 }
 
-/// `coulomb_friction of elbow` with the name that people give the kind.
+/// `coulomb_friction of elbow` as [`title`] has it.
 pub fn in_words(effect: &str) -> String {
     let (kind, place) = effect.split_once(' ').unwrap_or((effect, ""));
-    format!("{} {place}", kind_title(kind)).trim_end().to_owned()
+    let place = place.strip_prefix("of ").unwrap_or(place);
+    if place == "the whole arm" || place.is_empty() { title(kind, None) } else { title(kind, Some(place)) }
 }
 
 /// What these recordings can't show, with the reason.
@@ -84,26 +87,49 @@ pub fn reasons(diagnosis: &Diagnosis) -> Vec<(&str, Vec<&str>)> {
     reasons
 }
 
+/// The commands that use `model`: one that compares it with `recording`, read by `mapping`, and one that moves the arm with it. Where the recording is one of a
+/// `scenario`, a controller plays that scenario again with this model in the place of the one it had.
+pub fn commands(
+    model: &Path,
+    recording: &Path,
+    mapping: Option<&Path>,
+    scenario: Option<&Path>,
+) -> [String; 2] {
+    let mapping = mapping.map_or_else(String::new, |mapping| format!(" --mapping {}", pasted(mapping)));
+    let compare =
+        format!("freeplay compare --model {} --recording {}{mapping}", pasted(model), pasted(recording));
+    let run = match scenario {
+        Some(scenario) => {
+            // A scenario's paths are those seen from its own folder.
+            let absolute = std::path::absolute(model).unwrap_or_else(|_| model.to_owned());
+            let key = quoted(&format!("controller.model={}", absolute.display()));
+            format!("freeplay run {} --controller narx-qp --set {key}", pasted(scenario))
+        }
+        None => format!("freeplay run --model {}   # moves each joint on a sine", pasted(model)),
+    };
+    [compare, run]
+}
+
 /// The model with what was found, and what to do with it; `None` where nothing was compared with it.
 pub fn model(subject: &Subject) -> Option<Section> {
-    if subject.diagnosis.ends_at_setup() {
+    if !subject.diagnosis.has_model() {
         return None;
     }
     let text = to_toml(&subject.diagnosis.model);
     let effects = text.find("[[effect]]").map_or("", |at| &text[at..]);
     let mut section = Section::new("The model");
-    section = if effects.is_empty() {
+    let changes = subject.diagnosis.changes_model();
+    section = if !changes {
         section.with("Nothing is added to the model: `model.toml` is the model as given.")
+    } else if effects.is_empty() {
+        section.with("`model.toml` is the model with the gravity that the recording shows.")
     } else {
         section
             .with("`model.toml` is the model with these effects, its masses, lengths and friction tuned inside their tolerances; `compare`, `run` and the controllers read it as it is.")
             .with(Block::Code(effects.trim_end().to_owned()))
     };
-    if let Some(recording) = subject.recordings.last() {
-        let (model, recording) = (pasted(&subject.out.join("model.toml")), pasted(recording));
-        let commands =
-            format!("freeplay compare --model {model} --recording {recording}\nfreeplay run --model {model}");
-        section = section.with(Block::Code(commands));
+    if changes {
+        section = section.with(Block::Code(subject.commands.join("\n")));
     }
     Some(
         section

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use freeplay_arm::{ArmFile, to_toml};
-use freeplay_diagnosis::page::{Subject, document};
+use freeplay_diagnosis::page::{Subject, commands, document};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Verdict, diagnose};
 use freeplay_harness::run::{BUILT_IN_PATIENCE, ControllerSelection, Files, play};
 use freeplay_harness::scenario::{RecordingKind, Scenario};
@@ -201,6 +201,14 @@ fn keep(nominal: &ArmFile, before: &Played, diagnosis: &Diagnosis, out: &Path) -
     write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
     write(&out.join("model.toml"), &to_toml(&diagnosis.model))?;
     let recordings = [before.recording.clone()];
-    let subject = Subject { model: &model, file: nominal, recordings: &recordings, diagnosis, out };
+    let subject = Subject {
+        model: &model,
+        file: nominal,
+        recordings: &recordings,
+        mapping: None,
+        commands: commands(&out.join("model.toml"), &before.recording, None, None),
+        diagnosis,
+        out,
+    };
     write(&out.join("report.html"), &document(&subject).to_html())
 }
