@@ -242,6 +242,40 @@ fn a_controller_that_dies_or_hangs_leaves_a_braked_arm() {
     }
 }
 
+/// A controller that does not start leaves nothing to kill: the exam says so at once, by the code of the run.
+#[test]
+fn runs_whose_controller_never_starts_are_not_killed() {
+    for (fault, code, said) in
+        [("leave", 5, "ended before it joined the run (exit code 7)"), ("other_arm", 3, "WrongJoints")]
+    {
+        let arguments = ["faults", &faulty(), "--kills", "1000", "--out", "out"];
+        let ran = Call::new(fresh_folder(), &arguments).env("FREEPLAY_FAULT", fault).run().expect(code);
+        for words in [said, "so none was killed"] {
+            assert!(ran.stderr().contains(words), "{words}: {}", ran.dump());
+        }
+        assert!(!ran.out().join("kills.json").exists());
+    }
+}
+
+/// A controller whose commands stop the arm by themselves leaves nothing to examine: positions where torques are asked for.
+#[test]
+fn a_controller_that_stops_the_arm_alone_is_not_examined() {
+    let team = [&faulty(), "computed-torque"];
+    let cases = [
+        vec!["faults", team[0], "--kind", "nan", "--seeds", "1"],
+        vec!["swap", "--controller", team[0], "--controller", team[1], "--swaps", "2", "--per-run", "2"],
+    ];
+    for case in cases {
+        let ran = Call::new(fresh_folder(), &[&case[..], &["--out", "out"]].concat())
+            .env("FREEPLAY_FAULT", "positions")
+            .run()
+            .expect(1);
+        for words in ["faulty alone: the arm was stopped at tick", "mode torque", "--set mode=driven"] {
+            assert!(ran.stderr().contains(words), "{words}: {}", ran.dump());
+        }
+    }
+}
+
 #[test]
 fn a_controller_that_never_comes_is_told_by_name() {
     let faulty = faulty();

@@ -4,8 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use freeplay_harness::ending;
 use freeplay_harness::run::{ControllerSelection, Files, play};
-use freeplay_harness::scenario::Scenario;
+use freeplay_harness::scenario::{Drive, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
 use freeplay_recording::Recording;
@@ -38,4 +39,28 @@ pub fn play_recorded(
     };
     let recording = freeplay_recording::read(&files.out.join(name), None).map_err(Failure::input)?;
     Ok(Some((summary, recording)))
+}
+
+/// Refuses the controller `name` whose run alone has this `summary` if the plant stopped the arm for what it did: nothing can be measured beside it.
+///
+/// # Errors
+/// A verdict that failed: what stopped the arm, and how `mode` takes commands.
+pub fn check_alone(summary: &RunSummary, name: &str, mode: Drive) -> Result<(), Failure> {
+    // Brakes that close because no command came in time may be the fault of a busy machine.
+    let is_its_own =
+        summary.stopped["reason"].is_string() && summary.stopped["reason"] == summary.stopped["quantity"];
+    let Some(how) = ending(summary).filter(|_| is_its_own) else { return Ok(()) };
+    let taken = match mode {
+        Drive::Torque => {
+            "mode torque takes its commands as torques in N·m; --set mode=driven takes positions in rad"
+        }
+        Drive::Driven => {
+            "mode driven takes its commands as positions in rad; --set mode=torque takes torques in N·m"
+        }
+        Drive::Servo => {
+            "mode servo takes its commands as positions in rad; --set mode=torque takes torques in N·m"
+        }
+    };
+    let message = format!("{name} alone: {how}, so there is nothing to examine; {taken}");
+    Err(Failure { exit: Exit::Verdict, message })
 }

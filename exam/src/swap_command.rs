@@ -24,7 +24,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::recorded::play_recorded;
+use crate::recorded::{check_alone, play_recorded};
 use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
 
 /// The schema of `swap.json`.
@@ -187,6 +187,7 @@ impl Stage {
             else {
                 return Ok(played);
             };
+            check_alone(&summary, &name, self.scenario.mode)?;
             alone.push(Alone::new(&summary, &name, &recording)?);
         }
         played.held_alone = alone.iter().map(Alone::held_share).fold(0.0, f64::max);

@@ -189,6 +189,8 @@ fn spoil(fault: &str, state: &State, command: &mut Command) {
         "speeding" => command.velocity[joint] = 1e6,
         "jolting" => command.acceleration[joint] = -1e9,
         "huge" => command.value = [1e9; MAX_JOINTS],
+        // Positions, whatever is asked for.
+        "positions" => command.value = state.reference_next.q,
         // Within the range of the paper's second joint, 4000 N·m, and further from any torque that holds it than that.
         "jump" if state.mode == Mode::Torque.code() => {
             command.value[joint] = 3999.0_f64.copysign(-command.value[joint])

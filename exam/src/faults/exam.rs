@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::faults::findings::{Finding, RunFindings, Verdict};
 use crate::faults::kinds::{Injection, Kind, Plan};
-use crate::recorded::play_recorded;
+use crate::recorded::{check_alone, play_recorded};
 use crate::swap_measures::{Alone, stalls};
 
 /// First tick of a fault: the arm has settled.
@@ -155,6 +155,7 @@ impl Exam {
             let folder = format!("sound/{name}");
             let played = self.play_patiently(&sound, &contestant, &folder, is_late)?;
             let Some((summary, recording)) = played else { return Ok(false) };
+            check_alone(&summary, name, self.scenario.mode)?;
             self.alone.push(Alone::new(&summary, name, &recording)?);
             if slot == 0 && self.scenario.compare.is_none() {
                 let tolerance = self.limits.iter().map(|[lower, upper]| TOLERANCE * (upper - lower));

@@ -21,6 +21,8 @@ use serde_json::json;
 
 /// What a run that is killed plays: short, so that start, loop and end take about the same time.
 const KILLED: [&str; 3] = ["duration=1", "recording=mcap", "patience=2"];
+/// What the run plays that nobody kills: the same, but that it waits for its controller as long as a busy machine takes to start one.
+const WHOLE: [&str; 3] = ["duration=1", "recording=mcap", "patience=60"];
 /// How long a run may take to end after a process of it was killed. Long enough for a machine that does much else.
 const LONGEST: Duration = Duration::from_secs(120);
 /// What the run after a kill plays. It waits for its controller as long as a busy machine takes to start one.
@@ -77,9 +79,17 @@ pub fn kill_runs(
     let mut tally = Tally::default();
     // Kills are spread over the time that a whole run takes on this machine, as busy as it is.
     let begun = Instant::now();
-    let mut whole = start(controller, &out.join("whole"), &KILLED)?;
+    // A controller that does not start leaves nothing to kill; what stands in its way it says on standard error.
+    let mut whole = start(controller, &out.join("whole"), &WHOLE, Stdio::inherit())?;
     if !ends(&mut whole)? {
         return Err(Failure::peer(format!("a run of {controller} does not end within {LONGEST:?}")));
+    }
+    let status = whole.wait().map_err(Failure::internal)?;
+    if let Some(exit) = status.code().and_then(failed) {
+        return Err(Failure {
+            exit,
+            message: format!("{controller}: the run that nobody kills failed, so none was killed"),
+        });
     }
     let mut latest = begun.elapsed();
     tally.runs.push(whole.id());
@@ -109,7 +119,7 @@ fn kill_one(
 ) -> Result<Option<Duration>, Failure> {
     let folder = out.join("killed");
     remove_folder(&folder)?;
-    let mut run = start(controller, &folder, &KILLED)?;
+    let mut run = start(controller, &folder, &KILLED, Stdio::null())?;
     let begun = Instant::now();
     let (mut struck, mut took) = (false, None);
     // On a busy machine the victim comes late.
@@ -148,14 +158,19 @@ fn kill_one(
     tally.during_start += u32::from(struck && !has_ticks);
     tally.runs.push(run.id());
     tally.left_and_swept += u32::from(files_of(&[run.id()]) > 0);
-    let mut next = start(controller, &out.join("next"), &NEXT)?;
+    let mut next = start(controller, &out.join("next"), &NEXT, Stdio::null())?;
     let well = ends(&mut next)? && next.wait().is_ok_and(|status| status.success());
     tally.next_did_not_start += u32::from(!well);
     tally.runs.push(next.id());
     Ok(took)
 }
 
-fn start(controller: &str, folder: &Path, sets: &[&str]) -> Result<Child, Failure> {
+/// The exit of a run that ended with `code`, where it failed before its controller commanded anything.
+fn failed(code: i32) -> Option<Exit> {
+    [Exit::Usage, Exit::Input, Exit::Peer, Exit::Internal].into_iter().find(|exit| *exit as i32 == code)
+}
+
+fn start(controller: &str, folder: &Path, sets: &[&str], stderr: Stdio) -> Result<Child, Failure> {
     let program = std::env::current_exe().map_err(Failure::internal)?;
     Command::new(program)
         .args(["run", "--quiet", "--force", "--controller", controller, "--out"])
@@ -163,7 +178,7 @@ fn start(controller: &str, folder: &Path, sets: &[&str]) -> Result<Child, Failur
         .args(sets.iter().flat_map(|set| ["--set", set]))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(Stdio::null())
+        .stderr(stderr)
         .spawn()
         .map_err(Failure::internal)
 }
