@@ -39,3 +39,5 @@ pub mod summary;
 pub mod swaps;
 mod verdict;
 pub mod weights;
+
+pub use screen::ending;

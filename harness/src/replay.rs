@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
+use freeplay_arm::{Joint, JointKind};
 use freeplay_recording::Recording;
-use freeplay_shm::{Backoff, Command, Greeting, Offer, Pace, PlantLink, now_ns};
+use freeplay_shm::{Backoff, Command, Greeting, Mode, Offer, Pace, PlantLink, now_ns};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::output::{say, show};
@@ -47,7 +48,10 @@ struct Difference {
     ticks: usize,
     identical_ticks: usize,
     first_differing_tick: Option<u64>,
-    /// Greatest difference of each joint's command, N·m or rad.
+    /// Names of the joints, and the unit of each one's command: `N*m` or `rad`; of slides `N` or `m`.
+    joints: Vec<String>,
+    units: Vec<&'static str>,
+    /// Greatest difference of each joint's command, and the root of the mean square over all ticks.
     greatest: Vec<f64>,
     rms: Vec<f64>,
 }
@@ -103,7 +107,18 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     let mut controller = start_controller(&scenario, &contestant, root.address())?;
     let outcome = feed(&mut link, &mut controller.0, &recording, &setup, root.address().run(), &stop);
     drop(controller);
-    let difference = Difference { controller: args.against.clone(), ..outcome? };
+    let unit = |joint: &Joint| match (setup.plant.mode, joint.kind) {
+        (Mode::Torque, JointKind::Revolute) => "N*m",
+        (Mode::Torque, JointKind::Prismatic) => "N",
+        (_, JointKind::Revolute) => "rad",
+        (_, JointKind::Prismatic) => "m",
+    };
+    let difference = Difference {
+        controller: args.against.clone(),
+        joints: setup.arm().joints().iter().map(|joint| joint.name.clone()).collect(),
+        units: setup.arm().joints().iter().map(unit).collect(),
+        ..outcome?
+    };
     match args.format {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&difference).map_err(Failure::internal)?))?
@@ -207,13 +222,17 @@ fn answer(link: &mut PlantLink, controller: &mut Child, tick: u64) -> Result<Com
 
 fn in_words(difference: &Difference) -> String {
     let mut text = format!(
-        "{} of {} commands of {} are identical to the recorded ones\n",
+        "in {} of {} ticks the commands of {} are identical to the recorded ones, to the last bit\n",
         difference.identical_ticks, difference.ticks, difference.controller
     );
     if let Some(tick) = difference.first_differing_tick {
-        text += &format!("the first differs at tick {tick}; by joint, greatest and RMS difference:\n");
-        for (joint, (greatest, rms)) in difference.greatest.iter().zip(&difference.rms).enumerate() {
-            text += &format!("  {}: {greatest:.4e}  {rms:.4e}\n", joint + 1);
+        text += &format!(
+            "the first that differ are those of tick {tick}; difference of each joint's command, greatest and RMS:\n"
+        );
+        let joints = difference.joints.iter().zip(&difference.units);
+        for ((joint, unit), (greatest, rms)) in joints.zip(difference.greatest.iter().zip(&difference.rms)) {
+            let unit = unit.replace('*', "·");
+            text += &format!("  {joint}: {greatest:.1e} {unit}, {rms:.1e} {unit}\n");
         }
     }
     text

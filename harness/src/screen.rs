@@ -13,7 +13,10 @@ use crate::summary::RunSummary;
 use crate::verdict::{failure_words, limit_words};
 use freeplay_report::paste::pasted;
 use freeplay_terminal::layout::text_table;
+use freeplay_terminal::messages::is_quiet;
 
+/// Name of the rejection of an answer that is not there.
+const MISSING: &str = "missing";
 /// Fail-overs that are told one by one.
 const LISTED_FAIL_OVERS: usize = 10;
 
@@ -52,7 +55,7 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
         }
         let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", pasted(out));
     }
-    text + &next(scenario, runs, out)
+    if is_quiet() { text } else { text + &next(scenario, runs, out) }
 }
 
 /// Commands that go on from here, with the same arm, path and settings.
@@ -213,8 +216,15 @@ fn drives(run: &RunSummary) -> String {
         )
     };
     let [speed, acceleration, torque] = ["speed", "acceleration", "torque"].map(greatest);
+    let joints = run.joint_use.as_object().into_iter().flatten();
+    let mut shares = joints.filter_map(|(_, used)| used["acceleration"]["share"].as_f64());
+    let peaks = if shares.any(|share| share > 1.0) {
+        "; more than 100 % of the acceleration are impacts, such as a landing journal's: the arm is stopped for an acceleration that lasts"
+    } else {
+        ""
+    };
     format!(
-        "{}: share of the limits used after 0.5 s: speed {speed}, acceleration {acceleration}, torque {torque}",
+        "{}: share of the limits used after 0.5 s: speed {speed}, acceleration {acceleration}, torque {torque}{peaks}",
         run.controller
     )
 }
@@ -246,11 +256,15 @@ fn remarks(run: &RunSummary) -> Vec<String> {
     if let Some(rejected) = run.gate["rejected"].as_object() {
         let counted: Vec<String> = rejected
             .iter()
-            .filter(|(_, count)| count.as_u64() != Some(0))
+            .filter(|(reason, count)| *reason != MISSING && count.as_u64() != Some(0))
             .map(|(reason, count)| format!("{} {count}", reason.replace('_', " ")))
             .collect();
+        let missing = rejected.get(MISSING).and_then(Value::as_u64).unwrap_or(0);
+        if missing > 0 {
+            remarks.push(format!("ticks without an answer in time: {missing}"));
+        }
         if !counted.is_empty() {
-            remarks.push(format!("commands rejected by the gate: {}", counted.join(", ")));
+            remarks.push(format!("commands that the gate refused, by reason: {}", counted.join(", ")));
         }
     }
     remarks.extend(first_refusal(&run.gate["first"]));

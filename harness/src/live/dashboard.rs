@@ -99,7 +99,7 @@ impl Dashboard {
         let Some(now) = &self.now else {
             let who = self.title.controllers.join(", ");
             return Some(format!(
-                "waiting for the plant and for {who} to start: {still:.0} s of at most {patience} s"
+                "waiting for the plant and for {who} to start, for {still:.0} s so far; the plant, once it is ready, waits {patience} s for controllers"
             ));
         };
         let name = self.controller(now.in_charge);

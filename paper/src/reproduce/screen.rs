@@ -3,6 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use freeplay_terminal::messages::is_quiet;
+
 use super::claim::{Claim, Ruling};
 
 /// Width of the words after the verdict.
@@ -28,8 +30,12 @@ pub fn summary(claims: &[Claim], folder: &Path) -> String {
         writeln!(text, "\n(k of n): in how many of the situations looked at; the numbers are in the report");
     let _ = writeln!(text, "report   {}", folder.join("report.html").display());
     let _ = writeln!(text, "numbers  {}", folder.join("reproduce.json").display());
-    let _ =
-        writeln!(text, "next     freeplay reference-runs   ·   freeplay run --set path.kind=square_sharp");
+    if !is_quiet() {
+        let _ = writeln!(
+            text,
+            "next     freeplay reference-runs   ·   freeplay run --set path.kind=square_sharp"
+        );
+    }
     text
 }
 
