@@ -215,6 +215,37 @@ fn the_readme() {
     assert_eq!(play_file("README.md", true), 4);
 }
 
+/// Behind a fence a name is invisible where the page is rendered, so the text before the block says it; of two blocks in a row before the first.
+#[test]
+fn pages_name_the_files_that_the_reader_writes() {
+    let guide = std::fs::read_dir(root().join("docs/guide")).expect("a folder").flatten();
+    let mut count = 0;
+    for page in guide.map(|page| page.path()) {
+        let text = std::fs::read_to_string(&page).expect("the page");
+        let (mut prose, mut in_block, mut follows) = (String::new(), false, false);
+        for line in text.lines() {
+            let fence = line.strip_prefix("```");
+            if let Some(name) =
+                fence.and_then(|kind| kind.split(' ').find_map(|part| part.strip_prefix("file=")))
+            {
+                assert!(prose.contains(&format!("`{name}`")), "{}: {name}: {prose}", page.display());
+                count += 1;
+            }
+            match (fence, in_block) {
+                (Some(_), _) => (in_block, follows) = (!in_block, true),
+                (None, false) if !line.is_empty() => {
+                    if std::mem::take(&mut follows) {
+                        prose.clear();
+                    }
+                    prose += line;
+                }
+                _ => {}
+            }
+        }
+    }
+    assert!(count >= 10, "{count} files");
+}
+
 /// Commands with files of the reader: the command line is understood, the file is missing.
 #[test]
 fn commands_with_files_of_the_reader_are_understood() {

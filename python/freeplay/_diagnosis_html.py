@@ -33,7 +33,7 @@ def card(diagnosis: Diagnosis) -> str:
     same = diagnosis.alternatives
     same = same[same["indistinguishable"]]
     if len(same):
-        words = ", ".join(f"{what} of {joint}" if joint else str(what) for what, joint in zip(same["what"], same["joint"]))
+        words = ", ".join(f"{what} at {joint}" if joint else str(what) for what, joint in zip(same["what"], same["joint"]))
         parts.append(f"<p>This recording can't tell it from: {escape(words)}.</p>")
     following = diagnosis.json.get("next") or []
     lines = [item if isinstance(item, str) else str(item.get("statement", item)) for item in following]
@@ -62,7 +62,7 @@ def bars(diagnosis: Diagnosis) -> str:
                 f"<tr><td>{escape(str(channel))}</td><td>{_bar(before / longest, GIVEN)}<br>{_bar(after / longest, AFTER)}</td>"
                 f'<td class="n">{before * scale:.3g}<br>{after * scale:.3g}</td><td>{escape(name)}</td></tr>'
             )
-    key = f'{_bar(0.08, GIVEN)} model as given &nbsp; {_bar(0.08, AFTER)} with the findings, on data that the search has not seen'
+    key = f'{_bar(0.08, GIVEN)} as given &nbsp; {_bar(0.08, AFTER)} with findings, on data that the search has not seen'
     return f'<p class="q">Error RMS: {key}</p><table><tbody>{"".join(rows)}</tbody></table>'
 
 

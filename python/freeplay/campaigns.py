@@ -374,7 +374,7 @@ class Campaign:
                         yield task, point["at"], printed, took
 
     def __repr__(self) -> str:
-        return f"<Campaign {self.command}: {len(self.done)} of {self._plan['tasks']} tasks in {self.folder}>"
+        return f"<Campaign {self.command}: {len(self.done)} of {self._plan['tasks']} tasks done, in {self.folder}>"
 
 
 def _documents(text: str) -> Iterator[Any]:

@@ -86,7 +86,7 @@ class Comparison(Portable):
         -------
         DataFrame, one row a channel, indexed by its name ("tau1", "x", …)
             unit; joint; rmse, rms_measured, mean_error, max_error in that unit; nrmse, the error as a share of the measured RMS; nrmse_std, as
-            a share of the measured standard deviation.
+            a share of the measured standard deviation; noise, the standard deviation of the channel's own noise, in its unit.
         """
         return pd.DataFrame(self.json["channels"]).set_index("name")
 
@@ -112,10 +112,11 @@ class Comparison(Portable):
         return self._folder / "report.html"
 
     def __repr__(self) -> str:
-        worst = self.channels["nrmse_std"].astype(float)
-        if worst.notna().any():
-            return f"<Comparison of {len(worst)} channels: worst {worst.idxmax()}, off by {worst.max():.1%} of its spread>"
-        return f"<Comparison of {len(worst)} channels>"
+        spread = self.channels["nrmse_std"].astype(float)
+        worst = self.json.get("worst")
+        if worst:
+            return f"<Comparison of {len(spread)} channels: worst {worst}, off by {spread[worst]:.1%} of its spread>"
+        return f"<Comparison of {len(spread)} channels>"
 
     def _repr_html_(self) -> str:
         shown = self.channels[["joint", "unit", "rms_measured", "rmse", "nrmse_std", "mean_error"]]

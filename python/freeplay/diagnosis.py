@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 # Columns of `Diagnosis.errors`, and the key of `fit` that each is from.
 ERRORS = {
-    "noise": "noise_floor",
+    "noise_floor": "noise_floor",
     "as_given": "before",
     "retuned": "retuned",
     "with_findings": "after",
-    "unnamed": "black_box",
+    "black_box": "black_box",
 }
 
 
@@ -217,10 +217,11 @@ class Diagnosis(Portable):
         Returns
         -------
         DataFrame, indexed by channel ("tau1", "x", …)
-            unit; RMS errors in that unit: noise (the floor), as_given (the model as it was), retuned (its parameters inside their
-            tolerances), with_findings, unnamed (a correction without a physical name). NaN: not in the document.
+            unit; RMS errors in that unit: noise_floor (what the instruments alone leave), as_given (the model as it is), retuned (its masses,
+            lengths, frictions, zeros and delays moved inside their tolerances), with_findings (re-tuned, with the findings: the model that is
+            written), black_box (re-tuned, with splines in the place of the findings). NaN: not in the document.
         """
-        fit = self.json.get("fit", {})
+        fit = self.json.get("fit") or {}
         parts = {column: fit.get(key) or {} for column, key in ERRORS.items()}
         channels = list(dict.fromkeys(channel for part in parts.values() for channel in part))
         units = fit.get("units", {})

@@ -85,15 +85,15 @@ def errors(diagnosis: Diagnosis, theme: str) -> list[Axes]:
 
 
 def _dumbbells(ax: Axes, group: pd.DataFrame, unit: str, palette: dict[str, str]) -> None:
-    """One line a channel from its error as given to the one with the findings, beside its noise."""
+    """One line a channel from its error as given to the one with findings, beside its noise."""
     factor, name = shown(unit)
     rows = np.arange(len(group))
-    before, after, noise = (group[column].to_numpy(dtype=float) * factor for column in ("as_given", "with_findings", "noise"))
+    before, after, noise = (group[column].to_numpy(dtype=float) * factor for column in ("as_given", "with_findings", "noise_floor"))
     ax.hlines(rows, np.fmin(before, after), np.fmax(before, after), color=palette["noise"], linewidth=1.2)
-    ax.scatter(noise, rows, marker="|", s=120, color=palette["noise"], label="noise")
+    ax.scatter(noise, rows, marker="|", s=120, color=palette["noise"], label="noise floor")
     # A ring and a dot: both can be seen where nothing changed.
-    ax.scatter(before, rows, s=60, facecolors="none", edgecolors=palette["given"], linewidths=1.8, label="model as given", zorder=3)
-    ax.scatter(after, rows, s=26, color=palette["after"], label="with the findings", zorder=4)
+    ax.scatter(before, rows, s=60, facecolors="none", edgecolors=palette["given"], linewidths=1.8, label="as given", zorder=3)
+    ax.scatter(after, rows, s=26, color=palette["after"], label="with findings", zorder=4)
     values = np.concatenate([before, after, noise])
     values = values[np.isfinite(values) & (values > 0.0)]
     if values.size and values.max() > 20.0 * values.min():
@@ -131,7 +131,7 @@ def _channel(diagnosis: Diagnosis, effect: dict[str, Any]) -> str:
     errors = diagnosis.errors
     named = [channel for channel in (effect.get("evidence") or {}).get("channels", []) if channel in errors.index]
     pool = errors.loc[named] if named else errors
-    gain = pool["as_given"].pow(2).sub(pool["with_findings"].pow(2)) / pool["noise"].pow(2).replace(0.0, np.nan)
+    gain = pool["as_given"].pow(2).sub(pool["with_findings"].pow(2)) / pool["noise_floor"].pow(2).replace(0.0, np.nan)
     return str(gain.idxmax() if gain.notna().any() else pool.index[0])
 
 
@@ -145,7 +145,7 @@ def _over_time(ax: Axes, diagnosis: Diagnosis, channel: str, palette: dict[str, 
     frame = diagnosis.residuals
     frame = frame[frame["recording"] == frame["recording"].max()]
     factor, name = shown(str(diagnosis.errors["unit"].get(channel, "")))
-    for suffix, label in (("before", "model as given"), ("after", "with the findings")):
+    for suffix, label in (("before", "as given"), ("after", "with findings")):
         column = f"{channel}_{suffix}"
         if column in frame:
             colour = palette["given" if suffix == "before" else "after"]

@@ -222,7 +222,7 @@ class Run(Portable):
         KeyError
             There is no such controller or stage.
         NotInstalled
-            The package `hdrhistogram` is missing: `pip install freeplay[histogram]`.
+            The package `hdrhistogram` is missing: `pip install hdrhistogram`.
         """
         try:
             from hdrh.histogram import HdrHistogram

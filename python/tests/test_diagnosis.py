@@ -90,7 +90,7 @@ def test_pictures_are_drawn_in_both_themes(found: Diagnosis, theme: str) -> None
 
 def test_a_notebook_shows_verdict_findings_and_errors(found: Diagnosis) -> None:
     page = found._repr_html_()
-    for words in ("Found", "joint clearance", "joint_5", "model as given", "95 %"):
+    for words in ("Found", "joint clearance", "joint_5", "as given", "95 %"):
         assert words in page
 
 
