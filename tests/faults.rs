@@ -169,7 +169,11 @@ fn a_few_bad_commands_do_not_fail_a_run() {
     let ran = under("nan@50+3,100+4", &[]).run().expect(0);
     assert_counts(&ran.run(), &[("not_finite", 7)]);
     assert_eq!(ran.run()["ending"], "finished");
-    assert!(ran.stdout().contains("commands rejected by the gate: not finite 7"), "{}", ran.dump());
+    assert!(
+        ran.stdout().contains("commands that the gate refused, by reason: not finite 7"),
+        "{}",
+        ran.dump()
+    );
     assert_safe(&recording(&ran), false);
 }
 

@@ -227,7 +227,11 @@ fn a_run_with_a_model_of_the_controllers_own_is_replayed_from_anywhere() {
     let ran = freeplay_in(folder, &arguments).expect(0);
     let mcap = ran.out().join("computed-torque.mcap").display().to_string();
     let replayed = freeplay_in(fresh_folder(), &["replay", &mcap, "--against", "computed-torque"]).expect(0);
-    assert!(replayed.stdout().starts_with("100 of 100 commands"), "{}", replayed.dump());
+    assert!(
+        replayed.stdout().starts_with("in 100 of 100 ticks the commands of computed-torque"),
+        "{}",
+        replayed.dump()
+    );
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use clap::builder::styling::Style;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
-use freeplay_diagnosis::page::{MODELS, channels, in_words, kind_title, reasons, title};
+use freeplay_diagnosis::page::{MODELS, channels, in_words, kind_title, meanings, reasons, title};
 use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
@@ -220,20 +220,13 @@ fn errors(fit: &Fit, diagnosis: &Diagnosis) -> String {
     }
     let mut text = format!("\n{:MARGIN$}root mean square error, test part: {}\n", "FIT", fit.test);
     text.push_str(&if channels.len() > FEW { one_line_each(fit, &channels) } else { bars(fit, &channels) });
-    let meanings: Vec<String> = MODELS.iter().map(|(name, meaning)| format!("{name}: {meaning}")).collect();
-    text.push_str(&wrapped(
-        "",
-        MARGIN,
-        &format!(
-            "{}. A bar shows {}.",
-            meanings.join("; "),
-            if channels.len() > FEW {
-                "the error with the findings beside the greatest of its line"
-            } else {
-                "an error beside the greatest of its channel"
-            }
-        ),
-    ));
+    let bar = if channels.len() > FEW {
+        "the error with the findings beside the greatest of its line"
+    } else {
+        "an error beside the greatest of its channel"
+    };
+    let meanings = meanings(channels.iter().copied());
+    text.push_str(&wrapped("", MARGIN, &format!("{meanings}. A bar shows {bar}.")));
     if let Some(gain) = fit.gain {
         let [low, high] = gain.ci95.map(|share| 100.0 * share);
         let words = format!(

@@ -22,6 +22,25 @@ pub const MODELS: [(&str, &str); 5] = [
     ("with findings", "re-tuned, with the findings: the model that is written"),
     ("noise floor", "what the instruments alone leave"),
 ];
+/// The same of positions that are simulated from the commanded ones.
+const OF_POSITIONS: [&str; 5] = [
+    "the servos of the model, or without any the command itself",
+    "the command taken late",
+    "a linear filter of the commands",
+    "the servos that were found",
+    "rounding",
+];
+
+/// What each of the [`MODELS`] is for these `channels`, in one line.
+pub fn meanings<'a>(mut channels: impl Iterator<Item = &'a str>) -> String {
+    let are_positions = channels.all(|channel| channel.starts_with('q') && !channel.starts_with("q_link"));
+    let of = |(index, (name, meaning)): (usize, &(&str, &str))| {
+        let meaning = if are_positions { OF_POSITIONS[index] } else { meaning };
+        format!("{name}: {meaning}")
+    };
+    MODELS.iter().enumerate().map(of).collect::<Vec<_>>().join("; ")
+}
+
 /// The errors of each but the last in a trace.
 const PICKS: [Pick; 4] =
     [|trace| &trace.before, |trace| &trace.retuned, |trace| &trace.unnamed, |trace| &trace.after];
@@ -32,7 +51,7 @@ pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
     let mut section = Section::new("How much better").with(format!(
         "Errors on {}: roots of mean squares with 95 % intervals from blocks of {BLOCK_S} s drawn with replacement. {}.",
         fit.test,
-        MODELS.map(|(name, meaning)| format!("{name}: {meaning}")).join("; ")
+        meanings(fit.units.keys().map(String::as_str))
     ));
     let shown = channels(diagnosis);
     for channel in &shown {

@@ -19,7 +19,7 @@ use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Ver
 use crate::{Certainty, Diagnosis, Fit, Verdict as Outcome, sentences};
 use freeplay_report::paste::pasted;
 
-pub use errors::MODELS;
+pub use errors::{MODELS, meanings};
 pub use findings::{kind_title, title};
 pub use picture::{of as pictures, strongest_map};
 pub use rest::{commands, in_words, reasons};

@@ -437,10 +437,7 @@ impl Conclusion<'_> {
             after_as_given: errors(&self.after, clean),
             black_box: errors(&self.filtered, clean),
             held_out: true,
-            test: format!(
-                "{}{without} (re-tuned: the command taken late; unnamed: a linear filter of the commands; floor: rounding)",
-                self.parts.words
-            ),
+            test: format!("{}{without}", self.parts.words),
             gain: Some(gain_of(&self.after)),
             black_box_gain: Some(gain_of(&self.filtered)),
             units: joints

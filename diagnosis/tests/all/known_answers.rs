@@ -1,8 +1,9 @@
 //! Made recordings whose residual is known.
 
-use freeplay_arm::{Arm, JointFriction, JointKind};
+use freeplay_arm::{Arm, Inertia, JointFriction, JointKind};
 use freeplay_diagnosis::{Comparison, ResidualError, Settings, compare};
 
+use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::{ProptestConfig, any, prop, prop_assert, proptest};
 
 use crate::common::{arm, columns, even, jittered, link, nothing, recording, without};
@@ -74,6 +75,44 @@ fn friction_is_left_over_until_the_model_names_it() {
         Some("tau2"),
         "the same friction, less torque"
     );
+}
+
+/// A joint whose drive does nothing has noise alone in its torque, which no model explains: it is named, and another one is the worst, by how many times its noise its error is.
+#[test]
+fn a_channel_of_noise_is_not_the_worst() {
+    let [shoulder, mut elbow] =
+        ["shoulder", "elbow"].map(|name| link(name, JointKind::Revolute, JointFriction::default()));
+    elbow.inertia = Inertia { mass: 1e-6, com: Vector3::zeros(), about_com: 1e-9 * Matrix3::identity() };
+    let arm = arm(vec![shoulder, elbow]);
+    // A congruential sequence: uniform between -1 and 1, of the deviation 1/√3.
+    let mut state = 1_u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    };
+    const NOISE: f64 = 0.05;
+    let mut made = columns(&arm, &even(20.0, 1000.0), nothing);
+    for (name, column) in &mut made {
+        match name.as_str() {
+            "tau1" => column.iter_mut().for_each(|tau| *tau = *tau * 1.01 + NOISE * noise()),
+            // Next to nothing hangs on the elbow.
+            "tau2" => column.iter_mut().for_each(|tau| *tau += NOISE * noise()),
+            _ => {}
+        }
+    }
+    let comparison = compared(&arm, made);
+    for channel in &comparison.channels {
+        println!("{}: off by {:.5}, noise {:.5?}", channel.name, channel.rmse, channel.noise);
+    }
+    let of_noise: Vec<&str> = comparison.of_noise().map(|channel| channel.name.as_str()).collect();
+    assert_eq!(of_noise, ["tau2"]);
+    assert_eq!(comparison.worst().map(|channel| channel.name.as_str()), Some("tau1"));
+    // White noise of a bandwidth: the share of it that a Butterworth low-pass of order four, run both ways, lets through.
+    let [tau1, tau2] = [0, 1].map(|index| comparison.channels[index].noise.expect("a noise"));
+    let expected = NOISE / 3.0_f64.sqrt() * (2.0 * comparison.lowpass_hz / 1000.0).sqrt();
+    for noise in [tau1, tau2] {
+        assert!((noise / expected - 1.0).abs() < 0.1, "{noise} against {expected}");
+    }
 }
 
 #[test]
