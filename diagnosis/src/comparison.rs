@@ -123,9 +123,10 @@ impl Comparison {
         })
     }
 
-    /// The channels in which nothing was measured but noise.
+    /// The channels that vary, but by no more than their noise.
     pub fn of_noise(&self) -> impl Iterator<Item = &ChannelError> {
-        self.channels.iter().filter(|channel| self.is_within_noise(channel, channel.std_measured))
+        let varying = self.channels.iter().filter(|channel| channel.nrmse_std.is_some());
+        varying.filter(|channel| self.is_within_noise(channel, channel.std_measured))
     }
 
     /// Root of the mean square distance between the tracked tool and where the model puts it, m; `None` without a tracker.
