@@ -80,11 +80,26 @@ impl LowPass {
     }
 
     /// One pass in place, from the steady state of the first sample.
+    ///
+    /// Once the signal is zero, what remains of its past is zero, too, as soon as it is less than the rounding of its largest sample.
     fn pass<'a>(&self, signal: impl Iterator<Item = &'a mut f64>) {
         let mut signal = signal.peekable();
         let Some(first) = signal.peek().map(|sample| **sample) else { return };
         let [mut slow, mut fast] = self.sections.map(|section| settled(section, first));
+        let (mut largest, mut is_over) = (first.abs(), first == 0.0);
         for sample in signal {
+            if *sample != 0.0 {
+                (largest, is_over) = (largest.max(sample.abs()), false);
+            } else if is_over {
+                continue;
+            } else {
+                let past = [slow.s1, slow.s2, fast.s1, fast.s2];
+                is_over = past.iter().all(|state| state.abs() < f64::EPSILON * largest);
+                if is_over {
+                    [slow, fast] = self.sections.map(|section| settled(section, 0.0));
+                    continue;
+                }
+            }
             *sample = fast.run(slow.run(*sample));
         }
     }

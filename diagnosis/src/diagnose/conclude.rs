@@ -522,7 +522,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let members = members.chain(self.events.iter().map(|event| &event.candidate));
         let mut shown: Vec<usize> = members
             .flat_map(|candidate| candidate.channels.iter().map(|c| c % data.per_stage()))
-            .flat_map(|c| (c..data.channels()).step_by(data.per_stage()))
+            .flat_map(|c| data.alike(c))
             .collect();
         shown.sort_unstable();
         shown.dedup();

@@ -75,6 +75,11 @@ impl<'a> Data<'a> {
         self.stages.first().map_or(0, |stage| stage.channels.len())
     }
 
+    /// The channels that measure the same as the channel `c` of the first recording, one of each recording.
+    pub fn alike(&self, c: usize) -> Vec<usize> {
+        (c..self.channels()).step_by(self.per_stage()).collect()
+    }
+
     /// Number of channels of all recordings.
     pub fn channels(&self) -> usize {
         self.counts.len()
@@ -203,7 +208,7 @@ impl<'a> Data<'a> {
     pub fn rms(&self, rows: &[Vec<f64>], masks: &[Vec<f64>]) -> Vec<Option<f64>> {
         let of_channel = |c: usize| {
             let (mut square, mut count) = (0.0, 0.0);
-            for channel in (c..self.channels()).step_by(self.per_stage()) {
+            for channel in self.alike(c) {
                 for (x, mask) in rows[channel].iter().zip(&masks[channel]) {
                     square += mask * x * x;
                     count += mask;

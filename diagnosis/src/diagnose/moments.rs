@@ -10,7 +10,7 @@ use super::data::{Data, REMEMBERED, add_all, less, sum_of};
 use super::event::Event;
 use super::gain::Compared;
 use super::interval::parameters;
-use super::nameless;
+use super::nameless::{JointRange, NamelessTorques};
 use super::report::Alternative;
 use super::search::Search;
 use super::stage::Stage;
@@ -143,11 +143,7 @@ pub(crate) fn happenings(
     let fit = search.system.fit(&members)?;
     let parameters = parameters(&mut search.system, &fit, seed);
     let weights = sizes.by_row();
-    let log_prior = |place: usize| {
-        let others = all_but(&members, place);
-        Some(fit.log_prior - search.system.fit(&others)?.log_prior)
-    };
-    let log_priors = (0..members.len()).map(log_prior).collect::<Option<Vec<f64>>>()?;
+    let log_priors = log_priors(&search, &members)?;
     let mut events = Vec::new();
     for (place, (parameters, (log_odds, alternatives))) in parameters.into_iter().zip(odds).enumerate() {
         let candidate = search.system.candidate(members[place]);
@@ -187,6 +183,13 @@ fn found_among<'d, 'a>(
     let members = told(data, &search, members, &whitening.least())?;
     let members = beside_shapes(data, &search, members, left)?;
     Some((search, members))
+}
+
+/// For each of `members`, the part of its log odds that the rows don't bring: the odds before the data, and the volume. `None` if the system is singular.
+fn log_priors(search: &Search, members: &[usize]) -> Option<Vec<f64>> {
+    let all = search.system.fit(members)?.log_prior;
+    let of = |place: usize| Some(all - search.system.fit(&all_but(members, place))?.log_prior);
+    (0..members.len()).map(of).collect()
 }
 
 /// The log odds for each of `members`, and what else each may be. `None` if the system is singular.
@@ -307,30 +310,74 @@ fn probability(data: &Data, search: &Search, members: &[usize], least: &[f64]) -
 
 /// Those of `members` that tell beside shapes of the motion without a name: what goes with the motion does not happen at a time, whether it has a name or not. `None` if the
 /// system is singular.
-fn beside_shapes(
-    data: &Data,
-    search: &Search,
-    mut members: Vec<usize>,
-    left: &[Vec<f64>],
-) -> Option<Vec<usize>> {
-    let evidence =
-        |members: &[usize]| Some(nameless::evidence(data, &less(left, &said(search, members, left)?)));
-    let mut all = evidence(&members)?;
+fn beside_shapes(data: &Data, search: &Search, members: Vec<usize>, left: &[Vec<f64>]) -> Option<Vec<usize>> {
+    let places: Vec<Option<JointRange>> =
+        members.iter().map(|&member| joint_range(data, search.system.candidate(member))).collect();
+    let shapes = NamelessTorques::new(data, &places);
+    let evidence = |events: &[usize], places: &[usize]| {
+        let named: Vec<usize> = events.iter().map(|&event| members[event]).collect();
+        Some(shapes.evidence(&less(left, &said(search, &named, left)?), places))
+    };
+    let mut events: Vec<usize> = (0..members.len()).collect();
+    let mut all = evidence(&events, &[])?;
     // Pieces of one shape go together.
-    if evidence(&[])? >= all {
+    if evidence(&[], &[])? >= all {
         return Some(Vec::new());
     }
-    while !members.is_empty() {
+    while !events.is_empty() {
         let without = |place: usize| {
-            let others = all_but(&members, place);
-            Some((evidence(&others)?, others))
+            let others = all_but(&events, place);
+            Some((evidence(&others, &[])?, others))
         };
-        let of_others = (0..members.len()).map(without).collect::<Option<Vec<_>>>()?;
+        let of_others = (0..events.len()).map(without).collect::<Option<Vec<_>>>()?;
         let best = of_others.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
         let Some((of_others, others)) = best.filter(|best| best.0 >= all) else { break };
-        (all, members) = (of_others, others);
+        (all, events) = (of_others, others);
     }
-    Some(members)
+    let priors = log_priors(search, &members)?;
+    let value = |events: &[usize], places: &[usize]| {
+        let priors: f64 = events.iter().chain(places).map(|&one| priors[one]).sum();
+        Some(evidence(events, places)? + priors)
+    };
+    let events = beside_places(events, &places, value)?;
+    Some(events.into_iter().map(|event| members[event]).collect())
+}
+
+/// Those of `events` that no place of a joint explains: where a joint meets the same torque whenever it comes to a place, nothing happens at a time, whether that has a
+/// name or not. An event shows the place of its number among `places`. `value` is the log of the probability of events and places, each place as probable before the
+/// data as the event that shows it. `None` if `value` is.
+fn beside_places(
+    mut events: Vec<usize>,
+    places: &[Option<JointRange>],
+    value: impl Fn(&[usize], &[usize]) -> Option<f64>,
+) -> Option<Vec<usize>> {
+    let mut taken: Vec<usize> = Vec::new();
+    let mut now = value(&events, &taken)?;
+    loop {
+        let mut best: Option<(f64, Vec<usize>, Vec<usize>)> = None;
+        for &place in &events {
+            let Some(range) = places[place] else { continue };
+            let is_elsewhere = |event: &usize| !places[*event].is_some_and(|other| range.meets(&other));
+            let others: Vec<usize> = events.iter().copied().filter(is_elsewhere).collect();
+            let with = [&taken[..], &[place]].concat();
+            let there = value(&others, &with)?;
+            if there > best.as_ref().map_or(now, |best| best.0) {
+                best = Some((there, others, with));
+            }
+        }
+        let Some(better) = best else { return Some(events) };
+        (now, events, taken) = better;
+    }
+}
+
+/// Where the joint on which `candidate` acts is while it acts; `None` if it acts on no single joint or does not end.
+fn joint_range(data: &Data, candidate: &Candidate) -> Option<JointRange> {
+    let (joint, [begin, end]) = (candidate.joint?, window(&candidate.form.shape)?);
+    let motion = data.stages[candidate.form.only.unwrap_or(0)].motion();
+    let during = motion.t.iter().zip(&motion.q[joint]).filter(|(t, _)| (begin..=end).contains(*t));
+    let range = during
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], (_, q)| [least.min(*q), most.max(*q)]);
+    (range[0] <= range[1]).then_some(JointRange { joint, range })
 }
 
 /// Those of `members` that no law of `lasting` makes needless: pieces of a law look like pushes, and rows of which each says something new tell of laws that are too small to be

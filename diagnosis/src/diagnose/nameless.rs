@@ -3,7 +3,7 @@
 use super::conclude::is_told;
 use super::data::{Data, sum_of};
 use super::parts::Part;
-use super::shapes::{Knots, Shapes};
+use super::shapes::{CommonShapes, Knots};
 use super::system::{Fit, System};
 use super::weights::{LEAST_SHARE, USUAL_SHARE, Weights};
 use crate::residual::Kind;
@@ -37,16 +37,41 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> b
     !shakes && torques.iter().any(is_unusual) || poses.iter().any(|pose| is_left(pose) && !shows(pose.0))
 }
 
-/// Log of the probability of what is left of the torques, beside shapes without a name, in all rows that are heard.
-pub(crate) fn evidence(data: &Data, left: &[Vec<f64>]) -> f64 {
-    let knots = data.stages.first().map(Knots::of).unwrap_or_default();
-    let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &data.heard)).collect();
-    let torques = (0..data.per_stage()).filter(|&c| matches!(data.kind(c), Kind::Torque(_)));
-    let of = |c: usize| {
-        let same: Vec<usize> = (c..data.channels()).step_by(data.per_stage()).collect();
-        Shapes::evidence(data, &same, &masks, left, &knots)
-    };
-    torques.map(of).sum()
+/// A range of positions of a joint.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JointRange {
+    /// Index of the joint.
+    pub joint: usize,
+    /// Least and greatest position, rad or m.
+    pub range: [f64; 2],
+}
+
+impl JointRange {
+    /// Whether `self` and `other` have a position of one joint in common.
+    pub fn meets(&self, other: &Self) -> bool {
+        self.joint == other.joint && self.range[0] <= other.range[1] && other.range[0] <= self.range[1]
+    }
+}
+
+/// Shapes without a name in all torques, on all rows that are heard.
+pub(crate) struct NamelessTorques(Vec<CommonShapes>);
+
+impl NamelessTorques {
+    /// Those of `data`. At each of `places`, if it is one, shapes of its own may act.
+    pub fn new(data: &Data, places: &[Option<JointRange>]) -> Self {
+        let mut knots = data.stages.first().map(Knots::of).unwrap_or_default();
+        for (number, place) in places.iter().enumerate() {
+            place.iter().for_each(|place| knots[place.joint].add_place(number, place.range));
+        }
+        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &data.heard)).collect();
+        let torques = (0..data.per_stage()).filter(|&c| matches!(data.kind(c), Kind::Torque(_)));
+        Self(torques.map(|c| CommonShapes::new(data, data.alike(c), &masks, &knots)).collect())
+    }
+
+    /// Log of the probability of what is `left` of the torques beside such shapes, those of `places` among them.
+    pub fn evidence(&self, left: &[Vec<f64>], places: &[usize]) -> f64 {
+        self.0.iter().map(|shapes| shapes.evidence(left, places)).sum()
+    }
 }
 
 /// What shapes without a name, fitted to the fit and the choice part of `residual`, say of every row.
@@ -57,8 +82,8 @@ pub(crate) fn said(system: &System, residual: &[Vec<f64>]) -> Vec<Vec<f64>> {
         (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice])).collect();
     let mut said: Vec<Vec<f64>> = residual.iter().map(|rows| vec![0.0; rows.len()]).collect();
     for c in 0..data.per_stage() {
-        let same: Vec<usize> = (c..data.channels()).step_by(data.per_stage()).collect();
-        for (channel, rows) in Shapes::said(data, &same, &masks, residual, &knots) {
+        let shapes = CommonShapes::new(data, data.alike(c), &masks, &knots);
+        for (channel, rows) in shapes.said(data, residual, &knots) {
             said[channel] = rows;
         }
     }

@@ -24,6 +24,8 @@ pub(crate) struct Knots {
     load: Vec<f64>,
     speed: Vec<f64>,
     reach: f64,
+    /// Numbers of places, and the ranges of the joint's position that they are.
+    places: Vec<(usize, [f64; 2])>,
 }
 
 impl Knots {
@@ -37,9 +39,15 @@ impl Knots {
                 let position = quantiles(q, KNOTS);
                 let reach = position[position.len() - 1] - position[0];
                 let load = quantiles(&stage.load()[joint], SPEED_KNOTS);
-                Knots { load, speed: quantiles(&speed, SPEED_KNOTS), reach: reach.max(1e-12), position }
+                let speed = quantiles(&speed, SPEED_KNOTS);
+                Knots { load, speed, reach: reach.max(1e-12), position, places: Vec::new() }
             })
             .collect()
+    }
+
+    /// Adds shapes that act at the place of this `number`: where the joint is in this `range` of its positions, and nowhere else.
+    pub fn add_place(&mut self, number: usize, range: [f64; 2]) {
+        self.places.push((number, range));
     }
 }
 
@@ -59,68 +67,7 @@ impl Shapes {
         keep(&mut moments, mask);
         columns.extend(moments);
         normalised(&mut columns);
-        Self { factor: factor(&columns, RIDGE), columns }
-    }
-
-    /// What the shapes of the `channels`, which measure the same in each recording, say of every row once they are fitted to the rows of `residual` where
-    /// `masks` is one: with the prior size of shapes under which these rows are most probable.
-    pub fn said(
-        data: &Data,
-        channels: &[usize],
-        masks: &[Vec<f64>],
-        residual: &[Vec<f64>],
-        knots: &[Knots],
-    ) -> Vec<(usize, Vec<f64>)> {
-        let (sizes, probable) = Self::fitted(data, channels, masks, residual, knots);
-        channels
-            .iter()
-            .map(|&c| {
-                let mut said = vec![0.0; data.counts[c].len()];
-                let columns = Self::of(data, c, &data.counts[c], knots);
-                for ((column, size), beta) in columns.iter().zip(&sizes).zip(probable.beta.iter()) {
-                    said.iter_mut().zip(column).for_each(|(said, x)| *said += beta / size * x);
-                }
-                (c, said)
-            })
-            .collect()
-    }
-
-    /// Log of the probability of the rows of `residual` in the `channels` where `masks` is one under such shapes, up to a number that is the same for any residual.
-    pub fn evidence(
-        data: &Data,
-        channels: &[usize],
-        masks: &[Vec<f64>],
-        residual: &[Vec<f64>],
-        knots: &[Knots],
-    ) -> f64 {
-        Self::fitted(data, channels, masks, residual, knots).1.evidence
-    }
-
-    fn of(data: &Data, channel: usize, mask: &[f64], knots: &[Knots]) -> Vec<Vec<f64>> {
-        let (stage, of_stage) = data.place(channel);
-        raw_columns(&data.stages[stage], &[], of_stage, mask, knots)
-    }
-
-    /// Sizes of the columns and the most probable coefficients.
-    fn fitted(
-        data: &Data,
-        channels: &[usize],
-        masks: &[Vec<f64>],
-        residual: &[Vec<f64>],
-        knots: &[Knots],
-    ) -> (Vec<f64>, Probable) {
-        let fitted: Vec<Vec<Vec<f64>>> =
-            channels.iter().map(|&c| Self::of(data, c, &masks[c], knots)).collect();
-        let count = fitted.first().map_or(0, Vec::len);
-        let mut own: Vec<Vec<f64>> =
-            (0..count).map(|k| fitted.iter().flat_map(|columns| columns[k].clone()).collect()).collect();
-        let sizes = normalised(&mut own);
-        let target: Vec<f64> = channels
-            .iter()
-            .flat_map(|&c| residual[c].iter().zip(&masks[c]).map(|(x, mask)| x * mask).collect::<Vec<_>>())
-            .collect();
-        let rows = channels.iter().map(|&c| masks[c].iter().sum::<f64>()).sum();
-        (sizes, most_probable(&own, &target, rows))
+        Self { factor: factor(gram(&columns), RIDGE), columns }
     }
 
     /// What they leave of `residual`.
@@ -145,40 +92,124 @@ fn normalised(columns: &mut [Vec<f64>]) -> Vec<f64> {
     divided.collect()
 }
 
+/// The shapes of the channels that measure the same in each recording, with coefficients that the recordings have in common.
+pub(crate) struct CommonShapes {
+    channels: Vec<usize>,
+    /// Which rows count, those of one channel after those of the other.
+    counts: Vec<f64>,
+    /// The columns over the same rows, each of size one.
+    columns: Vec<Vec<f64>>,
+    /// The sizes that the columns had.
+    sizes: Vec<f64>,
+    /// The number of the only place where a column acts; `None`: it acts everywhere.
+    places: Vec<Option<usize>>,
+    gram: DMatrix<f64>,
+}
+
+impl CommonShapes {
+    /// The shapes of `channels`, to be fitted to the rows where `masks` is one.
+    pub fn new(data: &Data, channels: Vec<usize>, masks: &[Vec<f64>], knots: &[Knots]) -> Self {
+        let of_channels: Vec<Vec<Vec<f64>>> =
+            channels.iter().map(|&c| Self::of(data, c, &masks[c], knots)).collect();
+        let count = of_channels.first().map_or(0, Vec::len);
+        let mut columns: Vec<Vec<f64>> = (0..count)
+            .map(|k| of_channels.iter().flat_map(|columns| columns[k].iter().copied()).collect())
+            .collect();
+        let sizes = normalised(&mut columns);
+        let counts = channels.iter().flat_map(|&c| masks[c].iter().copied()).collect();
+        let of_places = match channels.first().map(|&c| data.kind(c)) {
+            Some(Kind::Torque(joint)) => knots[joint].places.iter().map(|(number, _)| *number).collect(),
+            _ => Vec::new(),
+        };
+        let everywhere = count - PER_PLACE * of_places.len();
+        let of_places = of_places.into_iter().flat_map(|number| [Some(number); PER_PLACE]);
+        let places = std::iter::repeat_n(None, everywhere).chain(of_places).collect();
+        Self { gram: gram(&columns), channels, counts, columns, sizes, places }
+    }
+
+    fn of(data: &Data, channel: usize, mask: &[f64], knots: &[Knots]) -> Vec<Vec<f64>> {
+        let (stage, of_stage) = data.place(channel);
+        let of = &data.stages[stage];
+        let mut columns = raw_columns(of, &[], of_stage, mask, knots);
+        if let Kind::Torque(joint) = of.channels[of_stage].kind {
+            let mut at_places = of_places(of, joint, &knots[joint]);
+            keep(&mut at_places, mask);
+            columns.extend(at_places);
+        }
+        columns
+    }
+
+    /// Log of the probability of the rows of `residual` under shapes that act everywhere and those of `places`, up to a number that is the same for any residual.
+    pub fn evidence(&self, residual: &[Vec<f64>], places: &[usize]) -> f64 {
+        self.most_probable(residual, places).evidence
+    }
+
+    /// What the shapes that act everywhere say of every row once they are fitted to `residual`, by channel: with the prior size of shapes under which its rows are most
+    /// probable.
+    pub fn said(&self, data: &Data, residual: &[Vec<f64>], knots: &[Knots]) -> Vec<(usize, Vec<f64>)> {
+        let beta = self.most_probable(residual, &[]).beta;
+        let of_channel = |&c: &usize| {
+            let mut said = vec![0.0; data.counts[c].len()];
+            let columns = Self::of(data, c, &data.counts[c], knots);
+            for ((column, size), beta) in columns.iter().zip(&self.sizes).zip(beta.iter()) {
+                said.iter_mut().zip(column).for_each(|(said, x)| *said += beta / size * x);
+            }
+            (c, said)
+        };
+        self.channels.iter().map(of_channel).collect()
+    }
+
+    /// The coefficients for `residual` of the columns that act everywhere, then of those of `places`, with the ridge under which the rows are most probable (MacKay
+    /// 1992, Neural Comput. 4:415), their noise integrated out.
+    fn most_probable(&self, residual: &[Vec<f64>], places: &[usize]) -> Probable {
+        /// Ridges that are tried: from shapes as large as they like to none.
+        const RIDGES: [f64; 7] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
+        let acts = |column: &usize| self.places[*column].is_none_or(|place| places.contains(&place));
+        let acting: Vec<usize> = (0..self.columns.len()).filter(acts).collect();
+        let rows = self.channels.iter().flat_map(|&c| residual[c].iter());
+        let target: Vec<f64> = rows.zip(&self.counts).map(|(x, counts)| x * counts).collect();
+        let right =
+            DVector::from_iterator(acting.len(), acting.iter().map(|&k| dot(&self.columns[k], &target)));
+        let gram = DMatrix::from_fn(acting.len(), acting.len(), |i, j| self.gram[(acting[i], acting[j])]);
+        let (square, rows) = (dot(&target, &target), self.counts.iter().sum::<f64>());
+        let with = |ridge: f64| {
+            let factor = factor(gram.clone(), ridge)?;
+            let beta = factor.solve(&right);
+            let left = (square - right.dot(&beta)).max(f64::MIN_POSITIVE);
+            let volume: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+            let evidence = 0.5 * acting.len() as f64 * ridge.ln() - volume - 0.5 * rows * left.ln();
+            Some(Probable { beta, evidence })
+        };
+        let none = Probable {
+            beta: DVector::zeros(acting.len()),
+            evidence: -0.5 * rows * square.max(f64::MIN_POSITIVE).ln(),
+        };
+        let best = RIDGES.into_iter().filter_map(with).max_by(|a, b| a.evidence.total_cmp(&b.evidence));
+        best.unwrap_or(none)
+    }
+}
+
 /// Coefficients and the log of the probability of what they were fitted to.
 struct Probable {
     beta: DVector<f64>,
     evidence: f64,
 }
 
-/// The coefficients of `columns`, each of size one, for `target` on so many `rows`, with the ridge under which the target is most probable (MacKay 1992, Neural
-/// Comput. 4:415), its noise integrated out.
-fn most_probable(columns: &[Vec<f64>], target: &[f64], rows: f64) -> Probable {
-    /// Ridges that are tried: from shapes as large as they like to none.
-    const RIDGES: [f64; 7] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
-    let right = DVector::from_iterator(columns.len(), columns.iter().map(|c| dot(c, target)));
-    let square = dot(target, target);
-    let with = |ridge: f64| {
-        let factor = factor(columns, ridge)?;
-        let beta = factor.solve(&right);
-        let left = (square - right.dot(&beta)).max(f64::MIN_POSITIVE);
-        let volume: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
-        let evidence = 0.5 * columns.len() as f64 * ridge.ln() - volume - 0.5 * rows * left.ln();
-        Some(Probable { beta, evidence })
-    };
-    let none = Probable {
-        beta: DVector::zeros(columns.len()),
-        evidence: -0.5 * rows * square.max(f64::MIN_POSITIVE).ln(),
-    };
-    let best = RIDGES.into_iter().filter_map(with).max_by(|a, b| a.evidence.total_cmp(&b.evidence));
-    best.unwrap_or(none)
+/// The products of each of `columns` with each.
+fn gram(columns: &[Vec<f64>]) -> DMatrix<f64> {
+    let mut gram = DMatrix::zeros(columns.len(), columns.len());
+    for (i, one) in columns.iter().enumerate() {
+        for (j, other) in columns[..=i].iter().enumerate() {
+            let product = dot(one, other);
+            (gram[(i, j)], gram[(j, i)]) = (product, product);
+        }
+    }
+    gram
 }
 
-fn factor(columns: &[Vec<f64>], ridge: f64) -> Option<Cholesky<f64, Dyn>> {
-    let n = columns.len();
-    Cholesky::new(DMatrix::from_fn(n, n, |i, j| {
-        dot(&columns[i], &columns[j]) + if i == j { ridge } else { 0.0 }
-    }))
+fn factor(mut gram: DMatrix<f64>, ridge: f64) -> Option<Cholesky<f64, Dyn>> {
+    (0..gram.nrows()).for_each(|k| gram[(k, k)] += ridge);
+    Cholesky::new(gram)
 }
 
 /// The columns of a channel, with the rows that don't count set to zero: the same in number and order on every stage of an arm.
@@ -215,10 +246,7 @@ fn of_torque(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
     columns.extend(hats(&stage.load()[joint], &knots.load));
     let speeds: Vec<f64> = v.iter().map(|v| v.abs()).collect();
     let sign: Vec<f64> = v.iter().map(|v| v.signum()).collect();
-    let mut with_sign = |shape: &[f64]| {
-        let signed: Vec<f64> = shape.iter().zip(&sign).map(|(shape, sign)| shape * sign).collect();
-        columns.push(stage.treated(&signed));
-    };
+    let mut with_sign = |shape: &[f64]| columns.push(stage.treated(&product(shape, &sign)));
     hats(&speeds, &knots.speed).iter().for_each(|hat| with_sign(hat));
     with_sign(&stage.whole_load()[joint].iter().map(|load| load.abs()).collect::<Vec<_>>());
     let way = way_since_reversal(&stage.whole().q[joint], v);
@@ -228,6 +256,26 @@ fn of_torque(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
     columns.push(motion.a[joint].clone());
     columns.extend(motion.v.iter().cloned());
     columns
+}
+
+/// Columns of each place.
+const PER_PLACE: usize = 4;
+
+/// At each place of `joint` hat functions about the two ends of its range, as they are and with the sign of the joint's speed.
+fn of_places(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
+    let sign: Vec<f64> = stage.whole().v[joint].iter().map(|v| v.signum()).collect();
+    let of_place = |&(_, [least, most]): &(usize, [f64; 2])| {
+        let wide = (most - least).max(f64::MIN_POSITIVE);
+        let hats = hats(&stage.whole().q[joint], &[least - wide, least, most, most + wide]);
+        let [_, first, last, _] = <[Vec<f64>; PER_PLACE]>::try_from(hats).unwrap_or_default();
+        let signed = [product(&first, &sign), product(&last, &sign)];
+        [first, last].into_iter().chain(signed).map(|shape| stage.treated(&shape)).collect::<Vec<_>>()
+    };
+    knots.places.iter().flat_map(of_place).collect()
+}
+
+fn product(one: &[f64], other: &[f64]) -> Vec<f64> {
+    one.iter().zip(other).map(|(one, other)| one * other).collect()
 }
 
 /// Offsets of every joint as the tool sees them.

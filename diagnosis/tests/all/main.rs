@@ -15,3 +15,4 @@ mod real_recordings;
 mod servos;
 mod servos_beside_torque;
 mod set_up;
+mod teeth;
