@@ -1,6 +1,6 @@
 //! Journals with play in bearings of vertical axes, where nothing holds them to one side.
 
-use crate::common::of_three_axes;
+use crate::generated::of_three_axes;
 
 /// When a bounce ends is not foretold from a recorded motion, and the mean of many looks like a film of oil.
 #[test]

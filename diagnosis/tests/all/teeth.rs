@@ -2,7 +2,7 @@
 
 use freeplay_diagnosis::Verdict;
 
-use crate::common::of_three_axes;
+use crate::generated::of_three_axes;
 
 /// Each passage by itself looks like a push.
 #[test]

@@ -5,10 +5,9 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use freeplay_arm::{
-    Arm, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, forward_kinematics, parse_toml, rnea,
+    Arm, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, forward_kinematics, rnea,
 };
-use freeplay_concealed::{Case, Demand, Machine, Noise, Samples, Severity, generate};
-use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
+use freeplay_concealed::Samples;
 use freeplay_recording::Recording;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
@@ -152,14 +151,3 @@ mass = 0.4
 com = [0.1, 0.0, 0.0]
 inertia = { ixx = 0.01, iyy = 0.01, izz = 0.01, ixy = 0.0, ixz = 0.0, iyz = 0.0 }
 "#;
-
-/// The diagnosis of a machine of three axes whose joint number `joint`, from 0, has an effect of this `kind`, drawn from `seed`.
-pub fn of_three_axes(kind: &str, joint: usize, seed: u64) -> Diagnosis {
-    let effects = vec![Demand { kind: kind.to_owned(), joint: Some(joint), severity: Severity::Clear }];
-    let case =
-        Case { machine: Machine::Three, effects, family: None, noise: Noise::Low, hollow: false, seed };
-    let made = generate(&case).expect("a machine");
-    let file = parse_toml(&made.model, Path::new("model.toml")).expect("a model");
-    let recordings = [&made.recording, &made.second].map(of_samples);
-    diagnose(&file, &recordings, &DiagnoseSettings::default(), &mut |_| {}).expect("rows")
-}

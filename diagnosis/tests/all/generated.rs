@@ -1,0 +1,20 @@
+//! Diagnoses of generated machines.
+
+use std::path::Path;
+
+use freeplay_arm::parse_toml;
+use freeplay_concealed::{Case, Demand, Machine, Noise, Severity, generate};
+use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
+
+use crate::common::of_samples;
+
+/// The diagnosis of a machine of three axes whose joint number `joint`, from 0, has an effect of this `kind`, drawn from `seed`.
+pub fn of_three_axes(kind: &str, joint: usize, seed: u64) -> Diagnosis {
+    let effects = vec![Demand { kind: kind.to_owned(), joint: Some(joint), severity: Severity::Clear }];
+    let case =
+        Case { machine: Machine::Three, effects, family: None, noise: Noise::Low, hollow: false, seed };
+    let made = generate(&case).expect("a machine");
+    let file = parse_toml(&made.model, Path::new("model.toml")).expect("a model");
+    let recordings = [&made.recording, &made.second].map(of_samples);
+    diagnose(&file, &recordings, &DiagnoseSettings::default(), &mut |_| {}).expect("rows")
+}
