@@ -186,6 +186,11 @@ impl<'a> Baseline<'a> {
         &self.measured
     }
 
+    /// What the machine does before its sensors read it.
+    pub fn before_sensors(&self) -> &Prediction {
+        &self.plain
+    }
+
     /// Changes `prediction` as the sensors of `placed` do.
     pub fn sense(&self, placed: &Placed, prediction: &mut Prediction) {
         sense(placed, &self.scene, self.low_pass, prediction);

@@ -21,6 +21,7 @@ use crate::filter::derivatives;
 use crate::motion::{Settings, Treatment};
 use crate::presence::masked;
 use crate::residual::{Channel, Kind, Sharpening, residuals_along};
+use crate::statistics::Moments;
 use crate::stuck::Stuck;
 
 /// What something adds to each channel of a stage; `None` where it adds nothing.
@@ -354,6 +355,39 @@ impl<'a> Stage<'a> {
             masked(off, channel.present.as_deref())
         };
         Ok(self.channels.iter().map(left).collect())
+    }
+
+    /// The share of a small change of each channel that the sensors of the machine with what was found let through, on the kept points: nothing of a torque that has
+    /// reached its limit. `None` of a channel whose sensor bends nothing.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if what was found leaves no possible arm.
+    pub fn let_through(&self) -> Result<Answer, LawError> {
+        /// A change so small, beside the channel, that it moves no corner.
+        const SMALL: f64 = 1e-6;
+        let found = self.found.borrow();
+        let all = self.known.iter().copied().chain(found.iter().map(|(_, placed)| &**placed));
+        if !all.clone().any(|placed| placed.effect.bends()) {
+            return Ok(vec![None; self.channels.len()]);
+        }
+        let beneath = self.beneath(Level::Sensor, true)?;
+        let baseline = beneath.as_deref().unwrap_or(&self.rough);
+        let mut now = baseline.before_sensors().clone();
+        let steps: Vec<f64> =
+            now.columns().map(|column| SMALL * Moments::of(column).rms.max(f64::MIN_POSITIVE)).collect();
+        let mut then = now.clone();
+        for (column, step) in then.columns_mut().zip(&steps) {
+            column.iter_mut().for_each(|x| *x += step);
+        }
+        for placed in all {
+            placed.effect.measure(baseline.scene(), &mut now);
+            placed.effect.measure(baseline.scene(), &mut then);
+        }
+        for ((then, now), step) in then.columns_mut().zip(now.columns()).zip(&steps) {
+            then.iter_mut().zip(now).for_each(|(then, now)| *then = (*then - now) / step);
+        }
+        let is_bent = |share: &[f64]| share.iter().any(|share| (share - 1.0).abs() > SMALL.sqrt());
+        Ok(self.by_channel(|kind| is_bent(kind.of(&then)).then(|| self.treated(kind.of(&then)))))
     }
 
     fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {

@@ -124,6 +124,14 @@ pub(crate) fn nuisances(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance>
     all.extend(of_zeros(stage, tolerances));
     all.extend(of_delays(stage, tolerances));
     all.extend(of_tracker(stage, tolerances));
+    // An arm that can't exist lets through what the arm of the model does.
+    let let_through = stage.let_through().unwrap_or_default();
+    for nuisance in &mut all {
+        for (answer, share) in nuisance.answer.iter_mut().zip(&let_through) {
+            let both = answer.iter_mut().flatten().zip(share.iter().flatten());
+            both.for_each(|(x, share)| *x *= share);
+        }
+    }
     all
 }
 
