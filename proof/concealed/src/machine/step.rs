@@ -282,14 +282,15 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// What each joint handed on to its link, for friction that depends on it.
+    /// What each joint handed on to its link, for friction that depends on it. A rotor that the data sheet names takes its part before that.
     fn hand_on(&mut self, by_current: &[f64], h: f64) {
         let plan = self.plan;
         for (rub, impulse) in self.rubs.iter().zip(&self.impulse).filter(|(rub, _)| rub.shaft.is_none()) {
             let (joint, drive) = (rub.joint, &plan.drives[rub.joint]);
             let (q, v) = (self.x[rub.a], self.u[rub.a]);
             let torque = by_current[joint] + drive.torque(q, v, self.t) + impulse / h;
-            self.handed[joint] = torque;
+            let rotor = plan.arm.joints()[plan.link[joint]].rotor_inertia;
+            self.handed[joint] = torque - rotor * self.a[rub.a];
         }
         for t in &plan.transmissions {
             let (motor, link) = (plan.motor[t.joint], plan.link[t.joint]);

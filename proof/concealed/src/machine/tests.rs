@@ -132,6 +132,25 @@ fn dry_friction_stops_and_holds() {
     assert!((run.u[0] - 0.2).abs() < 1e-9);
 }
 
+/// Friction by the load is a share of what the link takes, not of what its rotor takes: T − μ I a = (I + J) a.
+#[test]
+fn a_rotor_is_no_load_of_its_transmission() {
+    let (inertia, rotor, coefficient, torque) = (0.5, 0.3, 0.4, 2.0);
+    let wheel = wheel(inertia, 0.0, 0.0);
+    let mut joints = wheel.joints().to_vec();
+    joints[0].rotor_inertia = rotor;
+    let arm = Arm::new(wheel.name(), joints, *wheel.tool(), *wheel.gravity()).expect("an arm");
+    let effect = Effect { joint: Some(0), physics: Physics::LoadDependentFriction { coefficient } };
+    let machine = plan(&arm, &[effect], &[0.0]);
+    let mut run = Stepper::new(&machine, 0.0, &[0.0]);
+    (0..400).for_each(|_| run.long_step(&[torque], 0.25e-3).expect("a step"));
+    let before = run.u[0];
+    (0..400).for_each(|_| run.long_step(&[torque], 0.25e-3).expect("a step"));
+    let exact = torque / (inertia + rotor + coefficient * inertia);
+    println!("{:.6} rad/s², closed form {exact:.6}", 10.0 * (run.u[0] - before));
+    assert!((10.0 * (run.u[0] - before) / exact - 1.0).abs() < 1e-6);
+}
+
 /// Motor and link swing against each other at the frequency of the closed form.
 #[test]
 fn an_elastic_joint_resonates_where_it_should() {
