@@ -302,11 +302,17 @@ fn exchanging_folders_links_and_marks_while_runs_are_swept_redirects_nothing() {
             }
             exchanges
         });
-        let removed: usize = (0..sweeps).map(|_| RunRoot::sweep_dead().len()).sum();
+        // On a busy machine the exchanger may not have come to its turn yet.
+        let (start, patience) = (Instant::now(), Duration::from_secs(60));
+        let (mut swept, mut removed) = (0, 0);
+        while swept < sweeps || removed == 0 && start.elapsed() < patience {
+            removed += RunRoot::sweep_dead().len();
+            swept += 1;
+        }
         done.store(true, Ordering::Relaxed);
         (removed, exchanger.join().expect("the exchanger"))
     });
-    println!("{sweeps} sweeps removed {removed} runs amidst {exchanges} exchanges");
+    println!("at least {sweeps} sweeps removed {removed} runs amidst {exchanges} exchanges");
     assert!(removed > 0 && exchanges > 0, "nothing was removed or exchanged: this tests nothing");
     victim.assert_untouched("the exchanges");
     let _ = fs::remove_dir_all(all_runs());
