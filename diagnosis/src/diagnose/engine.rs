@@ -286,9 +286,8 @@ impl Study<'_> {
         let found = self.rivals_resolved(data, &[], found)?;
         let weights = self.weights(data, &[], left, &found.off);
         let (mut search, members) = self.search(data, &[], weights, &found.members)?;
-        // Rows that a law leaves open count for less now than when its numbers were found.
-        let answer = search.polished(members).ok_or(DiagnoseError::Singular)?;
-        self.conclusion(&mut search, &answer, &[])
+        let answer = search.settled(members).and_then(|answer| search.agreed(&answer));
+        self.conclusion(&mut search, &answer.ok_or(DiagnoseError::Singular)?, &[])
     }
 
     /// The events beside the laws `found`. The rows in which these events act are taken out of the test part of `parts`.

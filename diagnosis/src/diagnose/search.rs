@@ -300,26 +300,16 @@ impl<'d, 'a> Search<'d, 'a> {
         for _ in 0..TURNS {
             // Where an earlier form had a tolerance at an edge, a better one need not.
             self.system.unpin()?;
-            members = self.each_refined(members)?;
-            let mut settled = self.settled(members)?;
-            if self.system.is_pinned() {
-                members = self.each_refined(settled.members)?;
-                settled = self.settled(members)?;
+            for place in 0..members.len() {
+                let member = members.remove(place);
+                let better = self.refined(&members, member)?;
+                members.insert(place, better);
             }
+            let settled = self.settled(members)?;
             now = self.agreed(&settled)?;
             members = now.members.clone();
         }
         Some(now)
-    }
-
-    /// `members`, each in the form that explains most beside the others.
-    fn each_refined(&mut self, mut members: Vec<usize>) -> Option<Vec<usize>> {
-        for place in 0..members.len() {
-            let member = members.remove(place);
-            let better = self.refined(&members, member)?;
-            members.insert(place, better);
-        }
-        Some(members)
     }
 
     /// Whether an arm with `members` can exist: no link of it weighs less than nothing.

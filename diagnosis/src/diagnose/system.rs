@@ -407,11 +407,6 @@ impl<'d, 'a> System<'d, 'a> {
         named
     }
 
-    /// Whether a tolerance is held at an edge of its width.
-    pub fn is_pinned(&self) -> bool {
-        self.pins.iter().any(Option::is_some)
-    }
-
     /// Lets all tolerances go.
     pub fn unpin(&mut self) -> Option<()> {
         self.pins.fill(None);
