@@ -1,15 +1,12 @@
 //! The first thing that a person should see: recording and model don't mean the same.
 
-use std::path::Path;
-
 use freeplay_diagnosis::{Certainty, SetupFinding, sentences};
-use freeplay_report::paste::pasted;
 use freeplay_terminal::messages;
 
 use crate::diagnose_screen::{MARGIN, wrapped};
 
-/// What is wrong with the set-up and how to mend it, and the command `again` that reads the recording so, or writes how to; empty where nothing is wrong. What
-/// is only likely is a question.
+/// The block CHECK: each fault of the set-up with its remedy. Where a fault is sure, the command `again` follows, which reads the recording as mended or writes a
+/// mapping file that does. A fault that is only likely is worded as a question. Empty without faults.
 pub fn block(findings: &[SetupFinding], again: &str) -> String {
     let mut text = String::new();
     for (index, (certainty, statement, remedy)) in sentences(findings).into_iter().enumerate() {
@@ -25,13 +22,6 @@ pub fn block(findings: &[SetupFinding], again: &str) -> String {
         text.push_str(&format!("{:MARGIN$}{again}\n", ""));
     }
     text
-}
-
-/// The command that writes how a recording is to be read.
-pub fn command(model: &str, recording: &Path, mapping: Option<&Path>) -> String {
-    let mapping = mapping.map_or_else(String::new, |mapping| format!(" --mapping {}", pasted(mapping)));
-    let model = pasted(Path::new(model));
-    format!("freeplay diagnose --model {model} --recording {}{mapping} --out found", pasted(recording))
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use comfy_table::CellAlignment;
 use freeplay_arm::{ArmFile, EffectTable};
+use freeplay_diagnosis::page::diagnose_command;
 use freeplay_diagnosis::{Channel, ChannelError, Comparison, Kind, Residuals, Settings};
 use freeplay_laws::Effects;
 use freeplay_recording::Recording;
@@ -137,8 +138,10 @@ impl View<'_> {
         for (what, words) in self.heading() {
             let _ = writeln!(text, "{what:11} {words}");
         }
-        let CompareArgs { model, recording, mapping, .. } = self.args;
-        let again = crate::check::command(model, recording, mapping.as_deref());
+        let CompareArgs { model, tip, recording, mapping, .. } = self.args;
+        let recordings = std::slice::from_ref(recording);
+        let again =
+            diagnose_command(model, tip.as_deref(), recordings, None, mapping.as_deref()) + " --out found";
         text.push_str(&crate::check::block(&self.comparison.setup, &again));
         let _ = writeln!(text, "\n{}\n\n{}\n", self.verdict(), self.terminal_table());
         text.push_str(

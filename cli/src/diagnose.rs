@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use freeplay_arm::{ArmFile, to_toml};
-use freeplay_diagnosis::page::{Subject, document};
+use freeplay_diagnosis::page::{Subject, diagnose_command, document};
 use freeplay_diagnosis::{
     DiagnoseError, DiagnoseSettings, Diagnosis, ExciteSettings, Settings, Tolerances, beyond_limits,
     diagnose as diagnosed,
 };
 use freeplay_harness::setup::PAPER_MODEL;
 use freeplay_recording::Recording;
-use freeplay_report::paste::{pasted, seen_from};
+use freeplay_report::paste::seen_from;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
@@ -250,16 +250,7 @@ impl View<'_> {
     /// This diagnosis as a command that reads the recordings by `mapping`.
     fn command(&self, mapping: Option<&Path>) -> String {
         let DiagnoseArgs { model, tip, recording, lowpass, .. } = self.args;
-        let mut words = format!("freeplay diagnose --model {}", pasted(Path::new(model)));
-        if let Some(tip) = tip {
-            words += &format!(" --tip {}", pasted(Path::new(tip)));
-        }
-        words += " --recording";
-        recording.iter().for_each(|path| words += &format!(" {}", pasted(path)));
-        if let Some(lowpass) = lowpass {
-            words += &format!(" --lowpass {lowpass}");
-        }
-        mapping.map_or(words.clone(), |mapping| words + &format!(" --mapping {}", pasted(mapping)))
+        diagnose_command(model, tip.as_deref(), recording, *lowpass, mapping)
     }
 
     /// `freeplay.diagnosis/1`, with what it was made from.
@@ -297,7 +288,7 @@ impl View<'_> {
             None => {}
         }
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
-        // What an earlier diagnosis left, which this one replaces, would pass for its own.
+        // This diagnosis replaces an earlier one in the same folder. Files of that one would pass for files of this one.
         let model = out.join("model.toml");
         if self.diagnosis.has_model() {
             write(&model, &to_toml(&self.diagnosis.model))?;

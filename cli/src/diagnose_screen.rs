@@ -183,7 +183,7 @@ fn findings(diagnosis: &Diagnosis) -> String {
     text
 }
 
-/// What else it could be: what this motion leaves open, and how many it rules out.
+/// The block OR ELSE: explanations that this motion does not tell from a finding, and the number of those that it excludes.
 fn alternatives(diagnosis: &Diagnosis) -> String {
     let (open, ruled_out): (Vec<_>, Vec<_>) =
         diagnosis.alternatives.iter().partition(|other| other.indistinguishable);

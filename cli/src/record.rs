@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::CellAlignment;
 use freeplay_diagnosis::examine;
+use freeplay_diagnosis::page::diagnose_command;
 use freeplay_recording::{BagOptions, Group, ImportOptions, Mapping, Recording};
 use freeplay_report::one_line;
 use freeplay_report::text::{Digits, NOTHING, number};
@@ -123,7 +124,8 @@ fn info(args: &InfoArgs) -> Result<Exit, Failure> {
         let file = measured.model(model, None)?;
         let matched = measured.for_arm(model, &file)?;
         setup = examine(&file.arm, &matched).findings;
-        again = check::command(model, &args.recording, args.mapping.as_deref());
+        let recordings = std::slice::from_ref(&args.recording);
+        again = diagnose_command(model, None, recordings, None, args.mapping.as_deref()) + " --out found";
         described["setup"] = serde_json::to_value(&setup).map_err(Failure::internal)?;
     }
     match args.format {

@@ -112,8 +112,8 @@ impl Comparison {
             .map(|(channel, _)| channel)
     }
 
-    /// Whether noise alone may have the deviation `deviation` in `channel`: it is inside the 95 % that an estimate from so many samples has around the true one, of
-    /// which those behind a low-pass are worth two a period of its cutoff.
+    /// True if the noise of `channel` can explain the `deviation`. An estimate of the noise scatters about the true deviation; this one has to be below the 95 % quantile.
+    /// Behind a low-pass two samples in each period of the cutoff are independent.
     pub fn is_within_noise(&self, channel: &ChannelError, deviation: f64) -> bool {
         /// One-sided 95 % point of the normal distribution.
         const NORMAL_95: f64 = 1.645;
@@ -174,7 +174,7 @@ pub(crate) fn in_parts(
         }
         let noises = noises(recording, &part, &residuals);
         let parts = residuals.channels.iter().zip(noises);
-        channels.iter_mut().zip(parts).for_each(|(tally, (channel, noise))| tally.add(channel, noise));
+        channels.iter_mut().zip(parts).for_each(|(tally, (channel, noise))| tally.add(channel, Some(noise)));
         curves.add(residuals);
     }
     let missing: Vec<Kind> =

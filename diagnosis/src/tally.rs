@@ -71,8 +71,8 @@ pub(crate) struct ChannelTally {
     pub error: Tally,
     without_friction: Option<Tally>,
     max_error: f64,
-    /// Sum over the values of the squares of the noise of each.
-    noise: f64,
+    /// Sum over the values of the squares of the noise of each; `None` if that of a part is not known.
+    noise: Option<f64>,
 }
 
 impl ChannelTally {
@@ -87,12 +87,12 @@ impl ChannelTally {
             error: Tally::default(),
             without_friction: channel.friction.as_ref().map(|_| Tally::default()),
             max_error: 0.0,
-            noise: 0.0,
+            noise: Some(0.0),
         }
     }
 
-    /// Takes one part of the channel, in which it has noise of the deviation `noise`.
-    pub fn add(&mut self, part: &Channel, noise: f64) {
+    /// Takes one part of the channel, in which it has noise of the deviation `noise`, if that is known.
+    pub fn add(&mut self, part: &Channel, noise: Option<f64>) {
         let before = self.error.count;
         let present = part.present.as_deref();
         let residual = part.residual();
@@ -104,7 +104,8 @@ impl ChannelTally {
         {
             tally.add(&only(&residual, present));
         }
-        self.noise += (self.error.count - before) as f64 * noise * noise;
+        let count = (self.error.count - before) as f64;
+        self.noise = self.noise.zip(noise).map(|(sum, noise)| sum + count * noise * noise);
         self.max_error = residual.iter().fold(self.max_error, |most, error| most.max(error.abs()));
     }
 
@@ -136,7 +137,7 @@ impl ChannelTally {
             mean_error: error.mean,
             std_error: error.std,
             max_error: self.max_error,
-            noise: Some((self.noise / self.error.count.max(1) as f64).sqrt()),
+            noise: self.noise.map(|sum| (sum / self.error.count.max(1) as f64).sqrt()),
             lag_s: None,
         }
     }

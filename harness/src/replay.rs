@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use clap::Args;
 use freeplay_arm::{Joint, JointKind};
+use freeplay_laws::torque_unit;
 use freeplay_recording::Recording;
 use freeplay_shm::{Backoff, Command, Greeting, Mode, Offer, Pace, PlantLink, now_ns};
 use freeplay_terminal::arguments::Format;
@@ -108,8 +109,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     let outcome = feed(&mut link, &mut controller.0, &recording, &setup, root.address().run(), &stop);
     drop(controller);
     let unit = |joint: &Joint| match (setup.plant.mode, joint.kind) {
-        (Mode::Torque, JointKind::Revolute) => "N*m",
-        (Mode::Torque, JointKind::Prismatic) => "N",
+        (Mode::Torque, kind) => torque_unit(kind),
         (_, JointKind::Revolute) => "rad",
         (_, JointKind::Prismatic) => "m",
     };

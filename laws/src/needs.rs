@@ -4,6 +4,7 @@ use freeplay_arm::JointKind;
 
 use crate::basis::Place;
 use crate::kind::{Kind, Site};
+use crate::scene::torque_unit;
 
 /// What was recorded beside the motion.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -107,10 +108,8 @@ impl Need {
         let load = &place.scene.load[joint];
         let (least, most) = extremes(q);
         let kind = place.scene.arm.joints()[joint].kind;
-        let (of_way, of_load) = match kind {
-            JointKind::Revolute => ("rad", "N·m"),
-            JointKind::Prismatic => ("m", "N"),
-        };
+        let of_way = if kind == JointKind::Revolute { "rad" } else { "m" };
+        let of_load = torque_unit(kind).replace('*', "·");
         match self {
             Need::Motion => (!v.iter().any(|v| v.abs() > STILL))
                 .then(|| format!("{name} does not move in this recording")),

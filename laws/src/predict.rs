@@ -186,7 +186,7 @@ impl<'a> Baseline<'a> {
         &self.measured
     }
 
-    /// What the machine does before its sensors read it.
+    /// The prediction of the true torques and positions, before gains, delays and limits of the sensors change them.
     pub fn before_sensors(&self) -> &Prediction {
         &self.plain
     }

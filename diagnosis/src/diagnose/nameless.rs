@@ -47,7 +47,7 @@ pub(crate) struct JointRange {
 }
 
 impl JointRange {
-    /// Whether `self` and `other` have a position of one joint in common.
+    /// True if both ranges belong to the same joint and overlap.
     pub fn meets(&self, other: &Self) -> bool {
         self.joint == other.joint && self.range[0] <= other.range[1] && other.range[0] <= self.range[1]
     }

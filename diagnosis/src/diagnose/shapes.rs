@@ -144,8 +144,8 @@ impl CommonShapes {
         self.most_probable(residual, places).evidence
     }
 
-    /// What the shapes that act everywhere say of every row once they are fitted to `residual`, by channel: with the prior size of shapes under which its rows are most
-    /// probable.
+    /// The prediction of the shapes that act everywhere, by channel and row. Their coefficients are fitted to `residual`, with the prior size of shapes under which its rows
+    /// are most probable.
     pub fn said(&self, data: &Data, residual: &[Vec<f64>], knots: &[Knots]) -> Vec<(usize, Vec<f64>)> {
         let beta = self.most_probable(residual, &[]).beta;
         let of_channel = |&c: &usize| {

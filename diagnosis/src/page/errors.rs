@@ -14,7 +14,8 @@ const DRAWS: usize = 400;
 
 type Pick = fn(&Trace) -> &[f64];
 
-/// What is compared, from the plainest model to the findings, and the least that can be left: the names of their errors wherever these are shown, and what each is.
+/// The models that are compared, from the plainest to the one with the findings, then the noise floor. Each has the name of its error, which the screen, the report and
+/// Python share, and a meaning.
 pub const MODELS: [(&str, &str); 5] = [
     ("as given", "the model as it is"),
     ("re-tuned", "its masses, lengths, frictions, zeros and delays moved inside their tolerances"),
@@ -22,7 +23,7 @@ pub const MODELS: [(&str, &str); 5] = [
     ("with findings", "re-tuned, with the findings: the model that is written"),
     ("noise floor", "what the instruments alone leave"),
 ];
-/// The same of positions that are simulated from the commanded ones.
+/// The meanings for positions that are simulated from the commanded ones.
 const OF_POSITIONS: [&str; 5] = [
     "the servos of the model, or without any the command itself",
     "the command taken late",
@@ -31,7 +32,7 @@ const OF_POSITIONS: [&str; 5] = [
     "rounding",
 ];
 
-/// What each of the [`MODELS`] is for these `channels`, in one line.
+/// The meanings of the [`MODELS`] in one line. Simulated positions among the `channels` have meanings of their own.
 pub fn meanings<'a>(mut channels: impl Iterator<Item = &'a str>) -> String {
     let are_positions = channels.all(|channel| channel.starts_with('q') && !channel.starts_with("q_link"));
     let of = |(index, (name, meaning)): (usize, &(&str, &str))| {

@@ -1,8 +1,10 @@
 //! `report.html` of a diagnosis: the verdict first, then what, where, how much better, what else it could be, and what to do next.
 //!
 //! Files in the order of the page: `findings` (each effect with its pictures, made by `picture` from `points`), `errors` (held-out
-//! errors with intervals), `over_time`, `rest` (what else, what can't be told, the model, how it was judged).
+//! errors with intervals), `over_time`, `rest` (what else, what can't be told, the model, how it was judged). `commands`
+//! words the commands that page and terminal print.
 
+mod commands;
 mod errors;
 mod findings;
 mod over_time;
@@ -17,12 +19,12 @@ use freeplay_report::units::{people, written};
 use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Verdict};
 
 use crate::{Certainty, Diagnosis, Fit, Verdict as Outcome, sentences};
-use freeplay_report::paste::pasted;
 
+pub use commands::{commands, diagnose_command};
 pub use errors::{MODELS, meanings};
 pub use findings::{kind_title, title};
 pub use picture::{of as pictures, strongest_map};
-pub use rest::{commands, in_words, reasons};
+pub use rest::{in_words, reasons};
 
 /// What a report is about.
 pub struct Subject<'a> {
@@ -45,7 +47,6 @@ pub struct Subject<'a> {
 /// The page.
 pub fn document(subject: &Subject) -> Document {
     let Subject { model, recordings, mapping, diagnosis, .. } = subject;
-    let mapping = mapping.map_or_else(String::new, |mapping| format!(" --mapping {}", pasted(mapping)));
     let names: Vec<String> = recordings.iter().map(|path| path.display().to_string()).collect();
     let mut document =
         Document::new("Freeplay diagnosis").subtitle(format!("{model} against {}", names.join(", ")));
@@ -64,10 +65,9 @@ pub fn document(subject: &Subject) -> Document {
         rest::judged(diagnosis),
     ];
     sections.into_iter().flatten().fold(document, Document::section).footer(format!(
-        "seed {}; `freeplay diagnose --model {} --recording {}{mapping}`",
+        "seed {}; `{}`",
         diagnosis.seed,
-        pasted(Path::new(model)),
-        recordings.iter().map(|path| pasted(path)).collect::<Vec<_>>().join(" ")
+        diagnose_command(model, None, recordings, None, *mapping)
     ))
 }
 

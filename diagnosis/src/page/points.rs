@@ -8,7 +8,7 @@ const BINS: usize = 24;
 const CLEARLY: f64 = 0.03;
 /// Share of the law that one variable has to explain for the directions not to be told apart.
 const ENOUGH: f64 = 0.9;
-/// What laws are looked at over; of two that are as good, the first is taken.
+/// The quantities over which a law may be drawn. Of two that show it as clearly, the first is taken.
 const QUANTITIES: [&str; 6] = ["velocity", "load", "position", "acceleration", "way", "time"];
 
 /// One channel of all passages, as an effect sees it. All columns are of one length.

@@ -1,7 +1,5 @@
 //! The end of the page: what else it could be, what can't be told here, the model, what to do next, and how it was judged.
 
-use std::path::Path;
-
 use freeplay_arm::to_toml;
 use freeplay_report::units::power_of_ten;
 use freeplay_report::{Block, Cell, Column, Section, Table, Verdict};
@@ -9,7 +7,6 @@ use freeplay_report::{Block, Cell, Column, Section, Table, Verdict};
 use super::Subject;
 use super::findings::{kind_title, title};
 use crate::Diagnosis;
-use freeplay_report::paste::{pasted, quoted};
 
 /// Most rows of the table of evidence.
 const ROWS: usize = 40;
@@ -85,29 +82,6 @@ pub fn reasons(diagnosis: &Diagnosis) -> Vec<(&str, Vec<&str>)> {
         }
     }
     reasons
-}
-
-/// The commands that use `model`: one that compares it with `recording`, read by `mapping`, and one that moves the arm with it. Where the recording is one of a
-/// `scenario`, a controller plays that scenario again with this model in the place of the one it had.
-pub fn commands(
-    model: &Path,
-    recording: &Path,
-    mapping: Option<&Path>,
-    scenario: Option<&Path>,
-) -> [String; 2] {
-    let mapping = mapping.map_or_else(String::new, |mapping| format!(" --mapping {}", pasted(mapping)));
-    let compare =
-        format!("freeplay compare --model {} --recording {}{mapping}", pasted(model), pasted(recording));
-    let run = match scenario {
-        Some(scenario) => {
-            // A scenario's paths are those seen from its own folder.
-            let absolute = std::path::absolute(model).unwrap_or_else(|_| model.to_owned());
-            let key = quoted(&format!("controller.model={}", absolute.display()));
-            format!("freeplay run {} --controller narx-qp --set {key}", pasted(scenario))
-        }
-        None => format!("freeplay run --model {}   # moves each joint on a sine", pasted(model)),
-    };
-    [compare, run]
 }
 
 /// The model with what was found, and what to do with it; `None` where nothing was compared with it.

@@ -5,7 +5,7 @@ use freeplay_recording::{Group, Recording};
 use freeplay_servo::{Rollout, ServoArm, Track, lag};
 
 use super::tracks::{for_lags, longest_gap, rollout_step, track};
-use crate::comparison::{ChannelError, Comparison, SCHEMA};
+use crate::comparison::{Comparison, SCHEMA};
 use crate::conventions::examine;
 use crate::error::ResidualError;
 use crate::notes;
@@ -61,8 +61,8 @@ pub fn compare_commands(
     channels.retain(|channel| !channel.is_missing());
     let errors = channels.iter().map(|channel| {
         let mut tally = ChannelTally::like(channel);
-        tally.add(channel, 0.0);
-        let mut error = ChannelError { noise: None, ..tally.error(&file.arm) };
+        tally.add(channel, None);
+        let mut error = tally.error(&file.arm);
         if let Kind::Position(joint) = channel.kind {
             error.lag_s = Some(lags[joint]);
         }

@@ -21,7 +21,7 @@ use serde_json::json;
 
 /// What a run that is killed plays: short, so that start, loop and end take about the same time.
 const KILLED: [&str; 3] = ["duration=1", "recording=mcap", "patience=2"];
-/// What the run plays that nobody kills: the same, but that it waits for its controller as long as a busy machine takes to start one.
+/// Settings of the run that nobody kills. They are those of [`KILLED`], but the run waits longer for its controller: a busy machine is slow to start one.
 const WHOLE: [&str; 3] = ["duration=1", "recording=mcap", "patience=60"];
 /// How long a run may take to end after a process of it was killed. Long enough for a machine that does much else.
 const LONGEST: Duration = Duration::from_secs(120);

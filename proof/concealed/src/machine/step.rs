@@ -282,7 +282,8 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// What each joint handed on to its link, for friction that depends on it. A rotor that the data sheet names takes its part before that.
+    /// Updates the torque that each joint hands on to its link, which friction by the load depends on. The rotor that the data sheet names takes its own part of the
+    /// drive's torque, and does not hand it on.
     fn hand_on(&mut self, by_current: &[f64], h: f64) {
         let plan = self.plan;
         for (rub, impulse) in self.rubs.iter().zip(&self.impulse).filter(|(rub, _)| rub.shaft.is_none()) {

@@ -1,0 +1,54 @@
+//! Commands that are printed, in a form that can be pasted into a shell.
+
+use std::path::{Path, PathBuf};
+
+use freeplay_report::paste::{pasted, quoted};
+
+/// The command that diagnoses `recordings`, read by `mapping`, against the `model`, of which the arm ends at the link `tip`, behind a low-pass at `lowpass` Hz.
+pub fn diagnose_command(
+    model: &str,
+    tip: Option<&str>,
+    recordings: &[PathBuf],
+    lowpass: Option<f64>,
+    mapping: Option<&Path>,
+) -> String {
+    let tip = tip.map_or_else(String::new, |tip| format!(" --tip {}", pasted(Path::new(tip))));
+    let recordings: Vec<String> = recordings.iter().map(|path| pasted(path)).collect();
+    let lowpass = lowpass.map_or_else(String::new, |lowpass| format!(" --lowpass {lowpass}"));
+    format!(
+        "freeplay diagnose --model {}{tip} --recording {}{lowpass}{}",
+        pasted(Path::new(model)),
+        recordings.join(" "),
+        mapping_option(mapping)
+    )
+}
+
+/// The commands that use `model`: one that compares it with `recording`, read by `mapping`, and one that moves the arm with it. Where the recording is one of a
+/// `scenario`, a controller plays that scenario again with this model in the place of the one it had.
+pub fn commands(
+    model: &Path,
+    recording: &Path,
+    mapping: Option<&Path>,
+    scenario: Option<&Path>,
+) -> [String; 2] {
+    let compare = format!(
+        "freeplay compare --model {} --recording {}{}",
+        pasted(model),
+        pasted(recording),
+        mapping_option(mapping)
+    );
+    let run = match scenario {
+        Some(scenario) => {
+            // A scenario's paths are those seen from its own folder.
+            let absolute = std::path::absolute(model).unwrap_or_else(|_| model.to_owned());
+            let key = quoted(&format!("controller.model={}", absolute.display()));
+            format!("freeplay run {} --controller narx-qp --set {key}", pasted(scenario))
+        }
+        None => format!("freeplay run --model {}   # moves each joint on a sine", pasted(model)),
+    };
+    [compare, run]
+}
+
+fn mapping_option(mapping: Option<&Path>) -> String {
+    mapping.map_or_else(String::new, |mapping| format!(" --mapping {}", pasted(mapping)))
+}
