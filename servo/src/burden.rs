@@ -1,4 +1,4 @@
-//! What an arm carries and how it stands beside what its file says: a payload at the tool, links of other masses, a base that leans. The laws are the catalogue's.
+//! What an arm carries and how it stands beside what its file says: a payload on its last link, links of other masses, a base that leans. The laws are the catalogue's.
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
 use freeplay_laws::Effects;
@@ -10,36 +10,38 @@ use crate::unknowns::Quantity;
 #[derive(Clone, Debug)]
 pub struct Burden {
     bare: Arm,
-    payload: f64,
     /// Logarithms of true over modelled masses of links.
     links: Vec<f64>,
-    /// Roll and pitch of the base, rad.
-    turn: [f64; 2],
+    /// The numbers of the whole arm, in the order of [`OF_ARM`].
+    whole: [f64; OF_ARM.len()],
 }
+
+/// The quantities of the whole arm.
+const OF_ARM: [Quantity; 6] = [
+    Quantity::Payload,
+    Quantity::PayloadX,
+    Quantity::PayloadY,
+    Quantity::PayloadZ,
+    Quantity::Roll,
+    Quantity::Pitch,
+];
 
 impl Burden {
     /// No burden of `arm`.
     pub fn none(arm: &Arm) -> Burden {
-        Burden { bare: arm.clone(), payload: 0.0, links: vec![0.0; arm.dof()], turn: [0.0; 2] }
+        Burden { bare: arm.clone(), links: vec![0.0; arm.dof()], whole: [0.0; OF_ARM.len()] }
     }
 
     /// The number `quantity` of the link of `joint`, or of the whole arm.
     pub fn of(&self, joint: usize, quantity: Quantity) -> f64 {
-        match quantity {
-            Quantity::Payload => self.payload,
-            Quantity::LinkMass => self.links[joint],
-            Quantity::Roll => self.turn[0],
-            _ => self.turn[1],
-        }
+        place(quantity).map_or(self.links[joint], |at| self.whole[at])
     }
 
     /// Gives it the value `x`.
     pub fn set(&mut self, joint: usize, quantity: Quantity, x: f64) {
-        match quantity {
-            Quantity::Payload => self.payload = x,
-            Quantity::LinkMass => self.links[joint] = x,
-            Quantity::Roll => self.turn[0] = x,
-            _ => self.turn[1] = x,
+        match place(quantity) {
+            Some(at) => self.whole[at] = x,
+            None => self.links[joint] = x,
         }
     }
 
@@ -52,22 +54,23 @@ impl Burden {
             line: 0,
         };
         let mut tables = Vec::new();
+        let [payload, x, y, z, roll, pitch] = self.whole;
         for (joint, log) in self.bare.joints().iter().zip(&self.links).filter(|(_, log)| **log != 0.0) {
             let scale = Table::from_iter([("scale".to_owned(), Value::Float(log.exp()))]);
             tables.push(table("link_mass", Some(joint.name.clone()), scale));
         }
-        if self.payload != 0.0 {
+        if payload != 0.0 {
             let place = self.bare.tool().translation.vector;
-            let com = place.iter().map(|x| Value::Float(*x)).collect();
-            let mass = ("mass".to_owned(), Value::Float(self.payload));
+            let com = place.iter().zip([x, y, z]).map(|(tool, off)| Value::Float(tool + off)).collect();
+            let mass = ("mass".to_owned(), Value::Float(payload));
             tables.push(table(
                 "payload",
                 None,
                 Table::from_iter([mass, ("com".to_owned(), Value::Array(com))]),
             ));
         }
-        if self.turn != [0.0; 2] {
-            let turn = ["roll", "pitch"].into_iter().zip(self.turn);
+        if [roll, pitch] != [0.0; 2] {
+            let turn = ["roll", "pitch"].into_iter().zip([roll, pitch]);
             let turn = turn.map(|(name, angle)| (name.to_owned(), Value::Float(angle)));
             tables.push(table("base_tilt", None, turn.collect()));
         }
@@ -79,4 +82,9 @@ impl Burden {
         let file = ArmFile { arm: self.bare.clone(), effects: self.tables(), ignored: Vec::new() };
         Effects::of(&file).ok()?.changed(&self.bare).ok()
     }
+}
+
+/// Where `quantity` stands among those of the whole arm; `None` if it is a link's.
+fn place(quantity: Quantity) -> Option<usize> {
+    OF_ARM.iter().position(|one| *one == quantity)
 }

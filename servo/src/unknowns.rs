@@ -27,8 +27,14 @@ pub enum Quantity {
     TorqueLimit,
     /// Natural logarithm of the speed limit in rad/s.
     SpeedLimit,
-    /// Mass at the tool beside what the arm file has, kg; of the whole arm.
+    /// Mass on the last link beside what the arm file has, kg; of the whole arm.
     Payload,
+    /// Where its centre of mass is off the tool, along x of the last link's frame, m; of the whole arm.
+    PayloadX,
+    /// The same along y.
+    PayloadY,
+    /// The same along z.
+    PayloadZ,
     /// Natural logarithm of the true over the modelled mass of the joint's link.
     LinkMass,
     /// Roll of the base, rad; of the whole arm.
@@ -40,7 +46,13 @@ pub enum Quantity {
 impl Quantity {
     /// Whether it is the arm's, and not a servo's.
     pub fn is_of_arm(self) -> bool {
-        matches!(self, Quantity::Payload | Quantity::LinkMass | Quantity::Roll | Quantity::Pitch)
+        use Quantity::{LinkMass, Payload, PayloadX, PayloadY, PayloadZ, Pitch, Roll};
+        matches!(self, Payload | PayloadX | PayloadY | PayloadZ | LinkMass | Roll | Pitch)
+    }
+
+    /// Whether it says where a body is, and not whether there is one.
+    pub fn is_place(self) -> bool {
+        matches!(self, Quantity::PayloadX | Quantity::PayloadY | Quantity::PayloadZ)
     }
 
     /// The least value that is physical.
@@ -69,8 +81,8 @@ impl Quantity {
             Quantity::Deadband => joint.deadband,
             Quantity::TorqueLimit => (joint.torque_limit / joint.stiffness).ln(),
             Quantity::SpeedLimit => joint.speed_limit.ln(),
-            // No servo has it.
-            Quantity::Payload | Quantity::LinkMass | Quantity::Roll | Quantity::Pitch => 0.0,
+            // No servo has what is the arm's.
+            _ => 0.0,
         }
     }
 
@@ -121,7 +133,7 @@ impl Quantity {
             Quantity::Deadband => joint.deadband = x,
             Quantity::TorqueLimit => joint.torque_limit = stiffness * x.exp(),
             Quantity::SpeedLimit => joint.speed_limit = x.exp(),
-            Quantity::Payload | Quantity::LinkMass | Quantity::Roll | Quantity::Pitch => {}
+            _ => {}
         }
     }
 }

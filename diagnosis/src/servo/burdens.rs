@@ -1,7 +1,7 @@
 //! Payloads and tilted bases that the model does not have. The droop of the servos changes with the pose in another way for each of them, whatever the servos' stiffness.
 //! One link's mass is asked for beside given servos alone: beside unknown ones it is a softer servo at its own joint, and what it does at those before hardly tells it from the rest of the law.
 
-use freeplay_arm::ArmFile;
+use freeplay_arm::{Arm, ArmFile};
 use freeplay_servo::{Fitted, Problem, Quantity, ServoArm, Unknown};
 
 use super::limits::{BELIEVED, lost};
@@ -48,11 +48,14 @@ pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
     };
     let all: f64 = joints.iter().map(|joint| joint.inertia.mass).sum();
     let burdened = |kind, joint, unknowns| Burdened { kind, joint, unknowns, rivals: Vec::new() };
-    let payload = burdened("payload", None, vec![unknown(0, Quantity::Payload, all)]);
+    let (mass, length) = (unknown(0, Quantity::Payload, all), link_length(&file.arm));
+    let place = [Quantity::PayloadX, Quantity::PayloadY, Quantity::PayloadZ]
+        .map(|quantity| unknown(0, quantity, length));
+    let payload = burdened("payload", None, [mass].into_iter().chain(place).collect());
     let lean = [Quantity::Roll, Quantity::Pitch].map(|quantity| unknown(0, quantity, LEAN));
     let lean = burdened("base_tilt", None, lean.to_vec());
     let mut burdens = vec![
-        (payload, PAYLOADS.map(|share| vec![share * all]).to_vec()),
+        (payload, PAYLOADS.map(|share| vec![share * all, 0.0, 0.0, 0.0]).to_vec()),
         (lean, LEANS.map(|lean| lean.to_vec()).to_vec()),
     ];
     let masses = (0..joints.len()).map(|joint| {
@@ -62,6 +65,13 @@ pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
     burdens.extend(masses);
     burdens.retain(|(one, _)| is_free(one.kind, one.joint));
     burdens
+}
+
+/// Usual length of a link of `arm`, m: what an arm carries is about as large as its links, and its centre of mass is so far off the tool.
+fn link_length(arm: &Arm) -> f64 {
+    let joints = arm.joints().iter().skip(1).map(|joint| joint.placement.translation.vector.norm());
+    let all: f64 = joints.sum::<f64>() + arm.tool().translation.vector.norm();
+    all / arm.dof() as f64
 }
 
 /// The masses of links inside of their tolerance: no finding, and nothing may be one that they explain.
@@ -76,8 +86,8 @@ pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
 
 /// Factors of a link's mass at which a fit begins, as a fit from the modelled mass may not lead there.
 const MASSES: [f64; 4] = [0.5, 0.75, 1.33, 2.0];
-/// The same for payloads and leans: what a payload may weigh, as shares of the arm; how far a base may lean, rad.
-const PAYLOADS: [f64; 5] = [0.03, 0.1, 0.2, 0.4, 0.8];
+/// The same for payloads and leans: what a payload may weigh, as shares of the arm, from none on, as the best one lies between two that are tried; how far a base may lean, rad.
+const PAYLOADS: [f64; 5] = [0.0, 0.1, 0.2, 0.4, 0.8];
 const LEANS: [[f64; 2]; 8] =
     [[-0.2, -0.2], [-0.2, 0.0], [-0.2, 0.2], [0.0, -0.2], [0.0, 0.2], [0.2, -0.2], [0.2, 0.0], [0.2, 0.2]];
 

@@ -86,6 +86,16 @@ impl Change {
         Burdened { kind: self.kind, joint: self.joint, unknowns: self.unknowns.clone(), rivals: Vec::new() }
     }
 
+    /// Whether `other` changes the same numbers.
+    pub fn is_same(&self, other: &Change) -> bool {
+        self.unknowns.len() == other.unknowns.len() && self.unknowns.iter().all(|unknown| other.has(unknown))
+    }
+
+    /// Its numbers without which it is not there: all but those that say where it is.
+    pub fn present(&self) -> impl Iterator<Item = &Unknown> {
+        self.unknowns.iter().filter(|unknown| !unknown.quantity.is_place())
+    }
+
     /// Whether the change has the number `unknown`.
     pub fn has(&self, unknown: &Unknown) -> bool {
         self.unknowns.iter().any(|one| one.is_same(unknown))

@@ -167,13 +167,19 @@ impl Conclusion<'_> {
             let evidence = self.evidence(finding);
             return (self.is_told(finding) && evidence > named_from(self.moves.len())).then_some(evidence);
         };
-        let numbers: Vec<&Unknown> = finding
-            .quantities()
-            .filter_map(|quantity| self.numbers.index(finding.joint, quantity))
-            .map(|index| &self.numbers.unknowns[index])
-            .collect();
-        let said = changes.iter().filter(|change| numbers.iter().any(|number| change.has(number)));
-        said.map(|change| change.evidence).reduce(f64::max)
+        let references = self.references(finding);
+        let said = changes.iter().filter_map(|change| {
+            let own = references.iter().filter(|(index, _)| change.has(&self.numbers.unknowns[*index]));
+            let farthest = own.map(|(index, old)| self.odds_of_distance(*index, *old)).reduce(f64::max)?;
+            Some(change.evidence.min(farthest))
+        });
+        said.reduce(f64::max).filter(|evidence| *evidence > named_from(self.moves.len()))
+    }
+
+    /// The most that the log odds of the number `index` against its value `old` can be: ½ z² of its distance beyond the tolerance and what the last fit leaves open. A search that
+    /// went on without what happened to the arm may have moved a number after its change was found.
+    fn odds_of_distance(&self, index: usize, old: f64) -> f64 {
+        0.5 * self.numbers.distance(index, old, &self.settings.tolerances).powi(2)
     }
 
     /// Whether the data tell `finding` from what was given: one of its numbers is beyond what fit part and tolerance leave open, and, put back with all else as it fits best then, moves the simulated position
@@ -254,7 +260,8 @@ impl Conclusion<'_> {
     fn burden(&self, burdened: &Burdened, clean: &[Rows]) -> Option<Effect> {
         let (fitted, kind) = (self.numbers.fitted, known(burdened.kind));
         let index = |unknown: &Unknown| self.numbers.unknowns.iter().position(|one| one == unknown);
-        let numbers: Vec<usize> = burdened.unknowns.iter().filter_map(index).collect();
+        let present = burdened.unknowns.iter().filter(|unknown| !unknown.quantity.is_place());
+        let numbers: Vec<usize> = present.filter_map(index).collect();
         let (evidence, strongest) = self.told_burden(burdened, &numbers)?;
         let tables = fitted.model.burden.as_ref()?.tables();
         let joint = burdened.joint.map(|joint| self.numbers.file.arm.joints()[joint].name.clone());
@@ -315,7 +322,8 @@ impl Conclusion<'_> {
         if let Some(changes) = self.changes {
             let change = changes.iter().find(|change| burdened.unknowns.iter().any(|one| change.has(one)))?;
             let strongest = numbers.iter().copied().max_by(|a, b| distance(*a).total_cmp(&distance(*b)))?;
-            return Some((change.evidence, strongest));
+            let evidence = change.evidence.min(self.odds_of_distance(strongest, 0.0));
+            return (evidence > named_from(self.moves.len())).then_some((evidence, strongest));
         }
         let here = lost(self.choice, &fitted.model, &fitted.noise);
         let evidence = |index: usize| {

@@ -328,7 +328,7 @@ pub fn tolerance(quantity: Quantity, value: f64, tolerances: &Tolerances) -> f64
         Quantity::Delay => tolerances.delay,
         Quantity::Offset => tolerances.zero,
         Quantity::LinkMass => tolerances.mass,
-        Quantity::Payload | Quantity::Roll | Quantity::Pitch => 0.0,
+        _ => 0.0,
     }
 }
 

@@ -27,6 +27,17 @@ impl Changed {
         let joints = &self.fitted.model.joints;
         self.unknowns.iter().map(|unknown| unknown.as_ratio(joints[unknown.joint].stiffness)).collect()
     }
+
+    /// Logarithm of the usual size of what it leaves, over all joints.
+    fn size(&self) -> f64 {
+        self.fitted.noise.size.iter().map(|size| size.ln()).sum()
+    }
+
+    /// Whether `other` has the same changes, in whatever order.
+    fn has_same_changes(&self, other: &Changed) -> bool {
+        let has = |change: &Change| self.changes.iter().any(|own| own.is_same(change));
+        self.changes.len() == other.changes.len() && other.changes.iter().all(has)
+    }
 }
 
 /// The search for changes.
@@ -35,23 +46,26 @@ struct Search<'a> {
     known: Vec<Unknown>,
     candidates: Vec<Change>,
     given: &'a ServoArm,
+    /// The nearest fit so far of each set of changes. A descent may end in a local minimum; two models are compared where each is nearest to the recordings.
+    met: Vec<Changed>,
 }
 
 impl<'a> Search<'a> {
     /// A search in the fit and the choice part.
     fn new(parts: [&'a Problem<'a>; 2], given: &Given<'a>) -> Search<'a> {
-        Search { parts, known: given.known(), candidates: given.candidates(parts[0]), given: given.model }
+        let (known, candidates) = (given.known(), given.candidates(parts[0]));
+        Search { parts, known, candidates, given: given.model, met: Vec::new() }
     }
 
     /// The given model and the changes that the recordings ask for, beginning with those of `begun`.
-    fn run(&self, begun: Option<Changed>, progress: &mut dyn FnMut(&str)) -> Changed {
+    fn run(&mut self, begun: Option<Changed>, progress: &mut dyn FnMut(&str)) -> Changed {
         let mut changed = match begun {
             Some(begun) => self.fit(&begun.fitted.model, begun.changes, progress),
             None => self.fit(self.given, Vec::new(), progress),
         };
         // No cause is added twice.
         for _ in 0..self.candidates.len() {
-            let Some(more) = self.add(&changed, progress) else { break };
+            let Some(more) = self.add(&mut changed, progress) else { break };
             changed = more;
         }
         while let Some(fewer) = self.drop(&mut changed, progress) {
@@ -67,12 +81,37 @@ impl<'a> Search<'a> {
         known.chain(changes.iter().flat_map(|change| change.unknowns.iter().copied())).collect()
     }
 
-    fn fit(&self, model: &ServoArm, changes: Vec<Change>, progress: &mut dyn FnMut(&str)) -> Changed {
+    /// The given model with `changes`, fitted from `model` onwards, or as a fit before brought it nearer.
+    fn fit(&mut self, model: &ServoArm, changes: Vec<Change>, progress: &mut dyn FnMut(&str)) -> Changed {
         let unknowns = self.unknowns(&changes);
         let words = format!("fitting the given model with {} changes", changes.len());
         let fitted =
             self.parts[0].fit(model, &unknowns, &mut |step, _| progress(&format!("{words}, step {step}")));
-        Changed { changes, fitted, unknowns }
+        let changed = Changed { changes, fitted, unknowns };
+        let Some(at) = self.met.iter().position(|known| known.has_same_changes(&changed)) else {
+            self.met.push(changed.clone());
+            return changed;
+        };
+        if self.is_nearer(&changed, &self.met[at]) {
+            self.met[at] = changed.clone();
+            return changed;
+        }
+        Changed { changes: changed.changes, ..self.met[at].clone() }
+    }
+
+    /// `model` without the numbers of `change` that the given model does not have, to begin a fit from.
+    fn without(&self, change: &Change, model: &ServoArm) -> ServoArm {
+        let mut model = model.clone();
+        let is_known = |unknown: &&Unknown| self.known.iter().any(|known| known.is_same(unknown));
+        let new = change.unknowns.iter().filter(|unknown| !is_known(unknown));
+        new.for_each(|unknown| unknown.set(&mut model, unknown.of(self.given)));
+        model
+    }
+
+    /// Whether `one`, which has the changes of `other`, leaves less than that.
+    fn is_nearer(&self, one: &Changed, other: &Changed) -> bool {
+        let noise = nearer_noise(one, other);
+        self.left(one, noise) < self.left(other, noise)
     }
 
     /// What the fit part loses by `changed`.
@@ -107,18 +146,26 @@ impl<'a> Search<'a> {
             // Of a limit that the given model lacks, there is no distance.
             if given.is_finite() { (value - given) / deviation.hypot(tolerance) } else { f64::INFINITY }
         };
-        let beyond =
-            change.unknowns.iter().map(|unknown| 0.5 * distance(unknown).powi(2)).fold(0.0, f64::max);
+        let beyond = change.present().map(|unknown| 0.5 * distance(unknown).powi(2)).fold(0.0, f64::max);
         (left(without) - left(changed) - Search::price(change, changed)).min(beyond)
     }
 
-    /// `changed` with one more change: of those that a name could be given the one that leaves least.
-    fn add(&self, changed: &Changed, progress: &mut dyn FnMut(&str)) -> Option<Changed> {
+    /// `changed` with one more change: of those that a name could be given the one that leaves least. Where a fit with one more ends nearer to the recordings, `changed` is fitted anew
+    /// from there.
+    fn add(&mut self, changed: &mut Changed, progress: &mut dyn FnMut(&str)) -> Option<Changed> {
         progress("asking which change of the given model explains most");
-        let mut best: Option<(Changed, Change)> = None;
+        let mut tried: Vec<(Changed, Change)> = Vec::new();
         for (change, begin) in self.promising(changed) {
             let changes = changed.changes.iter().cloned().chain([change.clone()]).collect();
-            let with = self.fit(&begin, changes, progress);
+            tried.push((self.fit(&begin, changes, progress), change));
+        }
+        let nearest = tried.iter().min_by(|a, b| a.0.size().total_cmp(&b.0.size()));
+        if let Some((with, change)) = nearest.filter(|(with, _)| with.size() < changed.size()) {
+            let begin = self.without(change, &with.fitted.model);
+            *changed = self.fit(&begin, changed.changes.clone(), progress);
+        }
+        let mut best: Option<(Changed, Change)> = None;
+        for (with, change) in tried {
             let evidence = self.evidence(&change, &with, changed);
             let is_better = best.as_ref().is_none_or(|(other, before)| {
                 let noise = nearer_noise(&with, other);
@@ -156,7 +203,7 @@ impl<'a> Search<'a> {
     }
 
     /// `changed` without the change that least is lost without, if that is less than a name needs. Else the changes of `changed` are told by how much is lost without them.
-    fn drop(&self, changed: &mut Changed, progress: &mut dyn FnMut(&str)) -> Option<Changed> {
+    fn drop(&mut self, changed: &mut Changed, progress: &mut dyn FnMut(&str)) -> Option<Changed> {
         let mut least: Option<(f64, Changed)> = None;
         for index in 0..changed.changes.len() {
             let mut changes = changed.changes.clone();
@@ -246,8 +293,7 @@ fn best_place(change: &Change, model: &ServoArm, far: impl Fn(&ServoArm) -> f64)
 
 /// The noise of the one of two fits that leaves less: under the other's both look alike.
 fn nearer_noise<'a>(one: &'a Changed, other: &'a Changed) -> &'a Noise {
-    let size = |changed: &Changed| changed.fitted.noise.size.iter().map(|size| size.ln()).sum::<f64>();
-    if size(one) < size(other) { &one.fitted.noise } else { &other.fitted.noise }
+    if one.size() < other.size() { &one.fitted.noise } else { &other.fitted.noise }
 }
 
 /// What the recordings ask to change in the `given` model.
