@@ -12,7 +12,7 @@ use super::gain::Compared;
 use super::interval::parameters;
 use super::nameless::{JointRange, NamelessTorques};
 use super::report::Alternative;
-use super::search::Search;
+use super::search::{AS_GOOD, Search};
 use super::stage::Stage;
 use super::system::{System, all_but};
 use super::tails;
@@ -345,7 +345,8 @@ fn beside_shapes(data: &Data, search: &Search, members: Vec<usize>, left: &[Vec<
 
 /// Those of `events` that no place of a joint explains: where a joint meets the same torque whenever it comes to a place, nothing happens at a time, whether that has a
 /// name or not. An event shows the place of its number among `places`. `value` is the log of the probability of events and places, each place as probable before the
-/// data as the event that shows it. `None` if `value` is.
+/// data as the event that shows it. A joint that comes to a place but once tells neither from the other: the event stays unless the place is the better one by the odds of a name.
+/// `None` if `value` is.
 fn beside_places(
     mut events: Vec<usize>,
     places: &[Option<JointRange>],
@@ -361,7 +362,7 @@ fn beside_places(
             let others: Vec<usize> = events.iter().copied().filter(is_elsewhere).collect();
             let with = [&taken[..], &[place]].concat();
             let there = value(&others, &with)?;
-            if there > best.as_ref().map_or(now, |best| best.0) {
+            if there > best.as_ref().map_or(now + AS_GOOD, |best| best.0) {
                 best = Some((there, others, with));
             }
         }
