@@ -7,23 +7,23 @@ use freeplay_laws::{Baseline, LawError, Placed, Prediction, Start};
 use nalgebra::{DMatrix, DVectorView};
 
 use crate::residual::Kind;
+use crate::statistics::{BACKTRACKING, MOST_ROUNDS};
 
-/// What is tried between two stops beside the middle.
+/// Places that are tried between two stops beside the middle: the stops and halfway, as what is left changes evenly between them.
 const BEGINNINGS: [f64; 4] = [-1.0, -0.5, 0.5, 1.0];
-/// What is tried in a bearing first.
+/// Places in a bearing from which a descent begins: the middle and one each way, since a descent from one place alone can end in a local minimum.
 const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
-/// A place w of the journal is moved by NUDGE · (1 + |w|) to see what the move changes, and a step to a better place is at most LONGEST · (1 + |w|).
+/// A place w of the journal is moved by NUDGE · (1 + |w|) to see what the move changes: far above rounding, and well below the way over which that change
+/// bends.
 const NUDGE: f64 = 0.02;
+/// A step to a better place is at most LONGEST · (1 + |w|): the change is linear over no longer a way.
 const LONGEST: f64 = 0.5;
-/// How far out w goes: to 0.999 of the clearance.
+/// Greatest w: 0.999 of the clearance, since beyond the film is thinner than any surface is smooth.
 const OUTERMOST: f64 = 22.0;
-const MOST_STEPS: usize = 8;
-/// Shares of a step that are tried where more is left behind the whole one.
-const SHARES_OF_A_STEP: [f64; 3] = [1.0, 0.3, 0.1];
-/// Share of the squares by which a step has to be better to be followed by another.
+/// Share of the squares by which a step has to be better to be followed by another: far below what noise makes of them.
 const WORTH_A_STEP: f64 = 1e-5;
 
-/// Share of the squares that another beginning has to take away.
+/// Share of the squares that another beginning has to take away: less can be an accident of the noise, and the settled state is the simpler belief.
 const LEAST_LESS: f64 = 0.05;
 
 /// What effects predict, the one among them whose beginning was set, and what they leave of what tells it.
@@ -169,12 +169,12 @@ pub(crate) fn within<T, E>(
         }
     }
     let Some((mut least, mut place, mut here)) = best else { return Ok(None) };
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MOST_ROUNDS {
         let [first, second] = place.nudged().map(&at);
         let (Some(first), Some(second)) = (first?, second?) else { break };
         let Some(nudges) = step(&here, [&first, &second]) else { break };
         let before = least;
-        for share in SHARES_OF_A_STEP {
+        for share in BACKTRACKING {
             let next = place.towards(nudges.map(|x| share * x));
             let Some(there) = at(next)? else { break };
             let square = left(&there);

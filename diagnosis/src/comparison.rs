@@ -13,13 +13,11 @@ use crate::long::most_rows;
 use crate::motion::{Settings, Treatment};
 use crate::notes::{self, MotionTally};
 use crate::residual::{Kind, Residuals, check_joints, residuals};
+use crate::statistics::{FINEST, SIGNIFICANT, normal_quantile};
 use crate::tally::ChannelTally;
 
 /// The schema of [`Comparison`] as JSON.
 pub const SCHEMA: &str = "freeplay.compare/1";
-
-/// A channel that varies by less than this share of the largest of its unit is not worth judging.
-const NEGLIGIBLE: f64 = 1e-6;
 
 /// How far a model is from a recording: `freeplay compare --format json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -105,7 +103,7 @@ impl Comparison {
         self.channels
             .iter()
             .filter(|channel| !any_torque || is_torque(channel))
-            .filter(|channel| channel.std_measured > NEGLIGIBLE * greatest(channel.unit))
+            .filter(|channel| channel.std_measured > FINEST * greatest(channel.unit))
             .filter_map(|channel| Some((channel, channel.times_noise().or(channel.nrmse_std)?)))
             .filter(|(channel, _)| channel.nrmse_std.is_some())
             .max_by(|(_, a), (_, b)| a.total_cmp(b))
@@ -115,11 +113,10 @@ impl Comparison {
     /// True if the noise of `channel` can explain the `deviation`. An estimate of the noise scatters about the true deviation; this one has to be below the 95 % quantile.
     /// Behind a low-pass two samples in each period of the cutoff are independent.
     pub fn is_within_noise(&self, channel: &ChannelError, deviation: f64) -> bool {
-        /// One-sided 95 % point of the normal distribution.
-        const NORMAL_95: f64 = 1.645;
         let worth = 2.0 * self.lowpass_hz * self.samples as f64 / self.compared_hz;
         channel.noise.is_some_and(|noise| {
-            deviation.powi(2) <= noise.powi(2) * (1.0 + NORMAL_95 * (2.0 / worth.max(1.0)).sqrt())
+            deviation.powi(2)
+                <= noise.powi(2) * (1.0 + normal_quantile(1.0 - SIGNIFICANT) * (2.0 / worth.max(1.0)).sqrt())
         })
     }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::residual::{Channel, Residuals};
 
-/// Points that the curves of a long recording keep, about; a chart shows fewer.
+/// Points that the curves of a long recording keep, about: a chart has some thousand pixels, and so stays sharp when it is enlarged a hundredfold.
 const MOST_POINTS: usize = 200_000;
 
 /// The curves so far.

@@ -21,7 +21,7 @@ use crate::statistics::{Moments, Quantile};
 
 /// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
 const BANDS: u8 = 6;
-/// Most of a torque's variance that the noise of the motion may make: a tenth of its deviation.
+/// Most of a torque's variance that the noise of the motion may make: 1 % is a tenth of its deviation, and adds half a per cent to what is left of a torque.
 const MOST_NOISE: f64 = 0.01;
 /// A band holds noise where the motion asks for this many times the power that was measured: a drive that clips takes less away.
 const FAR_MORE: f64 = 4.0;
@@ -65,7 +65,7 @@ fn white_noise(recording: &Recording, treatment: &Treatment) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let of_joint = |q: &Vec<f64>| {
         let whole = treatment.whole_column(recording, q);
-        let deviation = treatment.deviation_above(&whole, None, Quantile::MEDIAN);
+        let deviation = treatment.deviation_above(&whole, None, Quantile::Median);
         normals(&mut rng, whole.len(), deviation)
     };
     recording.q.iter().map(of_joint).collect()

@@ -6,11 +6,10 @@ use freeplay_recording::Recording;
 use thiserror::Error;
 
 use crate::grid::FEWEST;
+use crate::statistics::SHARES;
 
-/// Length of recordings that a diagnosis asks for where there is too little, s.
+/// Least length of a recording that is asked for where there is too little, s: each part of it then has several motions of a second.
 pub(crate) const ENOUGH_S: f64 = 10.0;
-/// Share of a single recording that the shortest of its parts is, which are fitted and judged apart; of several each is used as it is.
-const SHORTEST_PART: f64 = 0.25;
 
 /// Why residuals can't be formed.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -123,7 +122,7 @@ impl ResidualError {
         let Self::TooShort { origin, longest_s, needed_s, cutoff_hz } = self else { return self.to_string() };
         let whole = recordings.iter().find(|recording| recording.origin == *origin);
         let whole_s = whole.map_or(*longest_s, Recording::duration);
-        let parts = if recordings.len() > 1 { 1.0 } else { SHORTEST_PART };
+        let parts = if recordings.len() > 1 { 1.0 } else { SHARES[1] - SHARES[0] };
         format!(
             "{}: too short: it lasts {whole_s:.1} s; a low-pass at {cutoff_hz:.1} Hz needs {needed_s:.2} s without a gap in each of the parts \
              that are fitted and judged on; record at least {:.0} s of motion without a gap",
@@ -159,6 +158,9 @@ mod tests {
         );
         assert!(!said.contains("--") && !said.contains("0.396"), "only a longer recording helps");
         let said = short(8.0).in_a_diagnosis(&whole);
-        assert!(said.contains("at 0.5 Hz") && said.contains("at least 32 s"), "{said}");
+        assert!(
+            said.contains("at 0.5 Hz") && said.contains("at least 54 s"),
+            "the choice part is the shortest: {said}"
+        );
     }
 }

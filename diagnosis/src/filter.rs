@@ -4,9 +4,6 @@ use biquad::{Biquad, Coefficients, DirectForm2Transposed, ToHertz, Type};
 
 use crate::error::ResidualError;
 
-/// Quality factors of the two second-order sections of a fourth-order Butterworth low-pass: 1/(2 sin((2k+1)π/8)).
-const BUTTERWORTH_4: [f64; 2] = [1.306_562_964_876_376_5, 0.541_196_100_146_197];
-
 /// Periods of the cutoff after which an edge is forgotten: the slowest pole decays as exp(−0.383·2πf_c·t), which is
 /// 6·10⁻⁶ after five periods.
 pub(crate) const SETTLING_PERIODS: f64 = 5.0;
@@ -24,6 +21,11 @@ pub struct LowPass {
     cutoff_hz: f64,
 }
 
+/// Quality factors of the two second-order sections of a fourth-order Butterworth low-pass: 1/(2 sin((2k + 1)π/8)).
+fn butterworth() -> [f64; 2] {
+    [1.0, 3.0].map(|odd| 0.5 / (odd * std::f64::consts::PI / 8.0).sin())
+}
+
 impl LowPass {
     /// A filter for signals of `rate_hz` samples a second with the cutoff `cutoff_hz`, both Hz.
     ///
@@ -38,7 +40,8 @@ impl LowPass {
             Coefficients::<f64>::from_params(Type::LowPass, rate_hz.hz(), cutoff_hz.hz(), quality)
                 .map_err(|_| bad())
         };
-        Ok(Self { sections: [section(BUTTERWORTH_4[0])?, section(BUTTERWORTH_4[1])?], rate_hz, cutoff_hz })
+        let [first, second] = butterworth();
+        Ok(Self { sections: [section(first)?, section(second)?], rate_hz, cutoff_hz })
     }
 
     /// The cutoff f_c, Hz.
@@ -54,11 +57,7 @@ impl LowPass {
 
     /// Standard deviation that white noise of deviation 1 has behind the filter, by Parseval's theorem.
     pub fn noise_gain(&self) -> f64 {
-        /// Frequencies of the midpoint rule; the gain is smooth over many of them.
-        const POINTS: usize = 4096;
-        let half = self.rate_hz / 2.0;
-        let square = |k: usize| self.gain(half * (k as f64 + 0.5) / POINTS as f64).powi(2);
-        ((0..POINTS).map(square).sum::<f64>() / POINTS as f64).sqrt()
+        mean_over_band(self.rate_hz, |frequency_hz| self.gain(frequency_hz).powi(2)).sqrt()
     }
 
     /// How long the ends of a signal differ from what they were if the signal went on, s.
@@ -105,6 +104,14 @@ impl LowPass {
     }
 }
 
+/// Mean of `power` over the frequencies from zero to half of `rate_hz`, by the midpoint rule.
+pub(crate) fn mean_over_band(rate_hz: f64, power: impl Fn(f64) -> f64) -> f64 {
+    /// Frequencies of the rule: the gain of the lowest cutoff, a hundredth of the band, falls over many of them.
+    const POINTS: usize = 4096;
+    let at = |k: usize| (k as f64 + 0.5) / POINTS as f64 * 0.5 * rate_hz;
+    (0..POINTS).map(|k| power(at(k))).sum::<f64>() / POINTS as f64
+}
+
 /// A section that has seen the constant `level` for ever (its gain at zero frequency is one).
 fn settled(section: Coefficients<f64>, level: f64) -> DirectForm2Transposed<f64> {
     let mut filter = DirectForm2Transposed::<f64>::new(section);
@@ -145,7 +152,7 @@ mod tests {
 
     #[test]
     fn coefficients_are_butterworth() {
-        for (k, quality) in super::BUTTERWORTH_4.into_iter().enumerate() {
+        for (k, quality) in super::butterworth().into_iter().enumerate() {
             let exact = 0.5 / ((2 * k + 1) as f64 * PI / 8.0).sin();
             println!("section {k}: off by {:.1e}", quality - exact);
             assert!((quality - exact).abs() < 1e-14);

@@ -8,20 +8,19 @@ use freeplay_recording::Recording;
 use crate::error::ResidualError;
 use crate::presence::bridged;
 use crate::stamps::steadied;
-use crate::statistics::{roughness, span};
+use crate::statistics::{FINEST, roughness, span};
 
-/// A step this many times longer than the tenth-longest per cent of steps is a gap: nothing is interpolated across it.
-const GAP_STEPS: f64 = 10.0;
-/// Fewest samples of a recording that a grid is laid through.
+/// A step this many times longer than usual ones is a gap, across which nothing is interpolated: a bus that delivers in bursts makes fewer, and a recorder that stops makes more.
+pub(crate) const GAP_STEPS: f64 = 10.0;
+/// Fewest samples of a recording that a grid is laid through: a cubic needs four.
 pub(crate) const FEWEST: usize = 4;
-/// Stamps that are nowhere farther than this share of a step from a uniform grid are taken as uniform.
+/// Stamps that are nowhere farther than this share of a step from a uniform grid are taken as uniform: stamps written with few digits are, and interpolation
+/// would add more than it mends.
 const EVEN: f64 = 0.02;
-/// Where neighbouring steps differ by more than this factor, interpolation uses the straight line.
+/// Where neighbouring steps differ by more than this factor, interpolation uses the straight line: slopes over so short a step are mostly noise.
 const BURST: f64 = 4.0;
-/// Positions this much smoother on even times than on the stamps were sampled evenly: it is the stamps that shake.
+/// Positions this much smoother on even times than on the stamps were sampled evenly: it is the stamps that shake, as chance makes less of a difference.
 const SMOOTHER: f64 = 0.8;
-/// Of what a position spans, what nobody sees.
-const UNSEEN: f64 = 1e-8;
 
 /// A part of a recording without a gap, on the uniform grid.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,7 +125,7 @@ impl Grid {
     /// How rough `column` of `recording` is on the grid.
     fn roughness(&self, recording: &Recording, column: &[f64]) -> f64 {
         let even = self.stretches.iter().flat_map(|s| self.resample(s, recording, column).into_owned());
-        roughness(&even.collect::<Vec<_>>()) + UNSEEN * span(column).max(f64::MIN_POSITIVE)
+        roughness(&even.collect::<Vec<_>>()) + FINEST * span(column).max(f64::MIN_POSITIVE)
     }
 
     fn add(&mut self, t: &[f64], rows: Range<usize>) {

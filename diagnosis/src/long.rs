@@ -13,22 +13,20 @@ use crate::grid::{Grid, Stretch, no_grid};
 use crate::motion::Treatment;
 use crate::stamps::steadied;
 
-/// Rows times joints up to which a recording is worked on as a whole, and of each part of a longer one.
+/// Rows times joints up to which a recording is worked on as a whole, and of each part of a longer one: such a column for every joint takes 16 MB, and some
+/// tens are alive at once.
 const MOST_NUMBERS: usize = 2_000_000;
-/// Rows, if that is more: a part is far longer than what it shares with its neighbours.
-const FEWEST_ROWS: usize = 100_000;
-/// Windows that a long recording is judged by; they make up one part together.
-const WINDOWS: usize = 8;
-/// Settling times of the filter by which a part reaches into its neighbours.
-const SETTLINGS: f64 = 2.0;
-/// Time that this gives laws with a memory to run in, s: an eighth of a part at most.
+/// Windows that stand for a long recording, spread evenly: fewer can all fall on one kind of motion, more are each too short against what filters remember.
+pub(crate) const WINDOWS: usize = 8;
+/// Time that laws with a memory get to run in before a part, s, an eighth of the part at most: most joints turn round within it, at which backlash and
+/// hysteresis forget.
 const MEMORY_S: f64 = 10.0;
-/// Rows beyond an end that interpolation looks at.
+/// Rows beyond an end that interpolation looks at: the cubic through two of them takes its slopes from one more, and stamps that shake may shift it by one.
 const BEYOND: usize = 3;
 
 /// Rows of a recording of `joints` joints up to which it is worked on as a whole.
 pub(crate) fn most_rows(joints: usize) -> usize {
-    (MOST_NUMBERS / joints.max(1)).max(FEWEST_ROWS)
+    MOST_NUMBERS / joints.max(1)
 }
 
 /// Grid points of the stretch number `stretch` that one part keeps.
@@ -147,7 +145,8 @@ impl Treatment {
     fn part(&self, recording: &Recording, cuts: &[Cut], most: usize) -> Self {
         let rate_hz = self.rate_hz();
         let memory = ((MEMORY_S * rate_hz) as usize).min(most / WINDOWS);
-        let lead = memory.max((SETTLINGS * self.filter.settling_time() * rate_hz).ceil() as usize);
+        // The filter runs forwards and backwards, and settles each way.
+        let lead = memory.max((2.0 * self.filter.settling_time() * rate_hz).ceil() as usize);
         let (filter, fine) = (self.filter.clone(), self.fine.clone());
         let grid = self.grid.part(recording, cuts, lead);
         Self { grid, filter, fine, every: self.every, notes: Vec::new() }

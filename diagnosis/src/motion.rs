@@ -8,24 +8,25 @@ use freeplay_recording::Recording;
 
 use crate::cutoff::cutoff_for;
 use crate::error::ResidualError;
-use crate::filter::{LowPass, derivatives};
+use crate::filter::{LowPass, derivatives, mean_over_band};
 use crate::grid::{Grid, Stretch};
 use crate::presence::only;
 use crate::statistics::Quantile;
 
-/// The default cutoff: this share of the sampling rate, within these bounds, Hz.
+/// Share of the sampling rate that the default cutoff is: a period of it then has thirty samples, over which the noise of two derivatives averages out.
 const CUTOFF_SHARE: f64 = 0.03;
+/// Least default cutoff, Hz: the motion of an arm is below.
 pub(crate) const LEAST_CUTOFF: f64 = 10.0;
+/// Greatest default cutoff, Hz: the structure of an arm resonates from about there on.
 const GREATEST_CUTOFF: f64 = 40.0;
-/// The fine cutoff is this many times the cutoff, but no more than this share of the rate.
+/// Ratio of the fine cutoff to the cutoff: at three times it the gain of the coarse low-pass is below 10⁻³, so that the fine one shows all that passes it.
 const FINE_CUTOFF_RATIO: f64 = 3.0;
+/// Most of the sampling rate that a cutoff may be: at one half, that of Nyquist, a digital low-pass has no band left to fall in.
 const MAX_CUTOFF_SHARE: f64 = 0.4;
-/// Least number of points kept per period of the cutoff.
+/// Least number of points kept per period of the cutoff: twice what Shannon (1949) asks for, as the low-pass still lets half of the signal through there.
 const POINTS_PER_PERIOD: f64 = 4.0;
-/// Periods of the cutoff that a stretch must last to be used.
-const LEAST_PERIODS: f64 = 4.0;
-/// The ends left out are at most this share of a stretch.
-const GREATEST_TRIM: f64 = 0.125;
+/// Most of a stretch that is left out at either end: three quarters of a short one remain, whatever the low-pass would ask for.
+pub(crate) const GREATEST_TRIM: f64 = 0.125;
 
 /// What a user may choose; `None` is the rule.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -120,8 +121,7 @@ impl Treatment {
         trim_s: Option<f64>,
     ) -> Result<(), ResidualError> {
         let step = self.grid.step;
-        let needed_s =
-            (LEAST_PERIODS / self.filter.cutoff_hz()).max(2.0 * trim_s.unwrap_or(0.0) + 2.0 * step);
+        let needed_s = self.filter.settling_time().max(2.0 * trim_s.unwrap_or(0.0) + 2.0 * step);
         let lasts = |stretch: &Stretch| (stretch.len - 1) as f64 * step;
         let longest_s = self.grid.stretches.iter().map(lasts).fold(0.0, f64::max);
         let all = self.grid.stretches.len();
@@ -335,12 +335,12 @@ impl Treatment {
             );
         }
         let mut band = only(&band, present).into_owned();
-        let place = (quantile.below * band.len() as f64) as usize;
+        let place = (quantile.below() * band.len() as f64) as usize;
         if band.is_empty() {
             return 0.0;
         }
         let size = *band.select_nth_unstable_by(place, f64::total_cmp).1;
-        size / quantile.of_normal / share_between(&self.filter, &wider, rate_hz).sqrt()
+        size / quantile.of_normal() / share_between(&self.filter, &wider, rate_hz).sqrt()
     }
 
     /// The kept points of one column of the points of [`Treatment::whole_motion`].
@@ -372,8 +372,5 @@ impl Treatment {
 
 /// Share of the power of white noise that `wide` lets through and `narrow` does not, by their gains' closed form.
 fn share_between(narrow: &LowPass, wide: &LowPass, rate_hz: f64) -> f64 {
-    const POINTS: usize = 2000;
-    let at = |k: usize| (k as f64 + 0.5) / POINTS as f64 * 0.5 * rate_hz;
-    let power = |f: f64| (wide.gain(f) - narrow.gain(f)).powi(2);
-    (0..POINTS).map(|k| power(at(k))).sum::<f64>() / POINTS as f64
+    mean_over_band(rate_hz, |f| (wide.gain(f) - narrow.gain(f)).powi(2))
 }

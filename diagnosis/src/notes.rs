@@ -6,17 +6,14 @@ use freeplay_recording::Recording;
 use crate::comparison::ChannelError;
 use crate::motion::Treatment;
 use crate::presence::only;
-use crate::statistics::white_noise;
+use crate::statistics::{UNMOVED, white_noise};
 use crate::tally::Tally;
 
-/// A filtered-out share of a joint's movement above this is worth a word.
+/// Share of the movement of a joint above which it is said that the filter takes it away: below 1 % no law changes its numbers by more than their intervals.
 const REMOVED: f64 = 0.01;
-/// A movement whose deviation is this many times its encoder's noise, or less, is none.
-const WITHIN_NOISE: f64 = 3.0;
-/// A recorded velocity that differs from the derivative of the position by more than this share is worth a word.
-const VELOCITY: f64 = 0.05;
-/// Share of a joint's range by which it may be seen outside of it without a word.
-const BEYOND: f64 = 0.05;
+/// Share of a velocity by which a recorded one may differ from the derivative of the position, and of a range by which a joint may be outside of it, without a
+/// word: as small an error changes no verdict.
+const WORTH_A_WORD: f64 = 0.05;
 
 /// The joints of `arm` that `recording` has beyond their limits, a sentence each.
 pub fn beyond_limits(arm: &Arm, recording: &Recording) -> Vec<String> {
@@ -24,7 +21,7 @@ pub fn beyond_limits(arm: &Arm, recording: &Recording) -> Vec<String> {
     for (index, (joint, q)) in arm.joints().iter().zip(&recording.q).enumerate() {
         let (least, most) = extremes(q);
         let (lower, upper) = (joint.limits.lower, joint.limits.upper);
-        let slack = BEYOND * (upper - lower);
+        let slack = WORTH_A_WORD * (upper - lower);
         if least < lower - slack || most > upper + slack {
             let (unit, hint) = match joint.kind {
                 JointKind::Revolute => ("rad", "degrees"),
@@ -86,7 +83,7 @@ impl MotionTally {
 
     /// Notes on joints that are fast for the filter, whose cutoff is `cutoff_hz`, and on velocities that don't fit.
     pub fn notes(&self, cutoff_hz: f64) -> Vec<String> {
-        let moving = |joint: &JointTally| joint.recorded.moments.std > WITHIN_NOISE * joint.noise;
+        let moving = |joint: &JointTally| joint.recorded.moments.std > UNMOVED * joint.noise;
         let joints = self.joints.iter().enumerate().filter(|(_, joint)| moving(joint));
         let fast = joints.filter_map(|(index, joint)| {
             let share = removed(&joint.recorded, &joint.smooth)?;
@@ -103,7 +100,7 @@ impl MotionTally {
     fn on_velocities(&self) -> Option<String> {
         let odd = self.joints.iter().enumerate().filter_map(|(index, joint)| {
             let (off, size) = (joint.off.moments.rms, joint.derived.moments.rms);
-            let is_odd = off > VELOCITY * size && size > 0.0;
+            let is_odd = off > WORTH_A_WORD * size && size > 0.0;
             is_odd.then(|| format!("qd{} by {:.0} %", index + 1, 100.0 * off / size))
         });
         let odd: Vec<String> = odd.collect();

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::conventions::{Reading, SetupFinding, time_unit};
 
-/// No arm reaches farther, m.
+/// No arm reaches farther, m: the longest cranes on trucks do, and their files are no arms; a position in millimetres is above.
 const FARTHEST_M: f64 = 30.0;
 
 /// Why a recording cannot be compared with a model.

@@ -13,14 +13,10 @@ use crate::error::ResidualError;
 use crate::motion::Treatment;
 use crate::notes::noise;
 use crate::residual::{Kind, Residuals, Sharpening, residuals_along};
+use crate::statistics::UNMOVED;
 
-/// A joint that moves less than this, rad (m), does not move.
+/// A joint that moves less than this, rad (m), does not move: it is one step of an encoder of 16 bits, 2π/2¹⁶.
 pub(crate) const STILL: f64 = 1e-4;
-
-/// A joint whose position stays within this many standard deviations of its encoder's noise for as long as the filter remembers stands still.
-const UNMOVED: f64 = 4.5;
-/// A joint just moves at this speed, rad/s (m/s): the sign of it is one, and viscous friction is nothing yet.
-const CREEP: f64 = 10.0 * DriveFriction::SMOOTHING;
 
 /// Lets the model say of joints at rest what is nearest to what was measured.
 ///
@@ -49,7 +45,9 @@ pub(crate) fn settle(
         }
         residuals_along(arm, effects, recording, treatment, &motion, sharpening)
     };
-    let (forwards, backwards) = (creeping(CREEP)?, creeping(-CREEP)?);
+    // A joint just moves at ten times the speed over which the direction is smoothed: friction has its sign, and is not viscous yet.
+    let creep = 10.0 * DriveFriction::SMOOTHING;
+    let (forwards, backwards) = (creeping(creep)?, creeping(-creep)?);
     let either_way = forwards.channels.iter().zip(&backwards.channels);
     for (channel, (forwards, backwards)) in residuals.channels.iter_mut().zip(either_way) {
         let Kind::Torque(joint) = channel.kind else { continue };

@@ -2,14 +2,10 @@
 
 use std::ops::Range;
 
-/// A lost sample is told by this many stamps on either side.
+/// A lost sample is told by this many stamps on either side: the median of so many that shake by half a step stands to a tenth of a step.
 const AROUND: usize = 31;
-/// Least part of a step by which the stamps after a lost sample are later than those before.
-const LOST: f64 = 0.6;
-/// Samples on either side of where a loss is seen best among which it is sought.
+/// Samples on either side of where a loss is seen best among which it is sought: the medians hardly change from one row to the next.
 const NEAR: usize = 3;
-/// Steadied stamps may be off what was written by half a step in the middle of [`AROUND`]; a clock that drifts more is left alone.
-const OFF: f64 = 0.5;
 
 /// The stamps `t` of samples that were taken at even times, of which some were lost, and stamped late by chance: the straight line
 /// through them, over the count of all samples. Stretch by stretch of `stretches`; `None` where no such line fits.
@@ -32,7 +28,8 @@ fn line(t: &[f64]) -> Option<Vec<f64>> {
     }
     let (start, step) = fitted(&counts, t);
     let left = off(&counts, t, start, step);
-    let drifts = left.chunks(AROUND).any(|part| median(part).abs() > OFF);
+    // A clock that drifts by a step is left alone.
+    let drifts = left.chunks(AROUND).any(|part| median(part).round() != 0.0);
     (step > 0.0 && !drifts).then(|| counts.iter().map(|count| start + step * count).collect())
 }
 
@@ -40,7 +37,7 @@ fn line(t: &[f64]) -> Option<Vec<f64>> {
 fn losses(off: &[f64]) -> Vec<(usize, f64)> {
     let later = |row: usize| median(&off[row..row + AROUND]) - median(&off[row - AROUND..row]);
     // No loss hides where two stamps a window apart are no farther than they should be.
-    let suspect = |row: &usize| off[row + AROUND - 1] - off[row - AROUND] > 0.0 && later(*row) > LOST;
+    let suspect = |row: &usize| off[row + AROUND - 1] - off[row - AROUND] > 0.0 && later(*row).round() > 0.0;
     let rows: Vec<usize> = (AROUND..off.len().saturating_sub(AROUND)).filter(suspect).collect();
     rows.chunk_by(|a, b| b - a <= NEAR)
         .map(|run| {

@@ -5,13 +5,14 @@ use freeplay_recording::Recording;
 
 use crate::motion::Treatment;
 use crate::presence::only;
+use crate::statistics::FEWEST_ROWS;
 
-/// A joint moves, and drives its load, where speed and acceleration are above this share of their greatest.
-const MOVES: f64 = 0.02;
-/// Share of such rows, forwards and backwards, at the same value.
+/// A joint moves, and drives its load, where speed and acceleration are above this share of their greatest: 2 % is the noise of a differentiated encoder at the least
+/// cutoff of the low-pass.
+pub(crate) const MOVES: f64 = 0.02;
+/// Share of the rows in motion, forwards and backwards, at one value from which a torque is stuck: clearly more than a half, which dry friction with a coarse
+/// step can make.
 const SHARE: f64 = 0.7;
-/// Fewest rows of a direction that say anything of it.
-const FEWEST: usize = 20;
 
 /// The value at which a torque is stuck.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +48,7 @@ impl Stuck {
         let (forwards, backwards): (Vec<usize>, Vec<usize>) =
             (0..torque.len()).filter(drives).partition(|&k| v[k] > 0.0);
         let both = [forwards.as_slice(), &backwards].concat();
-        if both.len() < FEWEST {
+        if both.len() < FEWEST_ROWS {
             let first = *torque.first()? + 0.0;
             return torque.iter().all(|x| *x == first).then_some(Self { at: first, share: 1.0 });
         }
@@ -57,7 +58,7 @@ impl Stuck {
             rows.iter().filter(|&&k| torque[k] == at).count() as f64 / rows.len().max(1) as f64
         };
         let ways: Vec<&Vec<usize>> =
-            [&forwards, &backwards, &both].into_iter().filter(|rows| rows.len() >= FEWEST).collect();
+            [&forwards, &backwards, &both].into_iter().filter(|rows| rows.len() >= FEWEST_ROWS).collect();
         let is_stuck = ways.iter().all(|rows| share(rows) > SHARE);
         is_stuck.then(|| Self { at, share: share(&both) })
     }

@@ -5,10 +5,7 @@ use freeplay_arm::Arm;
 use crate::comparison::ChannelError;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
-use crate::statistics::Moments;
-
-/// A signal that varies by less than this share of its own size is constant.
-const CONSTANT: f64 = 1e-9;
+use crate::statistics::{FINEST, Moments};
 
 /// The [`Moments`] of a signal that comes part by part.
 #[derive(Debug, Clone, Copy)]
@@ -132,7 +129,7 @@ impl ChannelTally {
             rms_measured: measured.rms,
             nrmse: ratio(measured.rms, 0.0),
             std_measured: measured.std,
-            nrmse_std: ratio(measured.std, CONSTANT * measured.rms),
+            nrmse_std: ratio(measured.std, FINEST * measured.rms),
             rmse_without_friction: self.without_friction.map(|tally| tally.moments.rms),
             mean_error: error.mean,
             std_error: error.std,

@@ -2,7 +2,7 @@
 
 /// Degrees of freedom of Student's t by which rows are weighed: heavy enough that a contact of a few seconds does not bend a fit, light
 /// enough that it costs little on Gaussian errors (Lange, Little & Taylor 1989, J. Am. Stat. Assoc. 84:881, recommend it where it is not estimated).
-const DEGREES: f64 = 4.0;
+pub const DEGREES_OF_FREEDOM: f64 = 4.0;
 /// Passes in which size and weights settle; each takes a share of the error, and both need not be exact.
 const PASSES: usize = 10;
 
@@ -51,7 +51,7 @@ impl Noise {
             return 0.0;
         }
         let z = r / self.size[joint];
-        0.5 * (DEGREES + 1.0) * (z * z / DEGREES).ln_1p() / self.rows[joint]
+        0.5 * (DEGREES_OF_FREEDOM + 1.0) * (z * z / DEGREES_OF_FREEDOM).ln_1p() / self.rows[joint]
     }
 
     /// Weight of the square of the residual `r` of `joint` in a fit.
@@ -65,7 +65,7 @@ impl Noise {
 }
 
 fn weight(z: f64) -> f64 {
-    (DEGREES + 1.0) / (DEGREES + z * z)
+    (DEGREES_OF_FREEDOM + 1.0) / (DEGREES_OF_FREEDOM + z * z)
 }
 
 /// Scale of Student's t for `residuals`, by expectation and maximisation from the median of their amounts.

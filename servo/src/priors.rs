@@ -6,7 +6,7 @@ use crate::unknowns::{Quantity, Unknown};
 
 /// Step of a finite difference over the size of what it changes. Dry friction makes a rollout a chain of small slips, whose derivative is rough below
 /// a few hundredths of that size; far above it a rollout bends.
-const STEP: f64 = 0.03;
+pub const DIFFERENCE_STEP: f64 = 0.03;
 
 /// The unknowns of every joint of a servo about which nothing is known but `sights`. `zero` is how far the zeros of commands and encoder may be apart
 /// beside rounding, rad. Beliefs are weak: each quantity may be as large as all of the error, or all of the lag.
@@ -36,7 +36,7 @@ pub fn unknowns(sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
             quantity,
             expected,
             deviation,
-            step: STEP * size,
+            step: DIFFERENCE_STEP * size,
             is_torque: false,
             least: quantity.least(),
         })

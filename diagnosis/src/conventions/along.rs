@@ -7,10 +7,7 @@ use nalgebra::DMatrix;
 
 use super::bodies::{Bodies, PARAMETERS, Parts};
 use super::change::Physics;
-
-/// A joint turns one way or the other above this share of its greatest speed; below, its dry friction may be anything between. 2 % is the noise
-/// of a differentiated encoder at the cutoff of the samples.
-const MOVES: f64 = 0.02;
+use crate::stuck::MOVES;
 
 /// The columns of a joint that need no arm of another mass.
 #[derive(Clone, Copy, PartialEq)]
@@ -33,10 +30,12 @@ pub(super) enum Column {
     Model(usize),
 }
 
-/// How many there are.
-const COLUMNS: usize = 16;
-
 impl Column {
+    /// How many there are.
+    fn count() -> usize {
+        Self::Model(3).place() + 1
+    }
+
     /// Its number.
     pub fn place(self) -> usize {
         match self {
@@ -64,14 +63,14 @@ pub(super) struct Along {
     masses: OnceCell<Vec<Vec<[Vec<f64>; 4]>>>,
 }
 
-/// Numbers of a load: 1 kg at the tool and three first moments.
+/// Numbers of a load, which are its mass and three first moments: the inertia about its own centre is left out, since a tool is small.
 pub(super) const LOADS: usize = 4;
 
 impl Along {
     /// Of `arm` along the positions `motion[0]`, velocities and accelerations, `[joint][row]`.
     pub fn new(arm: &Arm, motion: &[Vec<Vec<f64>>; 3], has_torques: bool) -> Self {
         let (n, rows) = (arm.dof(), motion[0][0].len());
-        let mut columns = vec![vec![vec![0.0; rows]; COLUMNS]; if has_torques { n } else { 0 }];
+        let mut columns = vec![vec![vec![0.0; rows]; Column::count()]; if has_torques { n } else { 0 }];
         let mut tool = [const { Vec::new() }; 3];
         for (row, bodies) in (0..rows).map(|row| (row, posture(arm, motion, row))) {
             tool.iter_mut().zip(bodies.tool().iter()).for_each(|(column, x)| column.push(*x));
@@ -105,11 +104,9 @@ impl Along {
             }
         }
         let products = columns.iter().map(|columns| {
-            DMatrix::from_fn(
-                COLUMNS,
-                COLUMNS,
-                |i, k| if i <= k { dot(&columns[i], &columns[k]) } else { 0.0 },
-            )
+            DMatrix::from_fn(Column::count(), Column::count(), |i, k| {
+                if i <= k { dot(&columns[i], &columns[k]) } else { 0.0 }
+            })
         });
         let products = products.map(|mut half: DMatrix<f64>| {
             half.fill_lower_triangle_with_upper_triangle();
@@ -202,7 +199,7 @@ pub(super) fn weighed(parts: [&[f64]; 4], weights: &[f64; 4]) -> Vec<f64> {
     (0..parts[0].len()).map(row).collect()
 }
 
-/// −1 to 1: which way a joint turns; between where it hardly does.
+/// −1 to 1: which way a joint turns; between where it hardly does, and its dry friction may be anything.
 fn directions(v: &[f64]) -> Vec<f64> {
     let most = v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
     v.iter().map(|v| if most > 0.0 { (v / (MOVES * most)).clamp(-1.0, 1.0) } else { 0.0 }).collect()

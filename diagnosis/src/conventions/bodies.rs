@@ -4,7 +4,7 @@
 use freeplay_arm::{Arm, Inertia, JointKind};
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
 
-/// Inertial parameters of a link: mass, three first moments, six numbers of inertia.
+/// Inertial parameters of a link, in which torques are linear: mass, three first moments and six numbers of inertia (Atkeson, An & Hollerbach 1986).
 pub(super) const PARAMETERS: usize = 10;
 
 /// An inertia of 1 kg·m² in place `number` of xx, yy, zz, xy, xz, yz.

@@ -77,12 +77,8 @@ pub(crate) enum Change {
 
 /// Prior odds of the first change of a kind. Most recordings are read as they stand.
 pub(super) const RARE: f64 = 0.01;
-/// Of a further one of the same kind: where one joint is in amperes, others are, too.
+/// Prior odds of a further change of a kind: where one joint is in amperes, others often are, too.
 const FURTHER: f64 = 0.2;
-/// One of the faces that an arm can be mounted on.
-const FACES: f64 = 6.0;
-/// Quarter turns, forwards and back, and half turns.
-const QUARTERS: f64 = 3.0;
 /// Prior odds of physics beside it: a model without a load, a rotor or a spring is common.
 pub(super) const COMMON: f64 = 0.1;
 
@@ -126,9 +122,9 @@ impl Change {
         let first = |odds: f64| if is_further { FURTHER } else { odds };
         let odds: f64 = match self {
             Change::Beside(_) => COMMON,
-            // One of several that are as probable: the faces, the quarter and half turns, a joint with its torque or without.
-            Change::Gravity(_) => RARE / FACES,
-            Change::Zero { .. } => first(RARE) / QUARTERS,
+            // One of several that are as probable: six faces, a quarter turn either way and a half turn, a joint with its torque or without.
+            Change::Gravity(_) => RARE / 6.0,
+            Change::Zero { .. } => first(RARE) / 3.0,
             Change::Direction { .. } => first(RARE) / 2.0,
             _ => first(RARE),
         };

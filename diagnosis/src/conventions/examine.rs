@@ -10,20 +10,19 @@ use super::problem::{FLOOR, GEOMETRY, Links, Outcome};
 use super::reading::Reading;
 use super::samples::Samples;
 use super::search::{MEMORY, Search};
+use crate::statistics::STRONG;
 
 /// Changes with how sure each is.
 type Certain = Vec<(Change, Certainty)>;
 /// Changes with what explains as much as each.
 type Rivals = Vec<(Change, String)>;
 
-/// Least log odds of a change, its price and its prior odds taken off, the rows counted as far as they are independent: 1000 to 1.
-const OVERWHELMING: f64 = 6.9;
-/// "Most" of what is left of a channel is more than half of its variance.
-const MOST: f64 = 2.0;
-/// A channel speaks of its reading where the rigid arm makes this share of its variance; a fault leaves more than this of some channel.
+/// Least odds of a change that is mended without a question, its price and its prior odds taken off: a wrong reading spoils all that follows, so that
+/// one in a thousand may be wrong, not one in twenty.
+const OVERWHELMING: f64 = 1000.0;
+/// Share of a channel's variance that the rigid arm has to make for the channel to speak of its reading: with less, friction decides how it looks. A fault
+/// leaves more than this of some channel.
 pub(super) const SPOKEN: f64 = 0.1;
-/// Log odds within which another change explains as much: 20 to 1.
-pub(super) const RIVAL: f64 = 3.0;
 
 /// Whether `recording` and `arm` speak of the same arm, in the same units, signs, order and on the same clock.
 pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
@@ -248,7 +247,7 @@ impl Examination<'_> {
         let others = others.into_iter().filter(|other| other != change);
         let as_good = others.filter(|other| {
             let set = [rest, &[*other]].concat();
-            search.whole.outcome(&set).evidence > best.evidence - RIVAL
+            search.whole.outcome(&set).evidence > best.evidence - STRONG
         });
         as_good.map(|other| kinds::briefly(self.arm, &other)).next()
     }
@@ -309,7 +308,8 @@ fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, 
             fall = fall.max((left * size + floor) / (best.left[c] + floor));
         }
     }
-    odds > OVERWHELMING && fall > MOST
+    // Most of what was left of a channel is gone: more than half of its variance.
+    odds > OVERWHELMING.ln() && fall > 2.0
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::along::{Along, dot, weighed};
 use super::bodies::PARAMETERS;
-use super::normal::{Channel, Cleared};
+use super::normal::{Channel, Cleared, ROUNDS};
 
 /// A torque channel.
 pub(super) struct Target<'t> {
@@ -33,9 +33,6 @@ pub(super) struct FreeArm {
     /// What the parameters cost, a natural logarithm.
     pub price: f64,
 }
-
-/// Rounds in which channels are weighed by what is left of them.
-const ROUNDS: usize = 4;
 
 /// How large the inertial parameters of each link of `arm` are about: its mass, and that times its length once and twice.
 pub(super) fn sizes(arm: &Arm) -> Vec<f64> {

@@ -5,8 +5,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 /// Added to the diagonal, as a share of it: a column of zeros, or one that others make up, stays out. A thousandth of what the squares of 240
 /// rows keep in double precision.
 const RIDGE: f64 = 1e-9;
-/// Rounds in which the channels are weighed by what is left of them; the weights of a noiseless channel settle in three.
-const ROUNDS: usize = 4;
+/// Rounds in which channels are weighed by what is left of them: the weights of a noiseless channel settle in three.
+pub(super) const ROUNDS: usize = 4;
 
 /// One channel: inner products of its columns (own ones, then shared ones) and of its target with them.
 pub(super) struct Channel {

@@ -33,9 +33,6 @@ pub(crate) const GEOMETRY: f64 = 0.2;
 /// of concealed ones are told from other arms; with 0.3, models of other arms of the same build begin to pass as the right one.
 const SHEET: f64 = 0.2;
 
-/// Prior odds that a joint shares the torque unit of another one, or not.
-const EITHER: f64 = 0.5;
-
 /// What the links of an arm are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Links {
@@ -281,7 +278,8 @@ impl<'a> Problem<'a> {
         let mut odds = small.len() as f64 * COMMON.ln();
         for (k, change) in large.iter().enumerate() {
             if kinds::torque_unit::is_shared(outcome, change, &large[..k]) {
-                odds += EITHER.ln();
+                // With the unit of the other joint or with its own: neither is more probable.
+                odds -= std::f64::consts::LN_2;
             } else {
                 parameters += change.parameters();
                 odds += change.log_odds(&large[..k]);

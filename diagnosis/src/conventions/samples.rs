@@ -5,19 +5,16 @@ use freeplay_recording::Recording;
 use crate::error::ResidualError;
 use crate::filter::{LowPass, derivatives};
 use crate::grid::{Grid, Stretch};
+use crate::motion::{GREATEST_TRIM, LEAST_CUTOFF};
 use crate::stuck::Stuck;
 
 /// Time between two rows, s: a quarter of a period of 1.5 Hz, about where the motions of arms end.
-const SPACING: f64 = 0.15;
+pub(super) const SPACING: f64 = 0.15;
 /// Most rows: a fault of the reading is so large that more of them decide nothing.
 const MOST_ROWS: usize = 240;
-/// Cutoff of the low-pass, Hz; the least that the diagnosis itself uses.
-const CUTOFF: f64 = 10.0;
-/// Time left out at the ends, s, so that shifted columns stay inside; at most an eighth of a stretch.
-const ENDS: f64 = 0.55;
 
-/// Torques and the tool count as recorded where they are there for this share of the time; rows are taken from what is there.
-const THERE: f64 = 0.5;
+/// Time left out at the ends, s, an eighth of a stretch at most: columns that are shifted by the longest delay that is asked for, half a second, stay inside.
+const ENDS: f64 = 0.55;
 
 /// The rows of a recording, in recorded units.
 pub(crate) struct Samples {
@@ -42,7 +39,7 @@ impl Samples {
     /// [`ResidualError`] for stamps that make no grid or a rate that is too low.
     pub fn new(recording: &Recording, q: &[Vec<f64>]) -> Result<Self, ResidualError> {
         let grid = Grid::new(recording)?;
-        let filter = LowPass::new(grid.rate_hz(), CUTOFF.min(grid.rate_hz() / 4.0))?;
+        let filter = LowPass::new(grid.rate_hz(), LEAST_CUTOFF.min(grid.rate_hz() / 4.0))?;
         let smooth = |column: &Vec<f64>| -> Smooth {
             let parts = grid.stretches.iter();
             parts.flat_map(|stretch| filter.apply(&grid.resample(stretch, recording, column))).collect()
@@ -69,7 +66,8 @@ impl Samples {
             let columns = columns?;
             let present = there(columns);
             let kept: Vec<usize> = places.iter().copied().filter(|&point| present[point]).collect();
-            if (kept.len() as f64) < THERE * places.len() as f64 {
+            // Torques and the tool count as recorded where they are there for most of the time.
+            if 2 * kept.len() < places.len() {
                 return None;
             }
             places = kept;
@@ -163,7 +161,7 @@ impl Samples {
 /// The grid points of the rows.
 fn places(spans: &[(usize, usize)], step: f64) -> Vec<usize> {
     let inner = |&(start, end): &(usize, usize)| {
-        let trim = ((ENDS / step) as usize).min((end - start) / 8);
+        let trim = ((ENDS / step) as usize).min((GREATEST_TRIM * (end - start) as f64) as usize);
         start + trim..end - trim
     };
     let inside: usize = spans.iter().map(|span| inner(span).len()).sum();

@@ -3,22 +3,22 @@
 use freeplay_arm::Arm;
 
 use super::change::{Change, Late, Physics};
-use super::examine::{RIVAL, SPOKEN};
+use super::examine::SPOKEN;
 use super::kinds::{self, Ask};
 use super::problem::{FLOOR, Outcome, Problem};
+use crate::statistics::STRONG;
 
-/// Changes of a step whose numbers are fitted.
-const REFINED: usize = 2;
-/// Rows of the screening.
+/// Rows of the screening: more than the numbers of any reading, and a quarter of all, so that a screening takes a quarter of the time.
 const FEW_ROWS: usize = 60;
-/// Steps after which the starts are compared, and how many go on.
+/// Steps after which the starts are compared: a right start has passed the others by then, as each step takes a fault away.
 const FIRST: usize = 3;
+/// How many of the best go on where all would take too long: one alone may be ahead by chance.
 const AHEAD: usize = 2;
-/// Changes that are tried again after a step that was one of physics.
+/// Changes that are tried again after a step that was one of physics, which changes little of what else is promising: they are a few of every joint.
 const PROMISING: usize = 48;
-/// The floor under which numbers of a settled set are fitted.
+/// Floor under which numbers of a settled set are fitted: encoders and torque sensors with 9 bits or more are below.
 const SHARP: f64 = 2e-3;
-/// Steps of the golden-section search of both.
+/// Steps of a golden-section search: they narrow an interval to a thousandth, 0.618¹⁴.
 const GOLDEN: usize = 14;
 
 /// The problem on all rows and on few.
@@ -127,7 +127,7 @@ impl<'a> Search<'a> {
         }
         if matches!(scope, Scope::All) {
             let finer = self.whole.outcome(&self.finer(&best.changes));
-            if finer.evidence > best.evidence - RIVAL {
+            if finer.evidence > best.evidence - STRONG {
                 best = finer;
             }
         }
@@ -274,7 +274,7 @@ fn added(
     let mut outcomes = ranked(outcomes.filter(|outcome| scope.allows(problem.arm, outcome)));
     let last = outcomes.iter().take(PROMISING).filter_map(|outcome| outcome.changes.last().copied());
     *promising = Some(last.collect());
-    outcomes.truncate(REFINED);
+    outcomes.truncate(AHEAD);
     outcomes
         .into_iter()
         .map(|outcome| refined(problem, outcome, scope))
@@ -298,11 +298,11 @@ fn refined(problem: &Problem, outcome: Outcome, scope: Scope) -> Outcome {
     let fitted: Vec<Change> = match *last {
         Change::Zero { joint, offset, .. } => {
             let at = |offset| Change::Zero { joint, offset, is_fitted: true };
-            vec![at(golden(offset, 0.5 * kinds::joint_zero::STEP, |x| with(at(x)).evidence))]
+            vec![at(golden(offset, 0.5 * kinds::joint_zero::step(), |x| with(at(x)).evidence))]
         }
         Change::Delay(late, delay) => {
             let at = |delay| Change::Delay(late, delay);
-            vec![at(golden(delay, 0.5 * kinds::clock_offset::APART, |x| with(at(x)).evidence))]
+            vec![at(golden(delay, kinds::clock_offset::unsure(), |x| with(at(x)).evidence))]
         }
         Change::Scale(joint) | Change::SameScale(joint, _) => {
             kinds::torque_unit::rounded(outcome.scale[joint])

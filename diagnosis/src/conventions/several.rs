@@ -77,7 +77,7 @@ impl Mended {
             let (least, most) = delays
                 .iter()
                 .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| (least.min(**x), most.max(**x)));
-            if most - least <= clock_offset::UNSURE {
+            if most - least <= clock_offset::unsure() {
                 let mean = delays.iter().map(|x| **x).sum::<f64>() / delays.len() as f64;
                 delays.iter_mut().for_each(|x| **x = mean);
             }

@@ -13,18 +13,19 @@ use super::reading::Reading;
 
 /// Rotors up to this many times the inertia that their joint moves: behind a gear of 160, a rotor weighs about as much as a light arm.
 const MOST_ROTOR: f64 = 4.0;
-/// Loads up to this share of the arm, and links that are heavier by up to this many times: makers' ratios of load to mass end below.
+/// Loads up to this share of the arm: makers' ratios of load to mass end below.
 const MOST_LOAD: f64 = 0.7;
+/// Links that are heavier by up to this many times: one that is off by more is another link, and the arm another arm.
 const MOST_LINK: f64 = 2.0;
-/// How far from the tool a load's centre of mass may be, as a share of the arm's reach.
-const FARTHEST: f64 = 0.25;
-/// What a link may lack of its own mass: no link is without weight.
+/// What a link may lack of its own mass: no link is without weight, and one that lacks more is another link.
 const LEAST_LINK: f64 = 0.6;
+/// How far from the tool a load's centre of mass may be, as a share of the arm's reach: a longer tool would be a link.
+const FARTHEST: f64 = 0.25;
 /// Friction that a load makes, as a share of that load: a gear that loses half of it locks itself.
 const MOST_LOSS: f64 = 0.5;
 /// No unit makes a torque larger or smaller than by this: counts of 16 bits, micronewton metres of a wrist are below.
 const MOST_SCALE: f64 = 1e6;
-/// Rounds in which gravity and scales, whose product is fitted, are fitted in turn.
+/// Rounds in which gravity and scales are fitted in turn: their product is what the torques show, and a search makes too many such fits for each to settle.
 const TURNS: usize = 5;
 
 /// How the torque of a joint is scaled.

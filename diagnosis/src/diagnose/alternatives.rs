@@ -11,7 +11,8 @@ use super::search::Search;
 use super::system::Fit;
 use super::words;
 
-/// Most alternatives of one finding that are listed.
+/// Most things of a kind that are listed at once, as alternatives of a finding, findings in a sentence, or channels of a picture: a reader keeps so many in
+/// mind, and tables hold the rest.
 pub(crate) const LISTED: usize = 3;
 
 /// Another effect in the place of a finding.

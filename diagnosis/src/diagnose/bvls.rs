@@ -2,6 +2,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
+use crate::statistics::MOST_ROUNDS;
+
 /// The x inside `limits` with the least ½xᵀAx − bᵀx, A positive definite; `None` if A is singular.
 pub(crate) fn bounded(a: &DMatrix<f64>, b: &DVector<f64>, limits: &[[f64; 2]]) -> Option<DVector<f64>> {
     let n = limits.len();
@@ -41,12 +43,10 @@ fn pivoted(
     limits: &[[f64; 2]],
     start: &DVector<f64>,
 ) -> Option<DVector<f64>> {
-    /// Most often three to six are enough.
-    const PASSES: usize = 25;
     let n = limits.len();
     let mut x = start.clone();
     let mut free: Vec<bool> = (0..n).map(|k| limits[k][0] < x[k] && x[k] < limits[k][1]).collect();
-    for _ in 0..PASSES {
+    for _ in 0..MOST_ROUNDS {
         let open: Vec<usize> = (0..n).filter(|&k| free[k]).collect();
         let mut held = x.clone();
         open.iter().for_each(|&k| held[k] = 0.0);

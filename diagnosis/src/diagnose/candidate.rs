@@ -447,8 +447,7 @@ fn independent(columns: &[Column]) -> Vec<usize> {
 
 /// Whether `column`, with the greatest coefficient of its `term`, says anything that could be measured: a force along the axis of a joint is a rounding error.
 fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
-    /// Least share of what a channel measures: a converter of 20 bits.
-    const SEEN: f64 = 1e-6;
+    use crate::statistics::FINEST as SEEN;
     let most = term.least.abs().max(term.most.abs());
     column.iter().enumerate().any(|(c, part)| {
         let (stage, channel) = data.place(c);

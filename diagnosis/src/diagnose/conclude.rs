@@ -27,9 +27,7 @@ use super::search::{AS_GOOD, Answer, Search};
 use super::system::{Fit, all_but};
 use super::words;
 use crate::residual::Kind as ChannelKind;
-
-/// Chance below which a part of the motion is named.
-pub(crate) const SIGNIFICANT: f64 = 0.05;
+use crate::statistics::SIGNIFICANT;
 
 /// The diagnosis of recordings that can't tell, because of `lack`: what is wrong; what to do.
 pub(crate) fn insufficient(

@@ -2,6 +2,7 @@
 
 use super::alternatives::tried;
 use super::search::{Answer, Search, WORTH};
+use crate::statistics::MOST_ROUNDS;
 
 /// `members` with their numbers in agreement, once nothing that is tried in the place of one of them is more probable; `None` if the system is singular.
 pub(crate) fn confirmed(
@@ -9,8 +10,6 @@ pub(crate) fn confirmed(
     members: Vec<usize>,
     progress: &mut dyn FnMut(&str),
 ) -> Option<Answer> {
-    /// The search has come to rest before; what is found here is a member that imitates another law in part.
-    const TURNS: usize = 4;
     let mut instead = search.improve(members, progress)?.members;
     for turn in 1.. {
         progress("trying others in the place of each finding");
@@ -20,7 +19,9 @@ pub(crate) fn confirmed(
         let fit = search.system.held_fit(&now.members)?;
         let tried = tried(search, &fit);
         let best = tried.iter().min_by(|a, b| a.against.total_cmp(&b.against));
-        let Some(best) = best.filter(|best| best.against < -WORTH && turn < TURNS) else { return Some(now) };
+        let Some(best) = best.filter(|best| best.against < -WORTH && turn < MOST_ROUNDS) else {
+            return Some(now);
+        };
         instead =
             now.members.into_iter().filter(|member| *member != best.member).chain([best.index]).collect();
     }

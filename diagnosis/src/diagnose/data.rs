@@ -12,8 +12,9 @@ use super::rows::{apart_with, off_with, rows_that_count};
 use super::stage::{Answer, Stage};
 use super::tolerance::{Nuisance, Tolerances, nuisances};
 use crate::residual::Kind;
+use crate::statistics::WIDE;
 
-/// Share of a step that the low-pass remembers at the end of its settling time, about.
+/// Share of a step that the low-pass remembers at the end of its settling time, about: its poles forget to 6·10⁻⁶ each, and the two passes add up.
 pub(crate) const REMEMBERED: f64 = 1e-4;
 
 /// A column of the linear model: its rows by channel, `None` where it is zero.
@@ -221,8 +222,6 @@ impl<'a> Data<'a> {
 
     /// The columns of the tolerances and the precision of the prior of each: those that no prior binds once for each recording.
     pub fn tolerances(&self) -> (Vec<Column>, Vec<f64>) {
-        /// A prior so wide that it says nothing, beside columns of a thousandth of a unit.
-        const FREE: f64 = 1e-12;
         let (mut columns, mut precision) = (Vec::new(), Vec::new());
         let nothing = || vec![None; self.per_stage()];
         for index in 0..self.nuisances.first().map_or(0, Vec::len) {
@@ -232,7 +231,7 @@ impl<'a> Data<'a> {
                 for only in stages.clone() {
                     let answers = stages.clone().map(|s| if s == only { answer(s) } else { nothing() });
                     columns.push(self.raw_column(answers.collect()));
-                    precision.push(FREE);
+                    precision.push(WIDE.powi(-2));
                 }
             } else {
                 columns.push(self.raw_column(stages.map(answer).collect()));

@@ -1,14 +1,9 @@
 //! How much of the error is gone, with its interval.
 
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::data::Data;
-use crate::statistics::blocks as blocks_of;
-
-/// Draws of the bootstrap: a quantile of 2.5 % is known to 0.8 %.
-const DRAWS: usize = 400;
+use crate::statistics::{blocks as blocks_of, bootstrap};
 
 /// A gain with its interval: the share of the error that is gone, 1 − after/before.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -50,7 +45,7 @@ impl Compared<'_> {
         blocks
     }
 
-    /// 1 − |after|/|before| over `channels`, with the interval of a bootstrap of blocks (Künsch 1989, Ann. Statist. 17:1217); `None` where no row is looked at.
+    /// 1 − |after|/|before| over `channels`, with the interval of a [`bootstrap`] of blocks; `None` where no row is looked at.
     pub fn gain(&self, data: &Data, channels: &[usize], seed: u64) -> Option<Gain> {
         let blocks = self.blocks(data, channels);
         let share = |sums: [f64; 2]| if sums[0] > 0.0 { 1.0 - (sums[1] / sums[0]).sqrt() } else { 0.0 };
@@ -64,11 +59,6 @@ impl Compared<'_> {
         if blocks.len() < 2 {
             return Some(Gain { value, ci95: [f64::NEG_INFINITY, f64::INFINITY] });
         }
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut drawn: Vec<f64> = (0..DRAWS)
-            .map(|_| share(sum(&mut (0..blocks.len()).map(|_| rng.next_u64() as usize % blocks.len()))))
-            .collect();
-        drawn.sort_by(f64::total_cmp);
-        Some(Gain { value, ci95: [drawn[DRAWS / 40], drawn[DRAWS - 1 - DRAWS / 40]] })
+        Some(Gain { value, ci95: bootstrap(blocks.len(), seed, |picked| share(sum(picked))) })
     }
 }

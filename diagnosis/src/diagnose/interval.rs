@@ -13,10 +13,10 @@ use super::data::sum_of;
 use super::report::Parameter;
 use super::system::{Fit, System};
 use crate::random::normal;
+use crate::statistics::DRAWS;
 
-/// Draws of the posterior: a quantile of 2.5 % is known to half a percent of them.
-const DRAWS: usize = 1000;
-/// Steps of a shape's number, as [`Candidate::moved`] counts them, between which the curvature of the evidence is taken.
+/// Steps of a shape's number, as [`Candidate::moved`] counts them, between which the curvature of the evidence is taken: two either way tell a curve from
+/// noise.
 const STEPS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
 /// Greatest standard deviation in such steps: beyond, the motion does not tell the number.
 const VAGUE: f64 = 1.0;

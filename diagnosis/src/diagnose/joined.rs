@@ -12,10 +12,10 @@ use toml::Table;
 use super::candidate::Candidate;
 use super::columns::dot;
 use super::data::{Data, less};
+use crate::statistics::MOST_ROUNDS;
 
-/// Steps of the least squares: laws are nearly linear in the coefficients of their terms.
-const STEPS: usize = 4;
-/// Share of a coefficient by which it is moved for a derivative, and the amount where it is zero, in the step of its term.
+/// Share of a coefficient by which it is moved for a derivative, and the amount where it is zero, in the step of its term: laws are nearly linear in their coefficients,
+/// and what such a move changes stands far above rounding.
 const NUDGE: f64 = 1e-3;
 
 /// The table that says what `given` and `candidate` with `coefficients` of its shown terms say together; `None` if none says nine tenths of it, as where a machine
@@ -68,7 +68,7 @@ fn solved(
     mut x: Vec<f64>,
     scales: &[f64],
 ) -> Option<Vec<f64>> {
-    for _ in 0..STEPS {
+    for _ in 0..MOST_ROUNDS {
         let here = said(&x)?;
         let mut columns = Vec::with_capacity(x.len());
         for (k, scale) in scales.iter().enumerate() {
@@ -88,6 +88,9 @@ fn solved(
         let right = DVector::from_fn(n, |k, _| dot(&columns[k], &missing));
         let step = normal.cholesky()?.solve(&right);
         x.iter_mut().zip(step.iter()).for_each(|(x, step)| *x += step);
+        if x.iter().zip(step.iter()).all(|(x, step)| step.abs() <= f64::EPSILON.sqrt() * x.abs()) {
+            break;
+        }
     }
     Some(x)
 }

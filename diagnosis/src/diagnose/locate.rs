@@ -7,9 +7,9 @@ use serde::Serialize;
 use super::stage::Stage;
 use super::variables::{Variable, variables};
 
-/// Bins of a map.
-const BINS: usize = 12;
-/// Circular shifts of the null.
+/// Bins of a map over a variable: wide enough that each holds many rows of a short recording, narrow enough for the sign and the curvature of a law.
+pub(crate) const BINS: usize = 12;
+/// Circular shifts of the null: with 199 the least chance is 1/200 (Davison & Hinkley 1997, §4.2.5), a tenth of what is named.
 const SHIFTS: usize = 199;
 
 /// A conditional mean of a channel's residual: how it depends on one variable.

@@ -52,10 +52,12 @@ mod whitening;
 mod windows;
 mod words;
 
-pub(crate) use conclude::{SIGNIFICANT, insufficient};
+pub(crate) use alternatives::LISTED;
+pub(crate) use conclude::insufficient;
 pub use engine::{DiagnoseError, DiagnoseSettings};
 pub use excite::{ChannelNoise, Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
 pub use gain::Gain;
+pub(crate) use locate::BINS;
 pub use locate::Map;
 pub(crate) use noise::Noises;
 pub use passage::{Passage, Trace};

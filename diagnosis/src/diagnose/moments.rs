@@ -21,9 +21,8 @@ use super::whitening::Whitening;
 use super::windows::{Step, Torque, windows};
 use crate::residual::Kind;
 
-/// The shortest push that is looked for, s.
-const BRIEFEST: f64 = 0.05;
-/// Most happenings of a recording that are looked for once all else is found, and windows of each that are laid out.
+/// Most happenings of a recording that are looked for once all else is found, and windows of each that are laid out: a recording with more is one of a
+/// disturbed machine, to be made again.
 const MOST: usize = 8;
 /// Names of the numbers of a law that begins and ends.
 const BEGIN: &str = "start";
@@ -406,7 +405,7 @@ fn is_inside(data: &Data, candidate: &Candidate) -> bool {
         return true;
     };
     let edge = 0.5 / stage.ground.treatment.filter().cutoff_hz();
-    begin > first + BRIEFEST && end < last - BRIEFEST && end - begin > edge
+    begin > first + edge && end < last - edge && end - begin > edge
 }
 
 /// What `members` say of every row, as it is.

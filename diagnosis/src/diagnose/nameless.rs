@@ -7,10 +7,7 @@ use super::shapes::{CommonShapes, Knots};
 use super::system::{Fit, System};
 use super::weights::{LEAST_SHARE, USUAL_SHARE, Weights};
 use crate::residual::Kind;
-use crate::statistics::Moments;
-
-/// A share of discrepancy this many times the usual one has 20 : 1 against it: the two-sided quantile of a normal at 95 %.
-const UNUSUAL: f64 = 1.96;
+use crate::statistics::{Moments, half_width};
 
 /// Whether more is missing than `fit` names in the rows that `weights` weigh: laws are off by a share of a torque that is unusual for this machine, or something
 /// is left of a pose in which no finding shows.
@@ -23,6 +20,7 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> b
     let shows = |c: usize| members().any(|candidate| candidate.channels.contains(&c));
     let shakes = members().any(|candidate| candidate.kind.shakes);
     let is_torque = |c: usize| matches!(data.kind(c), Kind::Torque(_));
+    let unusual = half_width();
     let signal = sum_of(system.columns(&fit.members).zip(fit.beta.iter().copied()), &left);
     let said = |c: usize| Moments::of(&signal[c]).rms / system.weights.rows[c].scale.max(f64::MIN_POSITIVE);
     let heard = (0..data.channels()).filter(|&c| weights.rows[c].effective() > 0.0);
@@ -31,9 +29,9 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> b
     let all: f64 = torques.iter().map(|(_, share)| share.ln()).sum();
     let is_unusual = |&(c, share): &(usize, f64)| {
         let usual = ((all - share.ln() + USUAL_SHARE.ln()) / torques.len() as f64).exp();
-        is_told(weights.rows[c].beyond(&left[c], UNUSUAL * usual.hypot(USUAL_SHARE * said(c))))
+        is_told(weights.rows[c].beyond(&left[c], unusual * usual.hypot(USUAL_SHARE * said(c))))
     };
-    let is_left = |&(c, _): &(usize, f64)| is_told(weights.rows[c].beyond(&left[c], UNUSUAL * USUAL_SHARE));
+    let is_left = |&(c, _): &(usize, f64)| is_told(weights.rows[c].beyond(&left[c], unusual * USUAL_SHARE));
     !shakes && torques.iter().any(is_unusual) || poses.iter().any(|pose| is_left(pose) && !shows(pose.0))
 }
 

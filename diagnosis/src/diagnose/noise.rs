@@ -5,16 +5,14 @@ use freeplay_recording::Recording;
 use crate::motion::Treatment;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
-use crate::statistics::{Quantile, span, white_noise};
+use crate::statistics::{FINEST, Quantile, span, white_noise};
 
-/// What no sensor is believed to be better than, as a share of what its channel spans in the recording: a little over 23 bits. Without it a
-/// simulated recording, which has no noise at all, would make every rounding error a finding.
-const FINEST: f64 = 1e-7;
-
-/// What no measurement of a robot is better than: a torque as a share of what it spans (a current of twelve bits has 2.4e-4), a tracked tool, m,
-/// an encoder of a link, rad or m. Finer than that a model is not true either, and simulated recordings have no noise at all.
+/// What no torque is measured better than, as a share of what it spans: a current of twelve bits has 2.4·10⁻⁴. A model is not true to less either, and
+/// simulated recordings have no noise.
 const FINEST_TORQUE: f64 = 3e-4;
+/// What no tool is tracked better than, m: laser trackers have some micrometres. Simulated recordings have no noise.
 const FINEST_TOOL: f64 = 2e-6;
+/// What no link encoder is better than, rad (m): one of 22 bits has 1.5·10⁻⁶. Simulated recordings have no noise.
 const FINEST_LINK: f64 = 1e-6;
 
 /// Noise of one column.
@@ -73,11 +71,11 @@ impl Noises {
                 Kind::Torque(joint) => {
                     let beside: Vec<f64> =
                         whole.iter().zip(&sharp[joint]).map(|(x, sharp)| x - sharp).collect();
-                    let above = |column| treatment.deviation_above(column, present, Quantile::LOWER_QUARTILE);
+                    let above = |column| treatment.deviation_above(column, present, Quantile::LowerQuartile);
                     above(&whole).min(above(&beside))
                 }
                 Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => {
-                    treatment.deviation_above(&whole, present, Quantile::MEDIAN)
+                    treatment.deviation_above(&whole, present, Quantile::Median)
                 }
             };
             let finest = match channel.kind {
@@ -91,9 +89,11 @@ impl Noises {
     }
 }
 
-/// Most steps that the least change of a column is.
+/// Most steps that the least change of a column is: a column whose least change is larger than so many shows no step, and near the step of rounding every
+/// number is a multiple.
 const MOST_STEPS: u8 = 64;
-/// Least and greatest number of changes, the smallest ones, by which a step is told.
+/// Least and greatest number of changes, the smallest ones, by which a step is told: fewer can be multiples of a step by chance, and larger ones hold too many
+/// steps for it to stay exact.
 const CHANGES: [usize; 2] = [16, 128];
 /// How far a change may be from a multiple of the step, in steps; what was printed with few digits is no exact multiple.
 const OFF: f64 = 0.1;

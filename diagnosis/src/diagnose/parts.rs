@@ -2,6 +2,7 @@
 //! sees the test part.
 
 use super::stage::Stage;
+use crate::statistics::SHARES;
 
 /// A part of the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,9 +22,6 @@ impl Part {
     pub const ALL: [Self; 4] = [Self::Fit, Self::Choice, Self::Test, Self::Guard];
 }
 
-/// Shares of one recording in the fit part, and in the fit and the choice part together. What is fitted needs most of the motion; a third for
-/// the test is what the field holds out.
-pub(crate) const SHARES: [f64; 2] = [0.55, 0.70];
 /// The part of each row of `stages`, and how they were parted, in words: each recording is cut in time, by rows in which anything moves, since what one motion
 /// shows another need not show.
 pub(crate) fn parts_of(stages: &[Stage], counts: &[Vec<f64>]) -> (Vec<Vec<Part>>, String) {

@@ -2,16 +2,16 @@
 
 use super::data::Data;
 use super::noise::Noise;
-use super::parts::{Part, SHARES, file_name};
+use super::parts::{Part, file_name};
 use super::stage::Stage;
 use crate::error::ENOUGH_S;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::rest::STILL;
-use crate::statistics::Moments;
+use crate::statistics::{Moments, SHARES};
 use crate::stuck::Stuck;
 
-/// Least length of what a fit rests on, s.
+/// Least length of what a fit rests on, s: one motion of an arm takes about a second, and a fit needs one each way.
 const LEAST_S: f64 = 2.0;
 
 /// What makes these recordings useless for any finding: one sentence and what to do; `None` if they are not.

@@ -14,17 +14,15 @@ use crate::motion::Treatment;
 use crate::presence::masked;
 use crate::random::normals;
 use crate::residual::{Channel, Kind};
-use crate::statistics::Moments;
+use crate::statistics::{Moments, UNMOVED};
 
-/// A joint slower than this share of its greatest speed for longer than the filter remembers stands still, unless its encoder sees it creep.
+/// Share of its greatest speed below which a joint stands still that is slower for longer than the filter remembers, unless its encoder sees it creep: what the
+/// low-pass leaves of a stop is below it.
 const STANDING: f64 = 2e-3;
 /// The low-pass with the cutoff f_c rounds the corner of a speed where a joint starts to stick or to slip: by about this times the acceleration over f_c,
 /// seen on simulated stops.
 const ROUNDED: f64 = 0.05;
-/// A joint whose position changes by less than this many standard deviations of its encoder's noise from one sample to the next may stick: one such change
-/// in 10⁵ is noise.
-const UNMOVED: f64 = 4.5;
-/// A joint that stands for more than this share of the time is judged at rest: what is not friction shows there, too.
+/// Share of the time from which on a joint that stands is judged at rest: what is not friction shows there, too, and there are too few other rows.
 const MOSTLY: f64 = 0.9;
 /// Share of what a sharper look at the motion adds to the model's torque that a still sharper one may add: the series of looks halves at each octave or faster.
 const HIDDEN: f64 = 0.1;

@@ -8,15 +8,14 @@ use freeplay_laws::{Occurrence, changed};
 use super::candidate::{Candidate, Form};
 use super::system::{Fit, Gain, System, all_but};
 
-/// Odds within which two answers are as good: 20 to 1, as is usual for a name (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773, "strong").
-pub const AS_GOOD: f64 = 2.995_732_273_553_991;
-/// Most candidates of which each is tried in the place of several members.
+pub use crate::statistics::STRONG as AS_GOOD;
+/// Most candidates of which each is tried in the place of several members: more are far behind, and each takes a fit.
 const TRIED: usize = 12;
-/// Steps of the logarithm of a shape's number, from one shape that is laid out to the next down to what no motion tells apart.
+/// Steps of the logarithm of a shape's number: from one shape that is laid out to the next, down to what no motion tells apart.
 const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
 /// Most effects a joint: an arm that lacks more is not known by its laws, and more of them would only follow its shapes.
 const MOST: usize = 3;
-/// Share of the log of the evidence that is worth another step.
+/// Share of the log of the evidence that is worth another step: less is far below what any odds are said to, and rounding makes some of it.
 pub const WORTH: f64 = 0.01;
 
 /// A set of effects with its evidence.
@@ -107,7 +106,7 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// Searches from `known` alone and from that and what is common, and goes back to the best; `None` if the system is singular.
     pub fn run(&mut self, known: &[usize], progress: &mut dyn FnMut(&str)) -> Option<Answer> {
-        /// What a sensor reads changes with what is found, and that with the sensor.
+        /// Turns in which they settle: what a sensor reads changes with what is found, and that with the sensor.
         const TURNS: usize = 2;
         let first = self.system.shares();
         let from_nothing = self.improve(known.to_vec(), progress)?;
@@ -220,7 +219,7 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `answer` with its numbers brought into agreement with what each law acts on, and with rows that are far out believed less. `None` if the system is
     /// singular.
     pub fn agreed(&mut self, answer: &Answer) -> Option<Answer> {
-        /// One law changes what another acts on, and that the first once more.
+        /// Turns in which they settle: one law changes what another acts on, and that the first once more.
         const TURNS: usize = 4;
         let mut now = answer.clone();
         for _ in 0..TURNS {
@@ -242,7 +241,7 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `members` with the shares of discrepancy that are most probable beside them.
     pub fn settled(&mut self, members: Vec<usize>) -> Option<Answer> {
-        /// A share moves by less at each turn; the grid of shares ends it.
+        /// Most turns: a share moves by less at each, and the grid of shares ends it.
         const TURNS: usize = 4;
         for _ in 0..TURNS {
             let fit = self.system.fit(&members)?;
@@ -294,7 +293,7 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `members`, each in the form that explains most beside the others and beside what it acts on.
     pub fn polished(&mut self, mut members: Vec<usize>) -> Option<Answer> {
-        /// A law that acts on others moves with them, and they with it.
+        /// Turns in which they settle: a law that acts on others moves with them, and they with it.
         const TURNS: usize = 3;
         let mut now = self.settled(members.clone())?;
         for _ in 0..TURNS {
@@ -666,4 +665,4 @@ fn moves(numbers: &[String]) -> Vec<Vec<(String, f64)>> {
 
 /// Most times that a law is taken about what was found, and the shares of the way there: the whole, or less where that is too far.
 const CENTRES: usize = 6;
-const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
+use crate::statistics::BACKTRACKING as SHARES;

@@ -7,7 +7,7 @@ use super::conclude::insufficient;
 use super::engine::{self, DiagnoseError, DiagnoseSettings};
 use super::report::{Diagnosis, Tuned, Verdict};
 use super::tolerance::{Of, Tolerances};
-use crate::conventions::{CLOCK_UNSURE, Certainty, Late, Mended, SetupFinding, sentences};
+use crate::conventions::{Certainty, Late, Mended, SetupFinding, clock_unsure, sentences};
 use crate::servo::{self, commands_alone};
 
 /// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on held-out data.
@@ -62,7 +62,8 @@ fn later(
     settings: &DiagnoseSettings,
     progress: &mut dyn FnMut(&str),
 ) -> Result<f64, DiagnoseError> {
-    let tolerances = Tolerances { delay: settings.tolerances.delay.max(CLOCK_UNSURE), ..settings.tolerances };
+    let tolerances =
+        Tolerances { delay: settings.tolerances.delay.max(clock_unsure()), ..settings.tolerances };
     let unsure = DiagnoseSettings { tolerances, ..*settings };
     let diagnosis = engine::diagnose(&mended.file, &mended.recordings, &unsure, progress)?;
     // Of torques and tool on one clock the tool tells better: nothing is missing in a geometry.

@@ -9,13 +9,15 @@ use super::stage::Stage;
 use super::tolerance::Nuisance;
 use crate::residual::Kind;
 
-/// Knots of the hat functions in position and in speed.
+/// Knots of the hat functions in position: as many as tell a law with a period of half the range from one without.
 const KNOTS: usize = 8;
+/// Knots of the hat functions in speed and load: laws of friction have one bend in each direction, which three more knots than its ends show.
 const SPEED_KNOTS: usize = 5;
-/// Knots of the hat functions in time, for what happens at a time or drifts.
+/// Knots of the hat functions in time: what happens at a time or drifts is caught to a sixteenth of the recording.
 const MOMENTS: usize = 16;
-/// Ridge, as a share of each column's square, that keeps the fit from running away where the motion tells columns apart badly.
-const RIDGE: f64 = 1e-4;
+/// Ridges that are tried, as shares of each column's square: from shapes that are all but free, and that the ridge only keeps from running away where the motion tells
+/// columns apart badly, to none, in decades.
+const RIDGES: [f64; 7] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
 
 /// Where the knots of a joint's hat functions are.
 #[derive(Clone, Debug, Default)]
@@ -67,7 +69,7 @@ impl Shapes {
         keep(&mut moments, mask);
         columns.extend(moments);
         normalised(&mut columns);
-        Self { factor: factor(gram(&columns), RIDGE), columns }
+        Self { factor: factor(gram(&columns), RIDGES[0]), columns }
     }
 
     /// What they leave of `residual`.
@@ -162,8 +164,6 @@ impl CommonShapes {
     /// The coefficients for `residual` of the columns that act everywhere, then of those of `places`, with the ridge under which the rows are most probable (MacKay
     /// 1992, Neural Comput. 4:415), their noise integrated out.
     fn most_probable(&self, residual: &[Vec<f64>], places: &[usize]) -> Probable {
-        /// Ridges that are tried: from shapes as large as they like to none.
-        const RIDGES: [f64; 7] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
         let acts = |column: &usize| self.places[*column].is_none_or(|place| places.contains(&place));
         let acting: Vec<usize> = (0..self.columns.len()).filter(acts).collect();
         let rows = self.channels.iter().flat_map(|&c| residual[c].iter());
@@ -258,7 +258,7 @@ fn of_torque(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
     columns
 }
 
-/// Columns of each place.
+/// Columns of each place: a hat about either end of its range, and both with the sign of the speed.
 const PER_PLACE: usize = 4;
 
 /// At each place of `joint` hat functions about the two ends of its range, as they are and with the sign of the joint's speed.

@@ -363,8 +363,8 @@ impl<'a> Stage<'a> {
     /// # Errors
     /// [`LawError::Changed`] if what was found leaves no possible arm.
     pub fn let_through(&self) -> Result<Answer, LawError> {
-        /// A change so small, beside the channel, that it moves no corner.
-        const SMALL: f64 = 1e-6;
+        // A change so small, beside the channel, that it moves no corner, and the quotient is right to as many figures as the change is below the channel.
+        let small = f64::EPSILON.sqrt();
         let found = self.found.borrow();
         let all = self.known.iter().copied().chain(found.iter().map(|(_, placed)| &**placed));
         if !all.clone().any(|placed| placed.effect.bends()) {
@@ -374,7 +374,7 @@ impl<'a> Stage<'a> {
         let baseline = beneath.as_deref().unwrap_or(&self.rough);
         let mut now = baseline.before_sensors().clone();
         let steps: Vec<f64> =
-            now.columns().map(|column| SMALL * Moments::of(column).rms.max(f64::MIN_POSITIVE)).collect();
+            now.columns().map(|column| small * Moments::of(column).rms.max(f64::MIN_POSITIVE)).collect();
         let mut then = now.clone();
         for (column, step) in then.columns_mut().zip(&steps) {
             column.iter_mut().for_each(|x| *x += step);
@@ -386,7 +386,7 @@ impl<'a> Stage<'a> {
         for ((then, now), step) in then.columns_mut().zip(now.columns()).zip(&steps) {
             then.iter_mut().zip(now).for_each(|(then, now)| *then = (*then - now) / step);
         }
-        let is_bent = |share: &[f64]| share.iter().any(|share| (share - 1.0).abs() > SMALL.sqrt());
+        let is_bent = |share: &[f64]| share.iter().any(|share| (share - 1.0).abs() > small.sqrt());
         Ok(self.by_channel(|kind| is_bent(kind.of(&then)).then(|| self.treated(kind.of(&then)))))
     }
 

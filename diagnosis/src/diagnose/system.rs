@@ -16,16 +16,15 @@ use super::bvls::bounded;
 use super::candidate::Candidate;
 use super::columns::dot;
 use super::data::{Column, Data, add};
+use super::tolerance::even;
 use super::weights::Weights;
 use super::whitening::Whitening;
 use crate::statistics::blocks as blocks_of;
 
-/// Half the width of a tolerance in standard deviations: an even spread of deviation one.
-const EDGE: f64 = 1.732_050_807_568_877_2;
 /// Precision with which a tolerance is held at an edge: far above what any recording says, far below what rounding spoils.
 const STIFF: f64 = 1e9;
 
-/// A prior's coefficient is of such a size that its column is half of its channel.
+/// Size of a law before it is fitted, as a share of its channel: it may be as large as the channel or nothing, and halfway favours neither.
 const HALF: f64 = 0.5;
 
 /// The answer to the question what a set of blocks explains.
@@ -325,7 +324,8 @@ impl<'d, 'a> System<'d, 'a> {
         let width = |(precision, is_named): (&f64, bool)| match (*precision < 1.0, is_named) {
             (true, _) => [f64::NEG_INFINITY, f64::INFINITY],
             (false, true) => [0.0, 0.0],
-            (false, false) => [-EDGE, EDGE],
+            // Half the width of an even spread of deviation one.
+            (false, false) => [-1.0 / even(), 1.0 / even()],
         };
         self.precision.iter().zip(self.named_by(members)).map(width).collect()
     }
@@ -381,7 +381,8 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// Which tolerances say what one of `members` says, whatever its coefficients: what has a name is no tolerance any more.
     fn named_by(&self, members: &[usize]) -> Vec<bool> {
-        /// Share of a column's square that another says for both to be the same.
+        /// Share of a column's square that another says for both to be the same: what is left, a tenth of the deviation, no recording tells from noise beside a
+        /// tolerance.
         const SAME: f64 = 0.99;
         let squares: Vec<f64> = (0..self.precision.len())
             .map(|k| {

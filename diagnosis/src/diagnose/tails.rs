@@ -1,9 +1,10 @@
 //! How probable rows are whose tails may be heavier than those of a normal.
 
-/// Degrees of freedom of Student's t that are tried, from what has no variance to what no recording tells from a normal.
+use crate::statistics::MOST_ROUNDS;
+
+/// Degrees of freedom of Student's t that are tried: from what has no variance to what no recording tells from a normal, and denser where the tails change
+/// most.
 const FREEDOMS: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 20.0, 100.0];
-/// Turns after which a scale moves by less than a hundredth.
-const TURNS: usize = 30;
 
 /// Log of the likelihood of `rows` under Student's t of the scale, `least` or more, and the degrees of freedom that make them most probable (Lange, Little & Taylor 1989, J. Am.
 /// Stat. Assoc. 84:881).
@@ -15,7 +16,7 @@ pub(crate) fn log_likelihood(rows: &[f64], least: f64) -> f64 {
     }
     let of = |freedom: f64| {
         let mut square = mean;
-        for _ in 0..TURNS {
+        for _ in 0..MOST_ROUNDS {
             let weighed = rows.iter().map(|x| (freedom + 1.0) / (freedom + x * x / square) * x * x);
             square = (weighed.sum::<f64>() / count).max(least * least);
         }

@@ -4,24 +4,24 @@ use std::ops::Range;
 
 use freeplay_recording::Recording;
 
-/// Most samples that one diagnosis works on, and most of them times joints if that is more; what is longer is thinned to windows.
-const MOST_SAMPLES: usize = 60_000;
-const MOST_NUMBERS: usize = 300_000;
-/// Windows that a long recording is thinned to.
-const WINDOWS: usize = 8;
-/// Share of the greatest span of a joint within which all of them rest.
+use crate::long::WINDOWS;
+
+/// Most samples times joints that one diagnosis works on; what is longer is thinned to windows. The time of a search grows with them: one minute of an arm with
+/// seven joints at 1 kHz is worked on as a whole.
+const MOST_NUMBERS: usize = 420_000;
+/// Share of the greatest span of a joint within which all of them rest: more than noise and creep of a standing arm, less than any motion that is meant.
 const REST: f64 = 0.01;
-/// Time between two looks at a joint that may rest, s.
+/// Time between two looks at a joint that may rest, s: noise is no way within it, and a motion is seen several times on its way.
 const LOOK_S: f64 = 0.1;
-/// Rest that is left where it is, s.
+/// Rest that is left where it is, s: it costs little time, and so cutting it would not pay for a note.
 const SHORT_REST_S: f64 = 2.0;
-/// Rest that stays on either side of the motion, s.
+/// Rest that stays on either side of the motion, s: the low-pass settles in it, and a slow start stays whole.
 const GUARD_S: f64 = 0.2;
 
 /// `recordings` without long rest at their ends, and no longer together than memory and time allow; `notes` are told what was left out.
 pub(crate) fn bounded(recordings: &[Recording], notes: &mut Vec<String>) -> Vec<Recording> {
     let joints = recordings.first().map_or(1, |recording| recording.joints().max(1));
-    let most = MOST_SAMPLES.max(MOST_NUMBERS / joints) / recordings.len().max(1);
+    let most = MOST_NUMBERS / joints / recordings.len().max(1);
     let bound = |whole: &Recording| {
         let moving = moving(whole, notes);
         thinned(whole, moving, most, notes)

@@ -52,7 +52,9 @@ impl Tolerances {
 }
 
 /// Standard deviation of a quantity spread evenly over ±1: 1/√3.
-pub(crate) const EVEN: f64 = 0.577_350_269_189_625_8;
+pub(crate) fn even() -> f64 {
+    1.0 / 3.0_f64.sqrt()
+}
 
 /// A nuisance: a direction in which the machine may differ from its model, scaled so that its prior is a normal of variance one.
 #[derive(Debug)]
@@ -99,12 +101,12 @@ pub(crate) enum Of {
 impl Of {
     /// Changes `parts` by so many standard `deviations` of it; what an arm file does not say leaves them as they are.
     pub fn change(self, parts: &mut ArmParts, tolerances: &Tolerances, deviations: f64) {
-        let by = |tolerance: f64| EVEN * tolerance * deviations;
+        let by = |tolerance: f64| even() * tolerance * deviations;
         match self {
             Self::Mass(joint) => parts.joints[joint].inertia.mass *= 1.0 + by(tolerances.mass),
             Self::Inertia(joint) => parts.joints[joint].inertia.about_com *= 1.0 + by(tolerances.inertia),
             Self::Centre(joint, along) => {
-                parts.joints[joint].inertia.com += EVEN * by(tolerances.length) * along
+                parts.joints[joint].inertia.com += even() * by(tolerances.length) * along
             }
             Self::Rotor(joint) => parts.joints[joint].rotor_inertia *= 1.0 + by(tolerances.inertia),
             Self::Length(joint) => lengthen(&mut parts.joints[joint].placement, by(tolerances.length)),
@@ -192,7 +194,7 @@ fn of_friction(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let mut all = Vec::new();
     for (index, joint) in stage.arm().joints().iter().enumerate() {
         let nominal = DriveFriction::nominal(joint.friction);
-        let scale = EVEN * tolerances.friction;
+        let scale = even() * tolerances.friction;
         if nominal.viscous > 0.0 {
             let column: Vec<f64> =
                 stage.motion().v[index].iter().map(|v| scale * nominal.viscous * v).collect();
@@ -229,7 +231,7 @@ fn of_laws(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         let Some(tolerance) = tolerance(placed) else { continue };
         // As much of it once more, but for the share.
         let Ok(mut answer) = stage.answer(placed) else { continue };
-        answer.iter_mut().flatten().flatten().for_each(|x| *x *= EVEN * tolerance);
+        answer.iter_mut().flatten().flatten().for_each(|x| *x *= even() * tolerance);
         all.push(Nuisance {
             name: format!("{} in the arm file", placed.kind.title),
             answer,
@@ -247,7 +249,7 @@ fn of_zeros(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     joints
         .map(|(index, joint)| {
             let mut shift = vec![vec![0.0; points]; stage.arm().dof()];
-            shift[index].fill(EVEN * tolerances.zero);
+            shift[index].fill(even() * tolerances.zero);
             let name = format!("encoder zero of {}", joint.name);
             let answer = stage.rigid_answer(stage.arm(), Some(&shift));
             Nuisance { name, answer, free: false, of: Of::Zero }
@@ -267,8 +269,8 @@ fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         });
         Nuisance { name: name.to_owned(), answer: answer.collect(), free: false, of }
     };
-    let delay = EVEN * tolerances.delay;
-    let torques = delay.hypot(EVEN * held);
+    let delay = even() * tolerances.delay;
+    let torques = delay.hypot(even() * held);
     vec![
         late(
             |kind| matches!(kind, Kind::Torque(_)),
@@ -307,9 +309,9 @@ fn of_tracker(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         };
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             let mut way = Vector3::zeros();
-            way[axis] = EVEN * tolerances.length;
+            way[axis] = even() * tolerances.length;
             vary(&format!("tracker along {name}"), Translation3::from(way).into());
-            way[axis] = EVEN * tolerances.frame;
+            way[axis] = even() * tolerances.frame;
             let turned = UnitQuaternion::from_scaled_axis(way);
             vary(&format!("tracker about {name}"), Isometry3::from_parts(Translation3::identity(), turned));
         }

@@ -5,6 +5,8 @@
 //! log-likelihood of each is weighed by φ, which turns the number of rows into the effective one, κ rows to one for the noise and for the discrepancy
 //! each.
 
+use freeplay_servo::DEGREES_OF_FREEDOM;
+
 use super::data::Data;
 use super::instruments::instruments;
 use super::noise::effective_samples;
@@ -12,23 +14,21 @@ use super::parts::Part;
 use super::shapes::{Knots, Shapes};
 use super::whitening::Whitening;
 use crate::residual::Kind;
+use crate::statistics::WIDE;
 
 /// Deviation of the half-normal prior of s: laws of rigid bodies and of friction hold to a few per cent on machines that are published.
 pub(crate) const USUAL_SHARE: f64 = 0.02;
-/// Shares s that are tried: from what no machine reaches to a law that says nothing, each a fifth more than the last.
+/// Least share s that is tried: no machine follows its laws to a thousandth.
 pub(crate) const LEAST_SHARE: f64 = 1e-3;
+/// Factor from one share that is tried to the next: the evidence is flat about its greatest value, so that half such a step changes it by far less than one.
 const FINER: f64 = 1.2;
-const SHARES: i32 = 40;
-/// Degrees of freedom of the tails under which rows are believed.
-const FREEDOM: f64 = 4.0;
 /// Recordings of perfect machines from which the noise of the instruments is taken: their mean square is known to a few per cent.
 const DRAWS: u64 = 3;
-/// Length over which the size of a channel is local, in periods of the low-pass.
-const LOCAL_PERIODS: f64 = 10.0;
 
-/// The shares that are tried.
+/// The shares that are tried: none, and from the least on up to a law that says nothing.
 fn shares() -> impl Iterator<Item = f64> {
-    std::iter::once(0.0).chain((0..SHARES).map(|k| LEAST_SHARE * FINER.powi(k)))
+    let grid = (0..).map(|k| LEAST_SHARE * FINER.powi(k));
+    std::iter::once(0.0).chain(grid.take_while(|share| *share < FINER))
 }
 
 /// How much the rows of one channel say.
@@ -79,7 +79,7 @@ impl Rows {
             let rows =
                 self.phi.iter().zip(left).zip(self.variances(share)).filter(|((phi, _), _)| **phi > 0.0);
             let of_row = |((phi, x), v): ((&f64, &f64), f64)| {
-                0.5 * phi * (v.ln() + (FREEDOM + 1.0) * (x * x / v / FREEDOM).ln_1p())
+                0.5 * phi * (v.ln() + (DEGREES_OF_FREEDOM + 1.0) * (x * x / v / DEGREES_OF_FREEDOM).ln_1p())
             };
             -0.5 * (share / USUAL_SHARE).powi(2) - rows.map(of_row).sum::<f64>()
         };
@@ -90,8 +90,11 @@ impl Rows {
     /// 84:881): what shakes at times bends no number.
     pub fn distrust(&mut self, left: &[f64]) {
         let v = self.variances(self.share);
-        self.trust =
-            left.iter().zip(v).map(|(x, v)| ((FREEDOM + 1.0) / (FREEDOM + x * x / v)).min(1.0)).collect();
+        self.trust = left
+            .iter()
+            .zip(v)
+            .map(|(x, v)| ((DEGREES_OF_FREEDOM + 1.0) / (DEGREES_OF_FREEDOM + x * x / v)).min(1.0))
+            .collect();
     }
 
     /// Believes every row alike.
@@ -250,8 +253,9 @@ impl Weights {
         apart: &[Option<Vec<f64>>],
         left: &[Vec<f64>],
     ) -> Vec<Vec<f64>> {
-        /// The greatest share that is tried, and how many are: each is smaller by a factor of √2 than the one before. Zero is tried, too.
+        /// The greatest share that is tried: the courses are then as far from the model as they are apart.
         const MOST: f64 = 2.0;
+        /// How many such shares are tried: each is smaller by a factor of √2 than the one before, down to a tenth. Zero is tried, too.
         const COUNT: i32 = 10;
         if apart.iter().all(Option::is_none) {
             return off.to_vec();
@@ -279,8 +283,6 @@ impl Weights {
 
     /// Weights of rows of which only the noise is known: its `deviation` and the number of `effective` rows, by channel.
     pub fn plain(data: &Data, deviation: &[f64], effective: &[f64]) -> Self {
-        /// Prior size of what is asked for, in standard deviations of the noise: it leaves the data all of the say.
-        const WIDE: f64 = 1e6;
         let of_channel = |c: usize| {
             let counts = &data.counts[c];
             let per_row = effective[c] / counts.iter().sum::<f64>().max(1.0);
@@ -354,6 +356,8 @@ fn alike(residual: &[f64], mask: &[f64]) -> f64 {
 /// Square of the local size of what the channel number `channel` models: of a torque itself; of a pose, which the rigid arm says exactly, of what is left to
 /// explain. Nowhere less than a third of the channel's own.
 fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
+    /// Least local size over that of the whole channel: where a channel is near zero, what makes it up, as gravity and friction against each other, is not;
+    /// each of them is off by its share.
     const LEAST: f64 = 1.0 / 3.0;
     let (stage, of_stage) = data.place(channel);
     let stage = &data.stages[stage];
@@ -365,8 +369,8 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
     let mut local = vec![0.0; squares.len()];
     for (stretch, step) in data.stretches(channel) {
-        let half =
-            ((0.5 * LOCAL_PERIODS / stage.ground.treatment.filter().cutoff_hz() / step) as usize).max(1);
+        // What the low-pass remembers before a row and after it is local to the row.
+        let half = ((stage.ground.treatment.filter().settling_time() / step) as usize).max(1);
         let mut sums = vec![0.0];
         for square in &squares[stretch.clone()] {
             sums.push(sums[sums.len() - 1] + square);

@@ -7,14 +7,12 @@
 
 use super::data::{Column, Data};
 use super::weights::Weights;
-use crate::statistics::Moments;
+use crate::statistics::{Moments, Quantile};
 
 /// Times in which a wandering forgets that are tried, in periods of the low-pass's cutoff: from the next row to the whole of a motion.
 const FORGETS: [f64; 6] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
-/// Ratios of the deviation of the wandering to that of the noise that are tried.
+/// Ratios of the deviation of the wandering to that of the noise that are tried, in factors of two or three: from no wandering to no noise that shows.
 const RATIOS: [f64; 8] = [0.0, 0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
-/// The normal's median amount over its deviation.
-const MEDIAN: f64 = 0.674_489_750_196_082;
 
 /// The wanderings of all channels.
 #[derive(Clone)]
@@ -247,7 +245,7 @@ fn size(rows: &[f64]) -> f64 {
         return 0.0;
     }
     let middle = amounts.len() / 2;
-    *amounts.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN
+    *amounts.select_nth_unstable_by(middle, f64::total_cmp).1 / Quantile::Median.of_normal()
 }
 
 #[cfg(test)]

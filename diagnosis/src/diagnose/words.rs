@@ -6,6 +6,7 @@ use freeplay_arm::{Arm, EffectTable};
 use freeplay_laws::{Kind as EffectKind, kind};
 use toml::Value;
 
+use super::alternatives::LISTED;
 use super::locate::Map;
 use super::report::{Alternative, Effect, Parameter};
 use super::search::AS_GOOD;
@@ -15,18 +16,17 @@ pub const TO_TELL: &str = "to tell";
 
 /// The odds of a finding in words, from their natural logarithm (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773).
 pub(crate) fn odds(log_odds: f64) -> &'static str {
-    /// ln 150.
-    const VERY_STRONG: f64 = 5.010_635;
     match log_odds {
         x if x < AS_GOOD => "possible",
-        x if x < VERY_STRONG => "probable",
+        // "Very strong" (Kass & Raftery).
+        x if x < 150.0_f64.ln() => "probable",
         _ => "as good as sure",
     }
 }
 
 /// Why an alternative is not named, from the natural logarithm of the odds against it.
 pub(crate) fn odds_against(log_odds: f64) -> String {
-    /// Odds that say more than a person asks for.
+    /// Odds that say more than a person asks for: a number with five digits is read as certainty.
     const MANY: f64 = 1e4;
     if log_odds < 0.0 {
         return "it says the same of this motion".to_owned();
@@ -36,9 +36,6 @@ pub(crate) fn odds_against(log_odds: f64) -> String {
         odds => format!("it was tried in this place; the odds against it are {odds:.0} to 1"),
     }
 }
-
-/// Up to how many findings a verdict repeats with their numbers.
-const FEW: usize = 3;
 
 /// A number with three figures.
 fn brief(value: f64) -> String {
@@ -186,7 +183,7 @@ pub(crate) fn with_given(given: &EffectTable, both: &EffectTable, arm: &Arm) -> 
 /// One sentence on all effects: with their numbers if they are few, else by kind and place.
 pub(crate) fn left_out(effects: &[&Effect]) -> String {
     let known = |effect: &Effect| kind(effect.kind).map_or(effect.kind, |kind| kind.title).to_owned();
-    if effects.len() <= FEW {
+    if effects.len() <= LISTED {
         let with_numbers = |effect: &Effect| format!("{}{}", effect.phrase, on(effect.joint.as_deref()));
         let all: Vec<String> = effects.iter().copied().map(with_numbers).collect();
         return format!("The model leaves out {}.", listed(&all));
@@ -227,7 +224,7 @@ pub(crate) fn open(alternatives: &[Alternative]) -> String {
     let pairs: Vec<String> = open.map(|[named, other]| format!("{named} is {other}")).collect();
     match pairs.len() {
         0 => String::new(),
-        1..FEW => format!(" Not told by this motion: whether {}.", pairs.join(", or whether ")),
+        1..LISTED => format!(" Not told by this motion: whether {}.", pairs.join(", or whether ")),
         many => format!(" This motion leaves {many} of these open: other laws say the same of it."),
     }
 }

@@ -2,15 +2,10 @@
 
 use freeplay_report::units::people;
 use freeplay_report::{Block, Cell, Column, Section, Table};
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 use super::channels;
-use crate::statistics::{BLOCK_S, blocks as blocks_of};
+use crate::statistics::{BLOCK_S, blocks as blocks_of, bootstrap};
 use crate::{Diagnosis, Passage, Trace};
-
-/// Draws of the bootstrap.
-const DRAWS: usize = 400;
 
 type Pick = fn(&Trace) -> &[f64];
 
@@ -104,7 +99,7 @@ struct Estimate {
     high: f64,
 }
 
-/// Root of the mean square over all `held` passages, with the interval of a bootstrap of blocks (Künsch 1989, Ann. Statist. 17:1217).
+/// Root of the mean square over all `held` passages, with the interval of a [`bootstrap`] of blocks.
 fn rms(held: &[(&Passage, &Trace)], pick: Pick, seed: u64) -> Estimate {
     let mut blocks: Vec<[f64; 2]> = Vec::new();
     for (passage, trace) in held {
@@ -124,12 +119,6 @@ fn rms(held: &[(&Passage, &Trace)], pick: Pick, seed: u64) -> Estimate {
     if blocks.len() < 2 {
         return Estimate { value, low: f64::NAN, high: f64::NAN };
     }
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut drawn: Vec<f64> = (0..DRAWS)
-        .map(|_| root(&mut (0..blocks.len()).map(|_| rng.next_u64() as usize % blocks.len())))
-        .filter(|x| x.is_finite())
-        .collect();
-    drawn.sort_by(f64::total_cmp);
-    let at = |share: f64| drawn.get((share * drawn.len() as f64) as usize).copied().unwrap_or(f64::NAN);
-    Estimate { value, low: at(0.025), high: at(0.975) }
+    let [low, high] = bootstrap(blocks.len(), seed, root);
+    Estimate { value, low, high }
 }

@@ -6,15 +6,13 @@ use freeplay_report::{Axis, Block, Chart, Mark, Section, Series};
 use super::channels;
 use super::errors::MODELS;
 use super::points::traces;
+use crate::diagnose::LISTED;
 use crate::{Diagnosis, Passage, Trace};
-
-/// Most channels that are not folded away.
-const MOST: usize = 3;
 
 /// The section.
 pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
     let first = diagnosis.passages.first()?;
-    let shown: Vec<&str> = channels(diagnosis).into_iter().take(MOST).collect();
+    let shown: Vec<&str> = channels(diagnosis).into_iter().take(LISTED).collect();
     let names = first.traces.iter().map(|trace| trace.channel.as_str());
     let others: Vec<Block> = names
         .filter(|name| !shown.contains(name))

@@ -8,16 +8,17 @@ use freeplay_report::units::{people, written};
 use freeplay_report::{Axis, Chart, Drawing, Series};
 
 use super::points::{Over, Points, best_plot_variable, column, forwards, law, line, traces};
-use crate::diagnose::SIGNIFICANT;
+use crate::diagnose::LISTED;
+use crate::statistics::SIGNIFICANT;
 use crate::{Diagnosis, Effect, Map};
 
-/// Most channels that one finding is drawn in.
-const MOST_CHANNELS: usize = 2;
-/// Share of the law's square that turning the joint has to explain for the tool's error to be drawn as an angle of the joint.
+/// Share of the law's square that turning the joint has to explain for the tool's error to be drawn as an angle of the joint: most of it, as the rest does not
+/// show in the picture.
 const TURNS: f64 = 0.7;
-/// Least lever of the tool about a joint for its error to be an angle of the joint, as a share of the greatest.
+/// Least lever of the tool about a joint for its error to be an angle of the joint, as a share of the greatest: a shorter one blows up the noise more than
+/// threefold.
 const LEVER: f64 = 0.3;
-/// Points of the drawn law.
+/// Points of the drawn law: a curve of 90 chords looks smooth at the width of a panel.
 const LINE: usize = 90;
 
 const FIT: &str = "data of the fit";
@@ -38,7 +39,7 @@ pub fn of(diagnosis: &Diagnosis, arm: &Arm, index: usize) -> Vec<Drawing> {
     let mut channels: Vec<(f64, &String)> =
         effect.evidence.channels.iter().map(|channel| (weight(diagnosis, index, channel), channel)).collect();
     channels.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let strongest = channels.into_iter().take(MOST_CHANNELS);
+    let strongest = channels.into_iter().take(LISTED);
     strongest.filter_map(|(_, channel)| in_channel(diagnosis, arm, index, channel)).collect()
 }
 

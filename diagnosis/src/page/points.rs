@@ -1,12 +1,11 @@
 //! The points of a picture: what is left without an effect and with it, over the variable that gives the effect away.
 
+use crate::diagnose::BINS;
 use crate::{Diagnosis, Passage, Trace, Variable};
 
-/// Bins by which a law is tried over a variable.
-const BINS: usize = 24;
-/// A variable further down the list has to explain this much more to be taken.
+/// Share that a variable further down the list has to explain beyond the first to be taken: a difference of 3 % is not seen in a picture.
 const CLEARLY: f64 = 0.03;
-/// Share of the law that one variable has to explain for the directions not to be told apart.
+/// Share of the law that one variable has to explain for the directions not to be told apart: the rest, a third of the deviation, is not seen as two branches.
 const ENOUGH: f64 = 0.9;
 /// The quantities over which a law may be drawn. Of two that show it as clearly, the first is taken.
 const QUANTITIES: [&str; 6] = ["velocity", "load", "position", "acceleration", "way", "time"];

@@ -8,9 +8,6 @@ use super::Subject;
 use super::findings::{kind_title, title};
 use crate::Diagnosis;
 
-/// Most rows of the table of evidence.
-const ROWS: usize = 40;
-
 /// What else was weighed; none where nothing was.
 pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
     if diagnosis.alternatives.is_empty() {
@@ -125,7 +122,7 @@ pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
         .column(Column::number("alone", ""))
         .column(Column::number("beside the findings", ""))
         .note("Natural logarithm of the odds that the effect is missing from the model, prior odds included: 3 are 20 to 1, below 0 it is not.");
-    for row in diagnosis.evidence.iter().take(ROWS) {
+    for row in &diagnosis.evidence {
         evidence = evidence.row([
             Cell::from(title(row.kind, row.joint.as_deref())),
             row.alone.into(),
@@ -136,7 +133,7 @@ pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
         .column(Column::text("tolerance"))
         .column(Column::number("standard deviations", "").significant(2))
         .note("A tolerance is 1.7 standard deviations wide.");
-    for one in diagnosis.tuned.iter().take(ROWS) {
+    for one in &diagnosis.tuned {
         tuned = tuned.row([Cell::from(one.name.as_str()), one.deviations.into()]);
     }
     let mut followed = Table::new("To what the machine follows its laws, with the findings in the model")

@@ -12,7 +12,7 @@ use super::recorded::Recorded;
 const DELAYS: [f64; 3] = [0.1, 0.5, 0.9];
 /// Rotor inertias to begin with, over stiffness and square of the lag: none, some, and as much as the lag lets in.
 const ROTORS: [f64; 3] = [0.0, 0.3, 1.0];
-/// Stiffnesses to begin with, over the one that the load tells.
+/// Stiffnesses to begin with, over the one that the load tells: a factor of two either way, as servos of one arm differ by.
 const STIFFNESSES: [f64; 3] = [0.5, 1.0, 2.0];
 
 /// A servo fitted on its own.

@@ -8,7 +8,7 @@ use toml::Value;
 
 use super::compare::late;
 use super::diagnose::{deviations_of, moves, quickest, rivals};
-use super::findings::{WIDTH, named_from};
+use super::findings::named_from;
 use super::parts::{Parts, moving_cut, rounding};
 use super::scores::{Deviations, deviations, gain};
 use super::torque_law::{Sheet, TorqueLaw};
@@ -16,9 +16,7 @@ use super::torque_servos::{Simulated, delay_of, findings, number, with_servos};
 use super::tracks::{for_fit, for_lags, track};
 use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis, Verdict, bounded};
 use crate::motion::Treatment;
-
-/// Share of each recording that is fitted, by the rows in which something moves; the rest judges.
-const FITTED: f64 = 0.7;
+use crate::statistics::{SHARES, half_width};
 
 /// The servos of the joints, by torque.
 pub struct Laws {
@@ -100,7 +98,7 @@ pub fn add_servos(
 
 /// The last 30 % of each of `tracks` judge, the rest is fitted.
 fn in_two(tracks: &[Track]) -> Parts {
-    let cut = |track: &Track| moving_cut(track, FITTED);
+    let cut = |track: &Track| moving_cut(track, SHARES[1]);
     let each = || tracks.iter().enumerate();
     Parts {
         fit: each().map(|(index, track)| (index, 0..cut(track))).collect(),
@@ -197,6 +195,6 @@ fn lateness(diagnosis: &Diagnosis) -> (f64, f64) {
     }
     let found = diagnosis.effects.iter().filter(|effect| effect.kind == "time_delay");
     let intervals = found.filter_map(|effect| effect.parameters.get("delay")?.ci95);
-    let deviation = intervals.map(|[low, high]| (high - low) / (2.0 * WIDTH));
+    let deviation = intervals.map(|[low, high]| (high - low) / (2.0 * half_width()));
     (late, deviation.fold(0.0, f64::hypot))
 }

@@ -2,17 +2,13 @@
 //! One link's mass is asked for beside given servos alone: beside unknown ones it is a softer servo at its own joint, and what it does at those before hardly tells it from the rest of the law.
 
 use freeplay_arm::{Arm, ArmFile};
-use freeplay_servo::{Fitted, Problem, Quantity, ServoArm, Unknown};
+use freeplay_servo::{DIFFERENCE_STEP as STEP, Fitted, Problem, Quantity, ServoArm, Unknown};
 
 use super::limits::{BELIEVED, lost};
 use crate::diagnose::Tolerances;
 
 /// Standard deviation of the prior of a base's roll and pitch, rad: a third of a right angle.
 const LEAN: f64 = 0.5;
-/// Standard deviation of the prior of the logarithm of a link's mass over the modelled one: a factor of two.
-const MASS: f64 = std::f64::consts::LN_2;
-/// Steps of finite differences over what a number may be.
-const STEP: f64 = 0.03;
 
 /// One thing that an arm may carry, or how it may stand.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,7 +55,11 @@ pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
         (lean, LEANS.map(|lean| lean.to_vec()).to_vec()),
     ];
     let masses = (0..joints.len()).map(|joint| {
-        let mass = burdened("link_mass", Some(joint), vec![unknown(joint, Quantity::LinkMass, MASS)]);
+        let mass = burdened(
+            "link_mass",
+            Some(joint),
+            vec![unknown(joint, Quantity::LinkMass, std::f64::consts::LN_2)],
+        );
         (mass, MASSES.map(|scale| vec![scale.ln()]).to_vec())
     });
     burdens.extend(masses);
@@ -84,10 +84,11 @@ pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
     links.map(|joint| unknown(joint, Quantity::LinkMass, tolerances.mass)).collect()
 }
 
-/// Factors of a link's mass at which a fit begins, as a fit from the modelled mass may not lead there.
+/// Factors of a link's mass at which a fit begins: a fit from the modelled mass may not lead there.
 const MASSES: [f64; 4] = [0.5, 0.75, 1.33, 2.0];
-/// The same for payloads and leans: what a payload may weigh, as shares of the arm, from none on, as the best one lies between two that are tried; how far a base may lean, rad.
+/// The same for payloads: what one may weigh, as shares of the arm, from none on, as the best one lies between two that are tried.
 const PAYLOADS: [f64; 5] = [0.0, 0.1, 0.2, 0.4, 0.8];
+/// Leans of a base from which a fit begins, rad: each way about either axis, small and large.
 const LEANS: [[f64; 2]; 8] =
     [[-0.2, -0.2], [-0.2, 0.0], [-0.2, 0.2], [0.0, -0.2], [0.0, 0.2], [0.2, -0.2], [0.2, 0.0], [0.2, 0.2]];
 

@@ -1,7 +1,7 @@
 //! The causes that a given model with servos may lack, and the tolerances of the numbers that it has.
 
 use freeplay_arm::ArmFile;
-use freeplay_servo::{Problem, Quantity, ServoArm, Sight, Unknown, unknowns};
+use freeplay_servo::{DIFFERENCE_STEP as STEP, Problem, Quantity, ServoArm, Sight, Unknown, unknowns};
 
 use super::burdens::{Burdened, burdens, masses};
 use super::findings::{moved, tolerance};
@@ -10,8 +10,6 @@ use crate::diagnose::Tolerances;
 
 /// Changes of a number that are tried, as shares of the standard deviation of its prior: a descent from the given value alone can end in a local minimum.
 const SHARES: [f64; 10] = [-0.8, -0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4, 0.8];
-/// Steps of finite differences over what a number may be.
-const STEP: f64 = 0.03;
 
 /// One cause that a given model may lack.
 #[derive(Clone, Debug)]

@@ -11,7 +11,7 @@ use super::burdens::Burdened;
 use super::changes::Change;
 use super::compare::{simulated, unit};
 use super::events::{Event, What};
-use super::findings::{Finding, Numbers, around, known, named_from};
+use super::findings::{CERTAIN, Finding, Numbers, around, known, named_from};
 use super::limits::lost;
 use super::parts::{Parts, Rows, rounding};
 use super::scores::{Deviations, deviations, errors, gain, rms};
@@ -23,9 +23,6 @@ use crate::diagnose::{
 /// Kinds of effects at joints that the findings stand in the place of.
 const REPLACED: [&str; 6] =
     ["servo", "command_delay", "coulomb_friction", "viscous_friction", "stribeck_friction", "rotor_inertia"];
-
-/// Standard deviations beyond which a number is certain.
-const CERTAIN: f64 = 1e3;
 
 /// All that a conclusion rests on.
 pub struct Conclusion<'a> {

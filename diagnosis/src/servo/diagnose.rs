@@ -15,9 +15,7 @@ use super::search::changes;
 use super::servos::servos;
 use super::tracks::{for_fit, for_lags, track};
 use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis};
-
-/// Fewest rows that judge.
-const FEWEST: usize = 10;
+use crate::statistics::FEWEST_ROWS;
 
 /// Finds the servos of the arm of `file` in `recordings` of commanded and measured positions.
 ///
@@ -42,7 +40,7 @@ pub fn diagnose(
         return Ok(Conclusion::insufficient(file, settings, "no joint is commanded to move"));
     }
     let has_fit = !problem(&tracks, &parts.fit, &seen, WINDOW).windows.is_empty();
-    if !has_fit || parts.test.iter().all(|(_, rows)| rows.len() < FEWEST) {
+    if !has_fit || parts.test.iter().all(|(_, rows)| rows.len() < FEWEST_ROWS) {
         return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
     }
     let tolerances = &settings.tolerances;

@@ -9,20 +9,16 @@ use nalgebra::DMatrix;
 use toml::{Table, Value};
 
 use crate::diagnose::{Parameter, Tolerances, Untestable};
+use crate::statistics::{STRONG, half_width};
 
-/// Half width of a 95 % interval over its standard deviation.
-pub const WIDTH: f64 = 1.96;
-/// Deviation of the logarithm of a stiffness beyond which only ratios to it are said: its interval holds its half and its double.
-const UNKNOWN: f64 = std::f64::consts::LN_2 / WIDTH;
-
-/// Log odds that a name needs: 20 to 1.
-const NAMED: f64 = 3.0;
-/// Kinds that are looked for at each joint.
+/// Standard deviations beyond which a number is certain: no distribution of errors is known so far out, and no odds have words.
+pub const CERTAIN: f64 = 1e3;
+/// Kinds that are looked for at each joint, which share the chance that one of them is seen in nothing: a servo, its delay, its friction and its rotor.
 const KINDS: f64 = 4.0;
 
 /// Log-likelihood ratio that a name needs at `joints` joints: what 20 to 1 takes after as many looks.
 pub fn named_from(joints: usize) -> f64 {
-    NAMED + (KINDS * joints as f64).ln()
+    STRONG + (KINDS * joints as f64).ln()
 }
 
 /// One effect of a joint.
@@ -124,9 +120,10 @@ impl Numbers<'_> {
         of_fit.hypot(self.tolerances.mass)
     }
 
-    /// Whether the load told the stiffness of `joint`.
+    /// Whether the load told the stiffness of `joint`: beyond, its interval holds its half and its double, and only ratios to it are said.
     pub fn is_known(&self, joint: usize) -> bool {
-        self.sights[joint].stiffness.is_some() && self.stiffness_deviation(joint) < UNKNOWN
+        self.sights[joint].stiffness.is_some()
+            && self.stiffness_deviation(joint) < std::f64::consts::LN_2 / half_width()
     }
 
     /// The findings of all joints that move.
@@ -168,7 +165,7 @@ impl Numbers<'_> {
         }
         let lag = self.of(joint, Quantity::Lag).unwrap_or_default();
         let name = &self.joint(joint).name;
-        let (lag_ms, half_ms) = (lag.0 * 1e3, WIDTH * lag.1 * 1e3);
+        let (lag_ms, half_ms) = (lag.0 * 1e3, half_width() * lag.1 * 1e3);
         let remark = if is_known {
             let droop = distance(self.joint(joint).kind, 1.0 / servo.stiffness, None);
             let unit = if self.joint(joint).kind == JointKind::Revolute { "N·m" } else { "N" };
@@ -221,7 +218,7 @@ impl Numbers<'_> {
         let remark = match quantity {
             Quantity::Coulomb | Quantity::Stiction => {
                 let what = if quantity == Quantity::Coulomb { "holds" } else { "holds at rest" };
-                let off = distance(self.joint(joint).kind, ratio, Some(WIDTH * deviation));
+                let off = distance(self.joint(joint).kind, ratio, Some(half_width() * deviation));
                 format!("It {what} {joint_name} up to {off} off where its servo would have it.")
             }
             _ => String::new(),
@@ -348,9 +345,9 @@ pub fn known(name: &str) -> &'static Kind {
 }
 
 pub fn around(value: f64, deviation: f64) -> [f64; 2] {
-    [value - WIDTH * deviation, value + WIDTH * deviation]
+    [value - half_width() * deviation, value + half_width() * deviation]
 }
 
 fn around_log(value: f64, deviation: f64) -> [f64; 2] {
-    [value * (-WIDTH * deviation).exp(), value * (WIDTH * deviation).exp()]
+    [value * (-half_width() * deviation).exp(), value * (half_width() * deviation).exp()]
 }

@@ -2,14 +2,13 @@
 
 use freeplay_servo::{Fitted, Noise, Problem, Quantity, ServoArm, Sight, Unknown};
 
-/// Shares of the greatest torque and speed of a model without the limit at which one is tried.
+/// Shares of the greatest torque and speed of a model without the limit at which one is tried: a fit moves it from there, as long as some rows are beyond it.
 const TRIED: [f64; 4] = [0.4, 0.6, 0.75, 0.9];
-/// Shares of the error at which a dead band is tried.
+/// Shares of the error at which a dead band is tried: a fit moves it from there, as long as some rows are inside.
 const BANDS: [f64; 2] = [0.1, 0.3];
-/// Rows over which a speed is measured.
+/// Rows over which a speed is measured: the noise of a difference falls with them, and three are short against any motion.
 const SPAN: usize = 3;
-/// Log odds beyond which a limit is believed: 20 to 1, after the price of its number and of the joints where it was looked for.
-pub(super) const BELIEVED: f64 = 3.0;
+pub(super) use crate::statistics::STRONG as BELIEVED;
 
 /// One more number for the model, where it is best.
 struct Candidate {

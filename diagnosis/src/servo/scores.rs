@@ -4,17 +4,14 @@ use std::collections::BTreeMap;
 
 use freeplay_recording::Group;
 use freeplay_servo::Track;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 use super::parts::Rows;
 use super::tracks::median_step;
 use crate::diagnose::{Gain, Rmse};
+use crate::statistics::bootstrap;
 
-/// Length of a block of the bootstrap, s: many lags of a servo.
-const BLOCK: f64 = 2.0;
-/// Draws of the bootstrap: enough for the ends of a 95 % interval to stand to a tenth of its width.
-const DRAWS: usize = 400;
+/// Length of a block of rows that is taken as independent of the others, s: many lags of a servo, which answers within 0.2 s.
+pub const BLOCK: f64 = 2.0;
 
 /// Deviations of one model, `[recording][joint][row]`: measured minus model.
 pub type Deviations = Vec<Vec<Vec<f64>>>;
@@ -79,17 +76,5 @@ pub fn gain(
         if b > 0.0 { 1.0 - f64::sqrt(a / b) } else { 0.0 }
     };
     let value = share(&mut (0..before.len()));
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut drawn: Vec<f64> = (0..DRAWS)
-        .map(|_| {
-            share(
-                &mut (0..before.len())
-                    .map(|_| rng.random_range(0..before.len()))
-                    .collect::<Vec<_>>()
-                    .into_iter(),
-            )
-        })
-        .collect();
-    drawn.sort_by(f64::total_cmp);
-    Gain { value, ci95: [drawn[DRAWS / 40], drawn[DRAWS - 1 - DRAWS / 40]] }
+    Gain { value, ci95: bootstrap(before.len(), seed, share) }
 }

@@ -9,7 +9,8 @@ use super::findings::named_from;
 use super::limits::lost;
 use super::recorded::{Found, Recorded, is_same, stop};
 
-/// Causes that are fitted before the best of them is taken, for each way in which they are ranked.
+/// Causes that are fitted before the best of them is taken, for each way in which they are ranked: the first may rank first by chance, and a fit takes far
+/// longer than a rank.
 const FITTED: usize = 2;
 
 /// A model with changes, fitted.

@@ -6,17 +6,13 @@ use freeplay_recording::Recording;
 use freeplay_servo::{Commands, JointServo, golden};
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 
+use super::scores::BLOCK;
+use super::tracks::FOR_LAGS;
 use crate::motion::Treatment;
 use crate::statistics::Moments;
 
 /// Steps of the delays that are tried, s, before the best is looked for between its neighbours: a quarter of the shortest lag of a servo.
 const APART: f64 = 0.005;
-/// The search for a delay goes so far beyond the measured lag, and below zero, s: the least at an end of the range would be no minimum.
-const BEYOND: f64 = 0.02;
-/// Length of a group of rows that is taken as independent of the others, s: many lags of a servo.
-const GROUP: f64 = 2.0;
-/// Numbers of the law: stiffness, damping, constant and delay.
-const NUMBERS: usize = 4;
 
 /// A recording as the law of a joint sees it, on the kept points of the treatment.
 pub struct Sheet<'a> {
@@ -45,7 +41,7 @@ impl<'a> Sheet<'a> {
         let times = treatment.times();
         let groups = treatment.stretches().into_iter().filter(|rows| rows.len() > 1).flat_map(|rows| {
             let step = (times[rows.end - 1] - times[rows.start]) / (rows.len() - 1) as f64;
-            let long = ((GROUP / step.max(f64::EPSILON)) as usize).max(1);
+            let long = ((BLOCK / step.max(f64::EPSILON)) as usize).max(1);
             rows.clone().step_by(long).map(move |begin| begin..rows.end.min(begin + long))
         });
         // The low-pass smears rows over the cut: rows so near to it belong to neither part.
@@ -105,8 +101,9 @@ impl TorqueLaw {
     /// or nothing is left to judge.
     pub fn fit(sheets: &[Sheet], lag: f64, late: f64) -> Option<Self> {
         let loss = |delay: f64| Line::fit(sheets, delay, late).map_or(f64::INFINITY, |line| line.left);
-        let steps = ((lag + 2.0 * BEYOND) / APART).ceil().max(2.0) as usize;
-        let tried = (0..=steps).map(|step| step as f64 * APART - BEYOND).map(|delay| (delay, loss(delay)));
+        // The lag was measured on rows so far apart; the least at an end of the range would be no minimum.
+        let steps = ((lag + 2.0 * FOR_LAGS) / APART).ceil().max(2.0) as usize;
+        let tried = (0..=steps).map(|step| step as f64 * APART - FOR_LAGS).map(|delay| (delay, loss(delay)));
         let (best, least) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
         if !least.is_finite() {
             return None;
@@ -191,7 +188,7 @@ impl Line {
             }
         }
         let inverse = hessian.try_inverse()?;
-        let few = groups / f64::max(groups - NUMBERS as f64, 1.0);
+        let few = groups / f64::max(groups - hessian.nrows() as f64, 1.0);
         let covariance = inverse * scatter * inverse * few;
         Some([0, 1, 3].map(|i| covariance[(i, i)].max(0.0).sqrt()))
     }

@@ -11,7 +11,7 @@ use super::beside_torque::Laws;
 use super::compare::unit;
 use super::conclude::{share_out, summary};
 use super::diagnose::deviations_of;
-use super::findings::{around, distance, known, named_from};
+use super::findings::{CERTAIN, around, distance, known, named_from};
 use super::parts::{Parts, rounding};
 use super::scores::{Deviations, errors, gain, rms};
 use super::torque_law::TorqueLaw;
@@ -19,11 +19,6 @@ use crate::diagnose::{
     DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Parameter, Passage, Rmse, Tolerances, Trace, Verdict,
     odds, phrase, statement,
 };
-
-/// Standard deviations of a number that nothing was known of.
-const CERTAIN: f64 = 1e3;
-/// Share of a lag that is taken as delay where nothing tells.
-const HALF: f64 = 0.5;
 
 /// An effect that laws say.
 pub struct Finding {
@@ -146,7 +141,8 @@ pub fn with_servos(model: &ArmFile, findings: &[Finding], laws: &Laws, sights: &
         model.effects.retain(|table| table.kind != finding.kind || table.joint != finding.table.joint);
         model.effects.push(finding.table.clone());
     }
-    let any = servos(&model.arm, sights, &vec![HALF; sights.len()]);
+    // Where nothing tells delay from lag, each makes one half.
+    let any = servos(&model.arm, sights, &vec![0.5; sights.len()]);
     for (joint, servo) in any.iter().enumerate() {
         if laws.of_joint[joint].is_none() && table_of(&model, "servo", joint).is_none() {
             let mut table = empty(&model, "servo", joint);

@@ -3,8 +3,8 @@
 use freeplay_recording::Recording;
 use freeplay_servo::{Commands, Track};
 
-/// Steps of the stamps beyond which a recording has a gap, in medians: what came in between is not known.
-const GAP_STEPS: f64 = 5.0;
+use crate::grid::GAP_STEPS;
+
 /// Longest step of a rollout, s: a tenth of the time constants that servos of arms have (0.05 to 0.2 s), at which the midpoint rule
 /// is right to about a hundredth.
 const LONGEST_STEP: f64 = 0.01;
@@ -55,8 +55,8 @@ pub fn median_step(track: &Track) -> f64 {
     *steps.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Rows that lags are measured on need not be closer, s: lags are told between rows, as the commands are.
-const FOR_LAGS: f64 = 0.02;
+/// Way between rows that lags are measured on, s: lags are told between rows, as the commands are, and rows that are closer add time and nothing else.
+pub(super) const FOR_LAGS: f64 = 0.02;
 
 /// `track` with as many rows as lags need.
 pub fn for_lags(track: &Track) -> Track {

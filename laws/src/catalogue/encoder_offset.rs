@@ -15,6 +15,9 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
 
+/// Farther off than this, no encoder's zero is taken for, rad (m): the arm would not have come up.
+pub const MOST: f64 = 0.3;
+
 /// The entry.
 pub static KIND: Kind = Kind {
     name: "encoder_offset",
@@ -44,8 +47,6 @@ pub static KIND: Kind = Kind {
     needs: &[Need::TorqueOrPose],
     terms: Terms {
         list: |kind, place, shape| {
-            /// Farther off than this, no encoder's zero is taken for: the arm would not have come up.
-            const MOST: f64 = 0.3;
             /// Small enough to act linearly to 1e-4.
             const STEP: f64 = 1e-4;
             let term = Term::new(

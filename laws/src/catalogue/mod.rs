@@ -39,6 +39,8 @@ mod torque_offset;
 mod torque_ripple;
 mod viscous_friction;
 
+pub use encoder_offset::MOST as MOST_ENCODER_OFFSET;
+
 /// Every kind of effect there is, in the order of the documentation: joints with play, friction, masses, drives, sensors.
 pub static CATALOGUE: &[&Kind] = &[
     &joint_clearance::KIND,

@@ -14,7 +14,8 @@ use super::{Ask, Told};
 
 /// A joint goes beyond its limits by this factor: no overshoot, another unit. Limits of speed are placeholders in many files.
 const BEYOND: f64 = 2.0;
-/// Without limits: no arm moves this fast on the average, rad/s (m/s).
+/// Root mean square of a speed that no arm has, rad/s (m/s): joints of the fastest arms turn at 20 rad/s at most; where no limits are known it stands in for
+/// them.
 const FASTEST: f64 = 30.0;
 
 /// What it asks. Where all turning joints stay within half a turn in rad, degrees would be an arm that moves by less than 3 of them.

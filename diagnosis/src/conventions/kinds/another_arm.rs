@@ -7,9 +7,9 @@ use super::super::examine::SPOKEN;
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::problem::Outcome;
 
-/// A channel of which this share of the variance stays is not explained at all.
+/// Share of a channel's variance beyond which the channel is not explained: more than half of its deviation is left then, √0.3.
 pub(crate) const UNEXPLAINED: f64 = 0.3;
-/// The same where a tool is tracked: its position is geometry, which no friction blurs.
+/// The same share where a tool is tracked: its position is geometry, which no friction blurs.
 const AWAY: f64 = 0.02;
 
 /// Words and remedy; `joints` torques come first in what is left, unless they are silent: without gravity.

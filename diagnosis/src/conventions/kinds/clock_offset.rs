@@ -11,18 +11,22 @@ use super::{Ask, Told};
 
 /// Delays up to here are the catalogue's, s: with more, no position loop of 3.5 Hz would hold (60 degrees of its phase).
 pub(crate) const LEAST: f64 = 0.048;
-/// The delays asked for: this many each way, s apart.
+/// Delays that are asked for each way: they reach half a second, and the rows at the ends that each of them takes away are lost to all.
 const COUNT: i8 = 16;
+/// Way between two delays that are asked for, s: a fit begins within half of it, a small part of the period of the quickest motions, 0.7 s.
 pub(crate) const APART: f64 = 0.03;
 /// The name of this kind of finding.
 pub(crate) const KIND: &str = "clock_offset";
-/// How far the delay that is found may be off, s, as long as the missing physics are not known.
-pub(crate) const UNSURE: f64 = 0.5 * APART;
+
+/// How far the delay that is found may be off, s, as long as the missing physics are not known: half the way to the next one that was asked for.
+pub(crate) fn unsure() -> f64 {
+    0.5 * APART
+}
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let large = || (-COUNT..=COUNT).filter(|k| *k != 0).map(|k| f64::from(k) * APART);
-    let delays = || large().chain([0.5 * APART, -0.5 * APART]);
+    let delays = || large().chain([unsure(), -unsure()]);
     let groups = groups(ask.has_torques, ask.has_tool).into_iter();
     groups.flat_map(|late| delays().map(move |delay| Change::Delay(late, delay))).collect()
 }

@@ -8,7 +8,7 @@ use freeplay_recording::Recording;
 
 use super::super::finding::{Certainty, SetupFinding};
 
-/// A joint moves from here on, rad (m), or rad/s (m/s).
+/// Range from which on a joint moves for sure, rad (m), or its speed, rad/s (m/s): about a degree, above the noise of a velocity at rest.
 const MOVES: f64 = 0.02;
 
 fn is_still(column: &[f64]) -> bool {

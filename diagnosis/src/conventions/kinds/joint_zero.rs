@@ -6,20 +6,21 @@
 use std::f64::consts::PI;
 
 use freeplay_arm::JointKind;
+/// An encoder's zero that is off by no more than this is the catalogue's, rad.
+pub(crate) use freeplay_laws::catalogue::MOST_ENCODER_OFFSET as LEAST;
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
 use super::brief;
 use super::{Ask, Told};
 
-/// An encoder's zero that is off by no more than this is the catalogue's, rad: its law holds up to here.
-pub(crate) const LEAST: f64 = 0.3;
-/// A small one to start from.
-const SMALL: f64 = 0.5 * LEAST;
-/// Parts of half a turn that are asked for, how wide they are, rad, and how many of them make a right angle.
+/// Parts of half a turn that are asked for: a fit that begins within 15 degrees of an offset finds it, and right angles are among them.
 const PARTS: i8 = 6;
-pub(crate) const STEP: f64 = PI / 6.0;
-const RIGHT: i8 = 3;
+
+/// The width of such a part, rad.
+pub(crate) fn step() -> f64 {
+    PI / f64::from(PARTS)
+}
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
@@ -27,11 +28,12 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let of_joint = |joint| {
         (1 - PARTS..=PARTS).filter(|part| *part != 0).map(move |part| Change::Zero {
             joint,
-            offset: f64::from(part) * STEP,
-            is_fitted: part % RIGHT != 0,
+            offset: f64::from(part) * step(),
+            is_fitted: part % (PARTS / 2) != 0,
         })
     };
-    let small = |joint| [SMALL, -SMALL].map(|offset| Change::Zero { joint, offset, is_fitted: true });
+    let small =
+        |joint| [0.5 * LEAST, -0.5 * LEAST].map(|offset| Change::Zero { joint, offset, is_fitted: true });
     turning.clone().flat_map(of_joint).chain(turning.flat_map(small)).collect()
 }
 

@@ -5,12 +5,10 @@
 use freeplay_recording::Recording;
 
 use super::super::finding::{Certainty, SetupFinding};
+use super::super::samples::SPACING;
 
 /// A recording with longer steps shows nothing of how an arm moves, s: its times are no seconds.
 const LONGEST_STEP_S: f64 = 1.0;
-/// Median steps up to which times count as milliseconds, and as microseconds; beyond, nanoseconds. Taken for a rate of 3 Hz to 1 kHz.
-const MOST_MS: f64 = 300.0;
-const MOST_US: f64 = 3e5;
 
 /// Times of `recording` that are no seconds; none where they are. The statement and the remedy go on where a file and a column stand before them.
 pub fn found(recording: &Recording) -> Option<SetupFinding> {
@@ -18,11 +16,10 @@ pub fn found(recording: &Recording) -> Option<SetupFinding> {
     if step < LONGEST_STEP_S {
         return None;
     }
-    let (unit, short, per_second) = match step {
-        step if step < MOST_MS => ("milliseconds", "ms", 1e3),
-        step if step < MOST_US => ("microseconds", "us", 1e6),
-        _ => ("nanoseconds", "ns", 1e9),
-    };
+    // The first unit in which a period of the quickest motions has two rows (Shannon 1949): rates from 3 Hz to 3 kHz.
+    let units = [("milliseconds", "ms", 1e3), ("microseconds", "us", 1e6), ("nanoseconds", "ns", 1e9)];
+    let (unit, short, per_second) =
+        units.into_iter().find(|(.., per_second)| step < 2.0 * SPACING * per_second).unwrap_or(units[2]);
     Some(SetupFinding {
         kind: "time_unit",
         joint: None,

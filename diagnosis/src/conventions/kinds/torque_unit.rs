@@ -12,9 +12,9 @@ use super::{brief, listed};
 
 /// Between a half and two, a wrong gain or mass explains a scale; no unit does.
 const NEAR: f64 = 2.0;
-/// Ratios within this are the same.
+/// Ratios within this are the same: torque constants are given to two figures.
 const SAME: f64 = 0.02;
-/// A kilogram-force in N.
+/// A kilogram-force in N: standard gravity (3rd CGPM 1901).
 const KILOGRAM_FORCE: f64 = 9.806_65;
 
 /// Whether a scale is none of a unit.

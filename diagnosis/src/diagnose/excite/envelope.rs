@@ -3,17 +3,17 @@
 use freeplay_arm::{Arm, Workspace, forward_kinematics, rnea};
 use freeplay_laws::DriveFriction;
 
+use super::RATE;
 use super::family::Fourier;
 
-/// Share of each limit that is used.
+/// Share of each limit that is used: a drive overshoots a motion that it follows, and the torque of a model is off by a tenth or two.
 const SHARE: f64 = 0.8;
-/// Part of the range of a joint that is left free at either end.
+/// Part of the range of a joint that is left free at either end: controllers stop an arm before the end of its range.
 const END: f64 = 0.03;
-/// Kept where the arm file names no limit: rad/s (m/s) and rad/s² (m/s²).
+/// Speed that is kept where the arm file names no limit, rad/s (m/s): slower than the joints of common arms may turn.
 const GENTLE_SPEED: f64 = 1.0;
+/// Acceleration that is kept where the arm file names no limit, rad/s² (m/s²): it reaches the gentle speed in a quarter of a second.
 const GENTLE_ACCELERATION: f64 = 4.0;
-/// Rate at which a motion is checked, Hz.
-const RATE: f64 = 50.0;
 
 /// The limits of a safe motion.
 #[derive(Clone, Debug)]

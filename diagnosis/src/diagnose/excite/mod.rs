@@ -28,13 +28,14 @@ pub use envelope::Used;
 pub use family::Fourier;
 pub use odds::{ChannelNoise, Rival};
 
-/// Rate at which a motion is weighed, Hz.
+/// Rate at which a motion is weighed and checked, Hz: its quickest harmonics are of some hertz, so that no peak is missed by more than a per cent.
 const RATE: f64 = 100.0;
-/// Share of the candidates that are drawn anew; the others are drawn about the best.
+/// Share of the candidates that are drawn anew; the others are drawn about the best: half of the effort explores and half refines, as neither is known to be
+/// worth more.
 const FRESH: f64 = 0.5;
-/// Distance at which new motions are drawn about the best motion, as a share of the coefficients of that motion.
+/// Distance at which new motions are drawn about the best motion, as a share of the way to another: a third keeps most of what is good in the best.
 const NEAR: f64 = 0.35;
-/// How far the posture of a candidate may be from the given one, as a share of the room there.
+/// How far the posture of a candidate may be from the given one, as a share of the room there: more than half of the room is left to move in.
 const ELSEWHERE: f64 = 0.4;
 
 /// What a search may do.

@@ -23,7 +23,8 @@ use super::super::weights::Weights;
 use super::ExciteError;
 use crate::motion::Settings;
 
-/// Size of a cause of which nothing else is known, as a multiple of the noise in the channel in which it shows most.
+/// Size of a cause of which nothing else is known, as a multiple of the noise in the channel in which it shows most: ten stands out of any noise, and is small
+/// enough that the arm still moves as planned.
 const PLAIN: f64 = 10.0;
 
 /// What is left in a channel that no finding explains.
