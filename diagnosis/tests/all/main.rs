@@ -4,6 +4,7 @@
 mod common;
 mod generated;
 
+mod constants;
 mod cutoff;
 mod diagnose;
 mod excite;
