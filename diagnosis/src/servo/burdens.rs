@@ -88,9 +88,8 @@ pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
 const MASSES: [f64; 4] = [0.5, 0.75, 1.33, 2.0];
 /// The same for payloads: what one may weigh, as shares of the arm, from none on, as the best one lies between two that are tried.
 const PAYLOADS: [f64; 5] = [0.0, 0.1, 0.2, 0.4, 0.8];
-/// Leans of a base from which a fit begins, rad: each way about either axis, small and large.
-const LEANS: [[f64; 2]; 8] =
-    [[-0.2, -0.2], [-0.2, 0.0], [-0.2, 0.2], [0.0, -0.2], [0.0, 0.2], [0.2, -0.2], [0.2, 0.0], [0.2, 0.2]];
+/// Leans of a base from which a fit begins, rad: none, and each way about either axis, as a search goes on along each.
+const LEANS: [[f64; 2]; 5] = [[0.0, 0.0], [-0.2, 0.0], [0.0, -0.2], [0.0, 0.2], [0.2, 0.0]];
 
 /// A fit with a burden.
 struct Tried {

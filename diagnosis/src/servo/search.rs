@@ -272,7 +272,7 @@ fn nearest(fit: &Problem, changes: &[&Change], model: &ServoArm, far: &Far) -> V
     tried.into_iter().flatten().take(FITTED).map(|(_, change, model)| (change, model)).collect()
 }
 
-/// The values of `change` that bring `model` nearest, and by how much nearer it comes with them. Between the neighbours of the best place of the change, a line search goes on.
+/// The values of `change` that bring `model` nearest, and by how much nearer it comes with them. A line search goes on between the neighbours of the best place of the change, or along each of its numbers in turn.
 fn best_place(change: &Change, model: &ServoArm, far: impl Fn(&ServoArm) -> f64) -> Option<(f64, Vec<f64>)> {
     let at = |place: &[f64]| far(&change.placed(model, place));
     let tried: Vec<f64> = change.places.iter().map(|place| at(place)).collect();
@@ -288,8 +288,31 @@ fn best_place(change: &Change, model: &ServoArm, far: impl Fn(&ServoArm) -> f64)
         if left < place.0 {
             place = (left, nearer);
         }
+    } else {
+        for number in 0..place.1.len() {
+            place = nearer_along(number, place, &change.places, at);
+        }
     }
     Some((far(model) - place.0, place.1))
+}
+
+/// `place` with what is left there, or the place that leaves less along its number `number`: as far either way as that number differs between `places` and none.
+fn nearer_along(
+    number: usize,
+    place: (f64, Vec<f64>),
+    places: &[Vec<f64>],
+    left: impl Fn(&[f64]) -> f64,
+) -> (f64, Vec<f64>) {
+    let reach = places.iter().map(|other| other[number].abs()).fold(0.0, f64::max);
+    let moved = |x: f64| {
+        let mut moved = place.1.clone();
+        moved[number] = x;
+        moved
+    };
+    let here = place.1[number];
+    let nearer = moved(golden([here - reach, here + reach], |x| left(&moved(x))));
+    let there = left(&nearer);
+    if there < place.0 { (there, nearer) } else { place }
 }
 
 /// The noise of the one of two fits that leaves less: under the other's both look alike.
