@@ -94,7 +94,7 @@ fn kill_one(victim: Victim, delay: Duration, tally: &mut Tally) {
 
 #[test]
 fn a_blind_set_survives_kills_at_any_moment() {
-    let kills: u32 = std::env::var("FREEPLAY_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(6);
+    let kills: u32 = std::env::var("FREEPLAY_KILLS").ok().and_then(|count| count.parse().ok()).unwrap_or(4);
     let begun = Instant::now();
     Call::new(sealed(), &ANALYSE).run().expect(0);
     let whole = begun.elapsed();
