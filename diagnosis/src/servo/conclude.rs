@@ -273,13 +273,13 @@ impl Conclusion<'_> {
             };
             let at = numbers.iter().find(|at| self.numbers.unknowns[**at].quantity == quantity)?;
             let (value, deviation) = fitted.values[*at];
-            // A payload is weighed against what the arm itself weighs out there.
-            let last = self.numbers.file.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
-            let hidden = if quantity == Quantity::Payload { value.abs() + last } else { 0.0 };
             if quantity == Quantity::LinkMass {
                 return Some(around(value, deviation).map(f64::exp));
             }
-            Some(around(value, deviation.hypot(self.settings.tolerances.mass * hidden)))
+            let is_payload = quantity == Quantity::Payload;
+            let hidden =
+                if is_payload { self.numbers.unweighed(value, &self.settings.tolerances) } else { 0.0 };
+            Some(around(value, deviation.hypot(hidden)))
         };
         let parameter = |(name, value): (String, Value)| {
             let (unit, ci95) = (kind.unit(&name, None).to_owned(), interval(&name));

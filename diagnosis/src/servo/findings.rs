@@ -91,9 +91,16 @@ impl Numbers<'_> {
             Quantity::Rotor => {
                 tolerance(quantity, old.abs() + self.moved(self.unknowns[index].joint), tolerances)
             }
+            Quantity::Payload => self.unweighed(value, tolerances),
             _ => tolerance(quantity, old, tolerances),
         };
         (value - old).abs() / deviation.hypot(tolerance)
+    }
+
+    /// How far a payload of `mass` kg may be off, kg: it is weighed against what the arm itself weighs out there, which is known within `tolerances`.
+    pub fn unweighed(&self, mass: f64, tolerances: &Tolerances) -> f64 {
+        let last = self.file.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
+        tolerances.mass * (mass.abs() + last)
     }
 
     /// Inertia that `joint` moves where all joints are at zero, over the stiffness of its servo, s².
