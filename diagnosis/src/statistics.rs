@@ -71,30 +71,18 @@ impl Quantile {
     }
 }
 
-/// The number below which a standard normal is with the chance `below`, at least one half: Newton's steps on the series of Marsaglia (2004, J. Stat. Softw. 11:5).
-/// They come from below, as the distribution is concave there, and end where rounding does.
+/// The number below which a standard normal is with the chance `below`, at least one half. Newton's steps come from below, as the distribution is concave there, and end where
+/// rounding does.
 pub(crate) fn normal_quantile(below: f64) -> f64 {
     let density = |x: f64| (-0.5 * x * x).exp() / TAU.sqrt();
+    let above_middle = |x: f64| 0.5 * libm::erf(x / std::f64::consts::SQRT_2);
     let mut x = 0.0;
     loop {
-        let next = x + (below - 0.5 - above_middle(x) * density(x)) / density(x);
+        let next = x + (below - 0.5 - above_middle(x)) / density(x);
         if next <= x {
             return x;
         }
         x = next;
-    }
-}
-
-/// The chance of a standard normal between zero and `x`, over its density at `x`: x + x³/3 + x⁵/(3 · 5) + …
-fn above_middle(x: f64) -> f64 {
-    let (mut sum, mut term, mut odd) = (x, x, 1.0);
-    loop {
-        odd += 2.0;
-        term *= x * x / odd;
-        if sum + term == sum {
-            return sum;
-        }
-        sum += term;
     }
 }
 

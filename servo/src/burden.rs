@@ -12,24 +12,14 @@ pub struct Burden {
     bare: Arm,
     /// Logarithms of true over modelled masses of links.
     links: Vec<f64>,
-    /// The numbers of the whole arm, in the order of [`OF_ARM`].
-    whole: [f64; OF_ARM.len()],
+    /// The numbers of the whole arm, in the order of [`Quantity::OF_WHOLE_ARM`].
+    whole: [f64; Quantity::OF_WHOLE_ARM.len()],
 }
-
-/// The quantities of the whole arm.
-const OF_ARM: [Quantity; 6] = [
-    Quantity::Payload,
-    Quantity::PayloadX,
-    Quantity::PayloadY,
-    Quantity::PayloadZ,
-    Quantity::Roll,
-    Quantity::Pitch,
-];
 
 impl Burden {
     /// No burden of `arm`.
     pub fn none(arm: &Arm) -> Burden {
-        Burden { bare: arm.clone(), links: vec![0.0; arm.dof()], whole: [0.0; OF_ARM.len()] }
+        Burden { bare: arm.clone(), links: vec![0.0; arm.dof()], whole: [0.0; Quantity::OF_WHOLE_ARM.len()] }
     }
 
     /// The number `quantity` of the link of `joint`, or of the whole arm.
@@ -86,5 +76,5 @@ impl Burden {
 
 /// Where `quantity` stands among those of the whole arm; `None` if it is a link's.
 fn place(quantity: Quantity) -> Option<usize> {
-    OF_ARM.iter().position(|one| *one == quantity)
+    Quantity::OF_WHOLE_ARM.iter().position(|one| *one == quantity)
 }

@@ -44,10 +44,19 @@ pub enum Quantity {
 }
 
 impl Quantity {
+    /// The quantities of the whole arm, of no link and no servo.
+    pub(crate) const OF_WHOLE_ARM: [Quantity; 6] = [
+        Quantity::Payload,
+        Quantity::PayloadX,
+        Quantity::PayloadY,
+        Quantity::PayloadZ,
+        Quantity::Roll,
+        Quantity::Pitch,
+    ];
+
     /// Whether it is the arm's, and not a servo's.
     pub fn is_of_arm(self) -> bool {
-        use Quantity::{LinkMass, Payload, PayloadX, PayloadY, PayloadZ, Pitch, Roll};
-        matches!(self, Payload | PayloadX | PayloadY | PayloadZ | LinkMass | Roll | Pitch)
+        self == Quantity::LinkMass || Quantity::OF_WHOLE_ARM.contains(&self)
     }
 
     /// Whether it says where a body is, and not whether there is one.

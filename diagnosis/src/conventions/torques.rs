@@ -17,9 +17,9 @@ const MOST_ROTOR: f64 = 4.0;
 const MOST_LOAD: f64 = 0.7;
 /// Links that are heavier by up to this many times: one that is off by more is another link, and the arm another arm.
 const MOST_LINK: f64 = 2.0;
-/// What a link may lack of its own mass: no link is without weight, and one that lacks more is another link.
+/// Greatest share of its mass in the model that a real link may lack: a link that lacks more is another link, and every link weighs something.
 const LEAST_LINK: f64 = 0.6;
-/// How far from the tool a load's centre of mass may be, as a share of the arm's reach: a longer tool would be a link.
+/// Greatest distance between the tool and the centre of mass of a load, as a share of the arm's reach: a load that hangs farther out would be a link of its own.
 const FARTHEST: f64 = 0.25;
 /// Friction that a load makes, as a share of that load: a gear that loses half of it locks itself.
 const MOST_LOSS: f64 = 0.5;

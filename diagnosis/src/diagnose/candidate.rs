@@ -17,7 +17,7 @@ use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use crate::begin::InBearing;
 use crate::residual::Kind;
-use crate::statistics::span;
+use crate::statistics::{FINEST, span};
 
 /// What of an effect is not linear: all that its columns depend on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -447,13 +447,12 @@ fn independent(columns: &[Column]) -> Vec<usize> {
 
 /// Whether `column`, with the greatest coefficient of its `term`, says anything that could be measured: a force along the axis of a joint is a rounding error.
 fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
-    use crate::statistics::FINEST as SEEN;
     let most = term.least.abs().max(term.most.abs());
     column.iter().enumerate().any(|(c, part)| {
         let (stage, channel) = data.place(c);
         let measured: f64 = data.stages[stage].channels[channel].measured.iter().map(|x| x * x).sum();
         let said = part.as_ref().map_or(0.0, |rows| dot(rows, rows));
-        said > 0.0 && said.sqrt() * most > SEEN * measured.sqrt()
+        said > 0.0 && said.sqrt() * most > FINEST * measured.sqrt()
     })
 }
 

@@ -1,14 +1,15 @@
 //! The choice between the few answers that the evidence leaves: by how well each predicts the choice part of the data.
 
 use super::parts::Part;
-use super::search::{AS_GOOD, Answer, Search};
+use super::search::{Answer, Search};
+use crate::statistics::STRONG;
 
 /// Of the answers that are as good as the best by their evidence, the one under which the choice part is most probable; the system is left with its shares of
 /// discrepancy. `None` if the system is singular.
 pub(crate) fn choose(search: &mut Search) -> Option<Answer> {
     let best = search.met.first()?.evidence;
     let as_good: Vec<Answer> =
-        search.met.iter().filter(|answer| answer.evidence > best - AS_GOOD).cloned().collect();
+        search.met.iter().filter(|answer| answer.evidence > best - STRONG).cloned().collect();
     let mut chosen: Option<(f64, Answer)> = None;
     for answer in as_good {
         search.back(&answer)?;

@@ -23,11 +23,11 @@ use super::report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, Fit as Errors, Location,
     Parameter, Rmse, Tuned, Untestable, Verdict,
 };
-use super::search::{AS_GOOD, Answer, Search};
+use super::search::{Answer, Search};
 use super::system::{Fit, all_but};
 use super::words;
 use crate::residual::Kind as ChannelKind;
-use crate::statistics::SIGNIFICANT;
+use crate::statistics::{SIGNIFICANT, STRONG};
 
 /// The diagnosis of recordings that can't tell, because of `lack`: what is wrong; what to do.
 pub(crate) fn insufficient(
@@ -789,7 +789,7 @@ fn unknown(effects: &[&Effect]) -> String {
 
 /// Whether two candidates may be told apart at all: the odds are beyond what is as good.
 pub(crate) fn is_told(log_odds: f64) -> bool {
-    log_odds > AS_GOOD
+    log_odds > STRONG
 }
 
 /// The name of a candidate's kind and place, as alternatives have it.

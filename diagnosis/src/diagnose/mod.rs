@@ -52,6 +52,7 @@ mod whitening;
 mod windows;
 mod words;
 
+pub use crate::statistics::STRONG as NAMED_FROM;
 pub(crate) use alternatives::LISTED;
 pub(crate) use conclude::insufficient;
 pub use engine::{DiagnoseError, DiagnoseSettings};
@@ -65,7 +66,6 @@ pub use report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, EvidenceRow, Fit, Location,
     Parameter, Rmse, Tuned, Untestable, Verdict,
 };
-pub use search::AS_GOOD as NAMED_FROM;
 pub use set_up::diagnose;
 pub(crate) use thinning::bounded;
 pub use tolerance::Tolerances;

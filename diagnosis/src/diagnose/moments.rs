@@ -12,7 +12,7 @@ use super::gain::Compared;
 use super::interval::parameters;
 use super::nameless::{JointRange, NamelessTorques};
 use super::report::Alternative;
-use super::search::{AS_GOOD, Search};
+use super::search::Search;
 use super::stage::Stage;
 use super::system::{System, all_but};
 use super::tails;
@@ -20,6 +20,7 @@ use super::weights::Weights;
 use super::whitening::Whitening;
 use super::windows::{Step, Torque, windows};
 use crate::residual::Kind;
+use crate::statistics::STRONG;
 
 /// Most happenings of a recording that are looked for once all else is found, and windows of each that are laid out: a recording with more is one of a
 /// disturbed machine, to be made again.
@@ -361,7 +362,7 @@ fn beside_places(
             let others: Vec<usize> = events.iter().copied().filter(is_elsewhere).collect();
             let with = [&taken[..], &[place]].concat();
             let there = value(&others, &with)?;
-            if there > best.as_ref().map_or(now + AS_GOOD, |best| best.0) {
+            if there > best.as_ref().map_or(now + STRONG, |best| best.0) {
                 best = Some((there, others, with));
             }
         }

@@ -7,12 +7,12 @@ use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::statistics::{FINEST, Quantile, span, white_noise};
 
-/// What no torque is measured better than, as a share of what it spans: a current of twelve bits has 2.4·10⁻⁴. A model is not true to less either, and
-/// simulated recordings have no noise.
+/// Least noise of a torque, as a share of what the torque spans: a current sensor of twelve bits resolves 2.4·10⁻⁴. No model is more exact, and this noise stands in for
+/// the noise that a simulated recording lacks.
 const FINEST_TORQUE: f64 = 3e-4;
-/// What no tool is tracked better than, m: laser trackers have some micrometres. Simulated recordings have no noise.
+/// Least noise of a tracked tool, m: laser trackers have some micrometres. This noise stands in for the noise that a simulated recording lacks.
 const FINEST_TOOL: f64 = 2e-6;
-/// What no link encoder is better than, rad (m): one of 22 bits has 1.5·10⁻⁶. Simulated recordings have no noise.
+/// Least noise of a link encoder, rad (m): an encoder of 22 bits has steps of 1.5·10⁻⁶ rad. This noise stands in for the noise that a simulated recording lacks.
 const FINEST_LINK: f64 = 1e-6;
 
 /// Noise of one column.

@@ -7,8 +7,8 @@ use freeplay_laws::{Occurrence, changed};
 
 use super::candidate::{Candidate, Form};
 use super::system::{Fit, Gain, System, all_but};
+use crate::statistics::BACKTRACKING;
 
-pub use crate::statistics::STRONG as AS_GOOD;
 /// Most candidates of which each is tried in the place of several members: more are far behind, and each takes a fit.
 const TRIED: usize = 12;
 /// Steps of the logarithm of a shape's number: from one shape that is laid out to the next, down to what no motion tells apart.
@@ -615,7 +615,7 @@ impl<'d, 'a> Search<'d, 'a> {
             let Some(gain) = self.system.gains(&fit, &[best]).pop().flatten() else { break };
             let beta = gain.beta.as_slice();
             let from = (best, now);
-            let forms = SHARES.map(|share| self.system.candidate(best).about(beta, share));
+            let forms = BACKTRACKING.map(|share| self.system.candidate(best).about(beta, share));
             if let Some(form) = forms[0].clone().filter(Form::is_chord) {
                 // What a chord says elsewhere than at its end is not what the law says there.
                 let there = self.try_form(&fit, best, form, f64::NEG_INFINITY);
@@ -663,6 +663,5 @@ fn moves(numbers: &[String]) -> Vec<Vec<(String, f64)>> {
     all
 }
 
-/// Most times that a law is taken about what was found, and the shares of the way there: the whole, or less where that is too far.
+/// Most times that a law is taken about what was found: each time the way there is shorter, and a step that gains nothing ends it before.
 const CENTRES: usize = 6;
-use crate::statistics::BACKTRACKING as SHARES;

@@ -369,7 +369,7 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
     let mut local = vec![0.0; squares.len()];
     for (stretch, step) in data.stretches(channel) {
-        // What the low-pass remembers before a row and after it is local to the row.
+        // The local size of a row is taken over one settling time of the low-pass on either side: the low-pass makes the row of no other rows.
         let half = ((stage.ground.treatment.filter().settling_time() / step) as usize).max(1);
         let mut sums = vec![0.0];
         for square in &squares[stretch.clone()] {

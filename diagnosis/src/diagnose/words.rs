@@ -9,7 +9,7 @@ use toml::Value;
 use super::alternatives::LISTED;
 use super::locate::Map;
 use super::report::{Alternative, Effect, Parameter};
-use super::search::AS_GOOD;
+use crate::statistics::STRONG;
 
 /// How a sentence begins that says what would tell one effect from another.
 pub const TO_TELL: &str = "to tell";
@@ -17,7 +17,7 @@ pub const TO_TELL: &str = "to tell";
 /// The odds of a finding in words, from their natural logarithm (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773).
 pub(crate) fn odds(log_odds: f64) -> &'static str {
     match log_odds {
-        x if x < AS_GOOD => "possible",
+        x if x < STRONG => "possible",
         // "Very strong" (Kass & Raftery).
         x if x < 150.0_f64.ln() => "probable",
         _ => "as good as sure",

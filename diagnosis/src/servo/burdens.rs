@@ -2,10 +2,11 @@
 //! One link's mass is asked for beside given servos alone: beside unknown ones it is a softer servo at its own joint, and what it does at those before hardly tells it from the rest of the law.
 
 use freeplay_arm::{Arm, ArmFile};
-use freeplay_servo::{DIFFERENCE_STEP as STEP, Fitted, Problem, Quantity, ServoArm, Unknown};
+use freeplay_servo::{DIFFERENCE_STEP, Fitted, Problem, Quantity, ServoArm, Unknown};
 
-use super::limits::{BELIEVED, lost};
+use super::limits::lost;
 use crate::diagnose::Tolerances;
+use crate::statistics::STRONG;
 
 /// Standard deviation of the prior of a base's roll and pitch, rad: a third of a right angle.
 const LEAN: f64 = 0.5;
@@ -23,13 +24,18 @@ pub struct Burdened {
     pub rivals: Vec<(&'static str, f64)>,
 }
 
+/// Those of `unknowns` without which a burden is not there: all but those that say where it is.
+pub fn present(unknowns: &[Unknown]) -> impl Iterator<Item = &Unknown> {
+    unknowns.iter().filter(|unknown| !unknown.quantity.is_place())
+}
+
 fn unknown(joint: usize, quantity: Quantity, deviation: f64) -> Unknown {
     Unknown {
         joint,
         quantity,
         expected: 0.0,
         deviation,
-        step: STEP * deviation,
+        step: DIFFERENCE_STEP * deviation,
         is_torque: false,
         least: quantity.least(),
     }
@@ -111,7 +117,7 @@ pub fn add_burden(
 ) -> (Fitted, Option<Burdened>) {
     let candidates: Vec<Burdened> =
         burdens(file).into_iter().map(|(one, _)| one).filter(|one| one.joint.is_none()).collect();
-    let least = BELIEVED + (candidates.len() as f64).ln();
+    let least = STRONG + (candidates.len() as f64).ln();
     let masses = masses(file, tolerances);
     let beside: Vec<Unknown> = unknowns.iter().chain(&masses).copied().collect();
     let all: Vec<Unknown> = candidates.iter().flat_map(|one| one.unknowns.iter().copied()).collect();
@@ -148,7 +154,7 @@ pub fn add_burden(
     let Some(best) = tried.next() else { return (fitted, None) };
     let rivals = tried
         .map(|other| (other.burdened.kind, total(&other) - total(&best)))
-        .filter(|(.., against)| *against < BELIEVED)
+        .filter(|(.., against)| *against < STRONG)
         .collect();
     *unknowns = best.unknowns;
     (best.fitted, Some(Burdened { rivals, ..best.burdened }))

@@ -1,9 +1,9 @@
 //! The causes that a given model with servos may lack, and the tolerances of the numbers that it has.
 
 use freeplay_arm::ArmFile;
-use freeplay_servo::{DIFFERENCE_STEP as STEP, Problem, Quantity, ServoArm, Sight, Unknown, unknowns};
+use freeplay_servo::{DIFFERENCE_STEP, Problem, Quantity, ServoArm, Sight, Unknown, unknowns};
 
-use super::burdens::{Burdened, burdens, masses};
+use super::burdens::{Burdened, burdens, masses, present};
 use super::findings::{moved, tolerance};
 use super::limits::limits;
 use crate::diagnose::Tolerances;
@@ -84,14 +84,14 @@ impl Change {
         Burdened { kind: self.kind, joint: self.joint, unknowns: self.unknowns.clone(), rivals: Vec::new() }
     }
 
-    /// Whether `other` changes the same numbers.
+    /// Whether this change and `other` hold the same numbers, whatever their values are.
     pub fn is_same(&self, other: &Change) -> bool {
         self.unknowns.len() == other.unknowns.len() && self.unknowns.iter().all(|unknown| other.has(unknown))
     }
 
     /// Its numbers without which it is not there: all but those that say where it is.
     pub fn present(&self) -> impl Iterator<Item = &Unknown> {
-        self.unknowns.iter().filter(|unknown| !unknown.quantity.is_place())
+        present(&self.unknowns)
     }
 
     /// Whether the change has the number `unknown`.
@@ -149,7 +149,7 @@ impl Given<'_> {
                 quantity,
                 expected: 0.0,
                 deviation,
-                step: STEP * deviation,
+                step: DIFFERENCE_STEP * deviation,
                 is_torque: true,
                 least: quantity.least(),
             };

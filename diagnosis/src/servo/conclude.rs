@@ -7,7 +7,7 @@ use freeplay_recording::{Group, Recording};
 use freeplay_servo::{JointServo, Problem, Quantity, ServoArm, Sight, Track, Unknown};
 use toml::Value;
 
-use super::burdens::Burdened;
+use super::burdens::{Burdened, present};
 use super::changes::Change;
 use super::compare::{simulated, unit};
 use super::events::{Event, What};
@@ -257,8 +257,7 @@ impl Conclusion<'_> {
     fn burden(&self, burdened: &Burdened, clean: &[Rows]) -> Option<Effect> {
         let (fitted, kind) = (self.numbers.fitted, known(burdened.kind));
         let index = |unknown: &Unknown| self.numbers.unknowns.iter().position(|one| one == unknown);
-        let present = burdened.unknowns.iter().filter(|unknown| !unknown.quantity.is_place());
-        let numbers: Vec<usize> = present.filter_map(index).collect();
+        let numbers: Vec<usize> = present(&burdened.unknowns).filter_map(index).collect();
         let (evidence, strongest) = self.told_burden(burdened, &numbers)?;
         let tables = fitted.model.burden.as_ref()?.tables();
         let joint = burdened.joint.map(|joint| self.numbers.file.arm.joints()[joint].name.clone());
@@ -277,8 +276,11 @@ impl Conclusion<'_> {
                 return Some(around(value, deviation).map(f64::exp));
             }
             let is_payload = quantity == Quantity::Payload;
-            let hidden =
-                if is_payload { self.numbers.unweighed(value, &self.settings.tolerances) } else { 0.0 };
+            let hidden = if is_payload {
+                self.numbers.payload_tolerance(value, &self.settings.tolerances)
+            } else {
+                0.0
+            };
             Some(around(value, deviation.hypot(hidden)))
         };
         let parameter = |(name, value): (String, Value)| {

@@ -91,14 +91,15 @@ impl Numbers<'_> {
             Quantity::Rotor => {
                 tolerance(quantity, old.abs() + self.moved(self.unknowns[index].joint), tolerances)
             }
-            Quantity::Payload => self.unweighed(value, tolerances),
+            Quantity::Payload => self.payload_tolerance(value, tolerances),
             _ => tolerance(quantity, old, tolerances),
         };
         (value - old).abs() / deviation.hypot(tolerance)
     }
 
-    /// How far a payload of `mass` kg may be off, kg: it is weighed against what the arm itself weighs out there, which is known within `tolerances`.
-    pub fn unweighed(&self, mass: f64, tolerances: &Tolerances) -> f64 {
+    /// Standard deviation of the error of a payload of `mass` kg that the tolerances of masses make, kg: the recordings weigh the payload and the last link together, and the model
+    /// knows the mass of that link within `tolerances`.
+    pub fn payload_tolerance(&self, mass: f64, tolerances: &Tolerances) -> f64 {
         let last = self.file.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
         tolerances.mass * (mass.abs() + last)
     }
@@ -127,7 +128,7 @@ impl Numbers<'_> {
         of_fit.hypot(self.tolerances.mass)
     }
 
-    /// Whether the load told the stiffness of `joint`: beyond, its interval holds its half and its double, and only ratios to it are said.
+    /// Whether a load told the stiffness of `joint`. The interval of a stiffness that no load told holds its half and its double, and the report says only ratios to it.
     pub fn is_known(&self, joint: usize) -> bool {
         self.sights[joint].stiffness.is_some()
             && self.stiffness_deviation(joint) < std::f64::consts::LN_2 / half_width()

@@ -2,13 +2,14 @@
 
 use freeplay_servo::{Fitted, Noise, Problem, Quantity, ServoArm, Sight, Unknown};
 
+use crate::statistics::STRONG;
+
 /// Shares of the greatest torque and speed of a model without the limit at which one is tried: a fit moves it from there, as long as some rows are beyond it.
 const TRIED: [f64; 4] = [0.4, 0.6, 0.75, 0.9];
 /// Shares of the error at which a dead band is tried: a fit moves it from there, as long as some rows are inside.
 const BANDS: [f64; 2] = [0.1, 0.3];
 /// Rows over which a speed is measured: the noise of a difference falls with them, and three are short against any motion.
 const SPAN: usize = 3;
-pub(super) use crate::statistics::STRONG as BELIEVED;
 
 /// One more number for the model, where it is best.
 struct Candidate {
@@ -27,7 +28,7 @@ pub fn add_limits(
     mut fitted: Fitted,
     progress: &mut dyn FnMut(&str),
 ) -> Fitted {
-    let price = BELIEVED + (3.0 * sights.len() as f64).ln();
+    let price = STRONG + (3.0 * sights.len() as f64).ln();
     // More than one limit a joint would leave nothing of its servo to fit.
     for _ in 0..sights.len() {
         let best = best(fit, sights, unknowns, &fitted);

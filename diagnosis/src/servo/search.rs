@@ -34,7 +34,7 @@ impl Changed {
         self.fitted.noise.size.iter().map(|size| size.ln()).sum()
     }
 
-    /// Whether `other` has the same changes, in whatever order.
+    /// Whether both models have the same changes; their order does not count.
     fn has_same_changes(&self, other: &Changed) -> bool {
         let has = |change: &Change| self.changes.iter().any(|own| own.is_same(change));
         self.changes.len() == other.changes.len() && other.changes.iter().all(has)
@@ -296,7 +296,7 @@ fn best_place(change: &Change, model: &ServoArm, far: impl Fn(&ServoArm) -> f64)
     Some((far(model) - place.0, place.1))
 }
 
-/// `place` with what is left there, or the place that leaves less along its number `number`: as far either way as that number differs between `places` and none.
+/// `place` with what is left there, or a place that leaves less and differs in its number `number` alone. The search reaches as far either way as the largest value that this number has among `places`.
 fn nearer_along(
     number: usize,
     place: (f64, Vec<f64>),

@@ -18,7 +18,7 @@ pub(crate) const APART: f64 = 0.03;
 /// The name of this kind of finding.
 pub(crate) const KIND: &str = "clock_offset";
 
-/// How far the delay that is found may be off, s, as long as the missing physics are not known: half the way to the next one that was asked for.
+/// Half of the way between two delays that are asked for, s. The search may find a delay that is wrong by so much, as long as it does not know the missing physics.
 pub(crate) fn unsure() -> f64 {
     0.5 * APART
 }

@@ -35,7 +35,8 @@ const RATE: f64 = 100.0;
 const FRESH: f64 = 0.5;
 /// Distance at which new motions are drawn about the best motion, as a share of the way to another: a third keeps most of what is good in the best.
 const NEAR: f64 = 0.35;
-/// How far the posture of a candidate may be from the given one, as a share of the room there: more than half of the room is left to move in.
+/// Greatest distance between the posture of a candidate and the given one, as a share of the range that the joint limits leave: the motion about that posture needs
+/// the other half of the range.
 const ELSEWHERE: f64 = 0.4;
 
 /// What a search may do.
