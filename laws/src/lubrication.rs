@@ -49,18 +49,10 @@ impl Film {
         if size == 0.0 {
             return [0.0, 0.0];
         }
-        let wanted = direction(-radial, tangential.abs());
         let gap = Gap::new(eps);
-        // A thin film gives way along the wall 1/(1 − ε²) times as easily as across it: the force points nearly as rates so scaled do.
-        let towards = |to: f64| [gap.open * (1.0 - to), 1.0 - (1.0 - to).abs()];
-        let beyond = |to: f64| {
-            let [rate, slip] = towards(to);
-            let [inwards, along] = gap.force(rate, slip);
-            direction(inwards, along) - wanted
-        };
-        let [rate, slip] = towards(root(beyond, [0.0, 2.0], [-wanted, 2.0 - wanted]));
-        let [r, t] = self.force(eps, rate, slip);
-        let times = size / length(r, t);
+        let [rate, slip] = gap.rates(-radial / size, tangential.abs() / size);
+        let [inwards, along] = gap.force(rate, slip);
+        let times = size * gap.radial / (6.0 * self.resistance * length(inwards, along));
         [times * rate, times * slip * tangential.signum()]
     }
 
@@ -101,11 +93,11 @@ impl Film {
             let (_, n, t) = self.place(offset);
             let outwards = (first[0] * n[0] + first[1] * n[1]).abs();
             let around = (first[0] * t[0] + first[1] * t[1]).abs();
-            let film = self.clearance - offset[0].hypot(offset[1]);
+            let film = self.clearance - length(offset[0], offset[1]);
             let step = left.min(SHARE * film / outwards).min(SHARE * self.clearance / around);
             let second = self.drift(self.inside([0, 1].map(|i| offset[i] + step * first[i])), force, turning);
             let turned_back = first[0] * second[0] + first[1] * second[1] < 0.0;
-            let (before, after) = (first[0].hypot(first[1]), second[0].hypot(second[1]));
+            let (before, after) = (length(first[0], first[1]), length(second[0], second[1]));
             let moved = if turned_back {
                 first.map(|v| v * step * before / (before + after))
             } else {
@@ -118,7 +110,7 @@ impl Film {
     }
 
     fn inside(&self, offset: [f64; 2]) -> [f64; 2] {
-        let e = offset[0].hypot(offset[1]);
+        let e = length(offset[0], offset[1]);
         let most = THINNEST * self.clearance;
         if e > most { offset.map(|x| x * most / e) } else { offset }
     }
@@ -159,36 +151,55 @@ impl Gap {
         let squeeze = (2.0 + self.square) * PI * rate.abs() * part;
         [4.0 * self.square * k_rate + sign * squeeze, 2.0 * PI * self.open * slip * part]
     }
+
+    /// The rates, of any size, at which the film is pushed along (`inwards`, `along`), a vector of length 1 with `along` ≥ 0.
+    ///
+    /// A thin film gives way along the wall 1/(1 − ε²) times as easily as across it: the force points nearly as rates so scaled do, and there Newton's method begins.
+    /// Its unknown y is the share of the scaled rate across the film, and its equation, multiplied by what [`Gap::force`] divides by, has no singularity. The root
+    /// lies between y = 0 and y = 1; a step beyond what is known to hold it is halved.
+    fn rates(&self, inwards: f64, along: f64) -> [f64; 2] {
+        /// Newton's method squares its error: after a step as small as this nothing is left.
+        const CLOSE: f64 = 1e-8;
+        const MOST_STEPS: usize = 60;
+        let Self { square, open, wedge: k, .. } = *self;
+        let outwards = 2.0 * PI * open * inwards > 4.0 * square * k * along;
+        let (more, sign) = if outwards { (3.0, 1.0) } else { (0.0, -1.0) };
+        let [radial, tangential, across] =
+            [4.0 * square * k * along, 2.0 * PI * open * inwards, sign * (2.0 + square) * PI * along];
+        // How far the force points from where it should, and its slope.
+        let off = |y: f64| {
+            let (u, s) = (open * y, 1.0 - y);
+            let l = length(u, s);
+            let dl = (open * u - s) / l;
+            let (below, dbelow) = (k * l + 1.5 * u, k * dl + 1.5 * open);
+            let (part, dpart) = (k * l + more * u, k * dl + more * open);
+            let value = radial * l * below + across * u * part - tangential * s * part;
+            let slope = radial * (dl * below + l * dbelow) + across * (open * part + u * dpart)
+                - tangential * (s * dpart - part);
+            [value, slope]
+        };
+        let (mut least, mut most) = (0.0, 1.0);
+        let mut y = inwards.abs() / (inwards.abs() + along);
+        for _ in 0..MOST_STEPS {
+            let [value, slope] = off(y);
+            if sign * value > 0.0 {
+                most = y
+            } else {
+                least = y
+            }
+            let newton = y - value / slope;
+            let next = if newton >= least && newton <= most { newton } else { f64::midpoint(least, most) };
+            let step = (next - y).abs();
+            y = next;
+            if step < CLOSE {
+                break;
+            }
+        }
+        [sign * open * y, 1.0 - y]
+    }
 }
 
 /// Length of a vector whose squares are no extremes.
 fn length(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
-}
-
-/// Which way a vector points whose `y` is not negative: 0 along x, 1 along y, 2 against x, and between these by the share of y in the sum of both.
-fn direction(x: f64, y: f64) -> f64 {
-    let share = y / (x.abs() + y);
-    if x >= 0.0 { share } else { 2.0 - share }
-}
-
-/// The root of the rising function `f` between the ends `x`, where it is `y`: false position, with the end that stays halved (Dowell & Jarratt 1971).
-fn root(f: impl Fn(f64) -> f64, x: [f64; 2], y: [f64; 2]) -> f64 {
-    const CLOSE: f64 = 1e-12;
-    const MOST_STEPS: usize = 60;
-    let ([mut other, mut last], [mut at_other, mut at_last]) = (x, y);
-    for _ in 0..MOST_STEPS {
-        if at_last.abs() < CLOSE {
-            break;
-        }
-        let next = last - at_last * (last - other) / (at_last - at_other);
-        let at_next = f(next);
-        if at_next * at_last < 0.0 {
-            (other, at_other) = (last, at_last);
-        } else {
-            at_other *= 0.5;
-        }
-        (last, at_last) = (next, at_next);
-    }
-    last
 }

@@ -151,14 +151,16 @@ impl<'a, R: Read> Records<'a, R> {
         let Some((opcode, length)) = self.frame(0)? else { return Ok(Outcome::Short) };
         let end = length.saturating_add(FRAME as u64);
         match opcode {
-            op::HEADER..=op::MESSAGE_INDEX | op::METADATA | op::DATA_END => {}
+            op::CHUNK => {}
             _ if self.summary.is_some() => {}
+            // A chunk whose kind is damaged may look like any other record.
+            _ if self.chunk_at(0, take)? => return Ok(Outcome::Next(0)),
+            op::HEADER..=op::MESSAGE_INDEX | op::METADATA | op::DATA_END => {}
             // What nobody writes, or only behind the data.
             0..0x80 if opcode != op::ATTACHMENT => {
                 return Ok(Outcome::Damaged(format!("a record of kind {opcode}"), end));
             }
-            // Attachments, and what others add; a chunk whose kind is damaged looks like one.
-            _ if self.chunk_at(0, take)? => return Ok(Outcome::Next(0)),
+            // Attachments, and what others add.
             _ if self.is_passable(end)? => return Ok(Outcome::Next(end)),
             _ => return Ok(Outcome::Damaged("a record that nothing follows".to_owned(), end)),
         }

@@ -54,6 +54,14 @@ fn with_effects(model: &str, truth: &freeplay_concealed::Truth) -> String {
     text
 }
 
+/// Leaves the first half of the rows of `recording`.
+fn first_half(recording: &Path) {
+    let text = std::fs::read_to_string(recording).expect("a recording");
+    let rows = text.lines().count().div_ceil(2);
+    let half: Vec<&str> = text.lines().take(rows).collect();
+    std::fs::write(recording, half.join("\n") + "\n").expect("written");
+}
+
 /// What `freeplay compare` says of `model` on the recording `held`.
 pub fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
     let asked = [
@@ -83,10 +91,54 @@ pub fn replayed(folder: &Path, held: &str) -> [Errors; 2] {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/examples/replay_in_mujoco.py");
     let mut command = Command::new(python());
     command.arg(script).args(["sheet.xml", "full.xml", held]).current_dir(folder);
+    let errors: BTreeMap<String, Errors> = serde_json::from_slice(&printed(command)).expect("JSON");
+    ["sheet.xml", "full.xml"].map(|model| errors[model].clone())
+}
+
+/// The same of `second.csv` in each of `folders`, by one process: packages are loaded once.
+fn all_replayed(folders: &[TempDir]) -> Vec<[Errors; 2]> {
+    let script = "import json, pathlib, sys
+sys.path.insert(0, sys.argv[1])
+from replay_in_mujoco import compare, read
+def errors(folder):
+    folder = pathlib.Path(folder)
+    recording = read(folder / 'second.csv')
+    return [compare(str(folder / model), recording, 10.0) for model in ('sheet.xml', 'full.xml')]
+print(json.dumps([errors(folder) for folder in sys.argv[2:]]))";
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/examples");
+    let mut command = Command::new(python());
+    command.args(["-c", script]).arg(examples).args(folders.iter().map(TempDir::path));
+    serde_json::from_slice(&printed(command)).expect("JSON")
+}
+
+fn printed(mut command: Command) -> Vec<u8> {
     let output = command.output().expect("it starts");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let errors: BTreeMap<String, Errors> = serde_json::from_slice(&output.stdout).expect("JSON");
-    ["sheet.xml", "full.xml"].map(|model| errors[model].clone())
+    output.stdout
+}
+
+/// A machine with a concealed effect of `kind`: both models in MJCF, beside its recording, and the errors of both as `freeplay compare` has them.
+fn exported(kind: &str, machine: Machine, joint: Option<usize>) -> ([Errors; 2], TempDir) {
+    let demand = Demand { kind: kind.to_owned(), joint, severity: Severity::Strong };
+    let case = Case {
+        machine,
+        effects: vec![demand],
+        family: Some(Family::Fourier),
+        noise: Noise::Low,
+        hollow: false,
+        seed: 41,
+    };
+    let made = generate(&case).unwrap_or_else(|error| panic!("{kind}: {error}"));
+    let mut folder = fresh_folder();
+    write_sealed(folder.path(), &made).expect("files");
+    first_half(&folder.path().join("second.csv"));
+    std::fs::write(folder.path().join("full.toml"), with_effects(&made.model, &made.truth)).expect("written");
+    for (model, file) in [("model.toml", "sheet.xml"), ("full.toml", "full.xml")] {
+        folder = Call::new(folder, &["export", model, "--to", "mjcf", "--out", file]).run().expect(0).folder;
+    }
+    let (before, folder) = compared(folder, "model.toml", "second.csv");
+    let (after, folder) = compared(folder, "full.toml", "second.csv");
+    ([before, after], folder)
 }
 
 #[test]
@@ -94,29 +146,17 @@ fn mujoco_takes_away_what_the_model_itself_takes_away() {
     if !has("mujoco, numpy, scipy") {
         return;
     }
-    let mut short = Vec::new();
+    let mut own = Vec::new();
+    let mut folders = Vec::new();
     for (kind, machine, joint) in KINDS {
-        let demand = Demand { kind: kind.to_owned(), joint, severity: Severity::Strong };
-        let case = Case {
-            machine,
-            effects: vec![demand],
-            family: Some(Family::Fourier),
-            noise: Noise::Low,
-            hollow: false,
-            seed: 41,
-        };
-        let made = generate(&case).unwrap_or_else(|error| panic!("{kind}: {error}"));
-        let mut folder = fresh_folder();
-        write_sealed(folder.path(), &made).expect("files");
-        std::fs::write(folder.path().join("full.toml"), with_effects(&made.model, &made.truth))
-            .expect("written");
-        for (model, file) in [("model.toml", "sheet.xml"), ("full.toml", "full.xml")] {
-            folder =
-                Call::new(folder, &["export", model, "--to", "mjcf", "--out", file]).run().expect(0).folder;
-        }
-        let (before, folder) = compared(folder, "model.toml", "second.csv");
-        let (after, folder) = compared(folder, "full.toml", "second.csv");
-        let [there_before, there_after] = replayed(folder.path(), "second.csv");
+        let (errors, folder) = exported(kind, machine, joint);
+        own.push(errors);
+        folders.push(folder);
+    }
+    let mut short = Vec::new();
+    for (((kind, ..), [before, after]), [there_before, there_after]) in
+        KINDS.into_iter().zip(own).zip(all_replayed(&folders))
+    {
         // The channel in which the model itself takes most away, as a share of the error.
         let share = |name: &String| (before[name] - after[name]) / before[name];
         let channel = before

@@ -19,8 +19,8 @@ const CLOSE: u64 = 2;
 /// Every command succeeds under this limit, KiB.
 const PLENTY: u64 = 4 << 20;
 
-/// How finely the least limit that is enough is looked for, KiB.
-const GRAIN: u64 = 1024;
+/// How finely the least limit that is enough is looked for: this part of the limit.
+const GRAIN: u64 = 32;
 
 /// The program with `arguments`, and `kib` KiB of address space for each of its processes.
 fn limited(folder: tempfile::TempDir, kib: u64, arguments: &[&str]) -> Call {
@@ -31,11 +31,14 @@ fn limited(folder: tempfile::TempDir, kib: u64, arguments: &[&str]) -> Call {
     call
 }
 
-/// The least limit, KiB, under which `succeeds`, as far as that is more likely with more memory. From above: where several processes share the work, a smaller
-/// one is enough now and then.
+/// The least limit, KiB, above `below` under which `succeeds`, as far as that is more likely with more memory: doubled until it is enough, as a command that
+/// fails ends soonest, then halved. Where several processes share the work, a smaller one is enough now and then.
 fn least(mut below: u64, succeeds: impl Fn(u64) -> bool) -> u64 {
-    let mut enough = PLENTY;
-    while enough - below > GRAIN {
+    let mut enough = 2 * below;
+    while enough < PLENTY && !succeeds(enough) {
+        (below, enough) = (enough, 2 * enough);
+    }
+    while enough - below > enough / GRAIN {
         let middle = u64::midpoint(below, enough);
         if succeeds(middle) { enough = middle } else { below = middle }
     }
@@ -44,7 +47,7 @@ fn least(mut below: u64, succeeds: impl Fn(u64) -> bool) -> u64 {
 
 /// The least limit, KiB, under which the program starts.
 pub fn least_to_start() -> u64 {
-    least(0, |kib| limited(fresh_folder(), kib, &["--version"]).run().output.status.success())
+    least(1024, |kib| limited(fresh_folder(), kib, &["--version"]).run().output.status.success())
 }
 
 /// Plays `subject` under many limits from `starts` KiB on, under which the program starts; how many of them were too little.
@@ -59,7 +62,7 @@ pub fn starve(subject: &Subject, starts: u64) -> usize {
     let count = std::env::var("FREEPLAY_MEMORY_LIMITS").ok().and_then(|count| count.parse().ok());
     let count = count.unwrap_or(LIMITS).max(1);
     let spread = (0..count).map(|index| starts + (enough - starts) * index / count);
-    let close = (1..=CLOSE).map(|index| enough.saturating_sub(GRAIN * index)).filter(|&kib| kib > starts);
+    let close = (1..=CLOSE).map(|index| enough - enough / GRAIN * index).filter(|&kib| kib > starts);
     let limits: Vec<u64> = spread.chain(close).collect();
     let codes = on_all_cores(&limits, |&kib| starve_at(subject, kib, &good));
     println!(

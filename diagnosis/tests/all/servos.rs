@@ -247,11 +247,8 @@ fn a_real_arm_is_simulated_better_than_others_do() {
     let names = [
         "train_multisine",
         "train_velocity_ramp",
-        "train_actuator_bandwidth",
-        "train_symmetric_motion",
         "test_large_amplitude",
         "test_single_joint_wrist_roll",
-        "train_step_response",
         "test_frequency_sweep",
     ];
     let recordings: Vec<Recording> =
