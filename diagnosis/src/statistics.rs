@@ -19,7 +19,7 @@ pub(crate) const FEWEST_ROWS: usize = 20;
 pub(crate) const DRAWS: usize = 1000;
 
 /// Share of a channel's span that no sensor resolves: a little over 23 bits. A simulated recording has no noise, and without this limit every rounding
-/// error of its would be a finding.
+/// error would be a finding.
 pub(crate) const FINEST: f64 = 1e-7;
 
 /// Shares of one recording in the fit part, and in the fit and the choice part together: what is fitted needs most of the motion, and a third for the

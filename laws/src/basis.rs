@@ -52,6 +52,8 @@ pub struct Term {
     /// Whether a coefficient that would be less is the least one, and one that would be more the greatest: no friction at all is still a joint, and
     /// flanks that don't give are still those of a gap.
     pub held: bool,
+    /// The value that it has on most machines, where one is plainer than all others: a limit that takes away all that is beyond it.
+    pub usual: Option<f64>,
     /// The column is `weight` times what the effect with the parameters `plus` shows, …
     pub plus: Table,
     /// … less what the one with these shows; `None`: less nothing.
@@ -63,12 +65,28 @@ pub struct Term {
 impl Term {
     /// A term whose column is what `plus` shows.
     pub fn new(name: &'static str, unit: impl Into<String>, [least, most]: [f64; 2], plus: Table) -> Term {
-        Term { name, unit: unit.into(), least, most, held: false, plus, minus: None, weight: 1.0 }
+        Term {
+            name,
+            unit: unit.into(),
+            least,
+            most,
+            held: false,
+            usual: None,
+            plus,
+            minus: None,
+            weight: 1.0,
+        }
     }
 
     /// The same for a coefficient of `step` in place of 1.
     pub fn stepped(mut self, step: f64) -> Term {
         self.weight = 1.0 / step;
+        self
+    }
+
+    /// The same, of `value` on most machines.
+    pub fn usually(mut self, value: f64) -> Term {
+        self.usual = Some(value);
         self
     }
 

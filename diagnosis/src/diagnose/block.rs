@@ -97,8 +97,12 @@ pub(super) struct Block {
     pub candidate: Candidate,
     /// Precision of the prior of its coefficients.
     pub precision: DMatrix<f64>,
+    /// The precision times the mean of that prior.
+    pub pull: DVector<f64>,
     /// Half the log of its determinant, and the log of the prior odds.
     pub log_prior: f64,
+    /// What that prior is less than its greatest where all coefficients are zero, as a log.
+    pub log_off_mean: f64,
     channels: Vec<(usize, Weighed<InChannel>)>,
     products: OnceCell<Products>,
 }
@@ -107,7 +111,10 @@ impl Block {
     /// The block of `candidate`, which shows in these `channels`.
     pub fn new(candidate: Candidate, channels: Vec<usize>, precision: DMatrix<f64>, log_prior: f64) -> Self {
         let channels = channels.into_iter().map(|c| (c, Weighed::default())).collect();
-        Self { candidate, precision, log_prior, channels, products: OnceCell::new() }
+        let mean = candidate.usual().map_or_else(|| DVector::zeros(candidate.size()), DVector::from_vec);
+        let pull = &precision * &mean;
+        let log_off_mean = 0.5 * pull.dot(&mean);
+        Self { candidate, precision, pull, log_prior, log_off_mean, channels, products: OnceCell::new() }
     }
 
     /// The products of the block over the rows of `channels`, beside so many `tolerances`: `factor` is that of K, `target` L⁻¹NᵀWy.
@@ -121,7 +128,7 @@ impl Block {
         self.products.get_or_init(|| {
             let size = self.candidate.size();
             let mut through = DMatrix::zeros(tolerances, size);
-            let (mut normal, mut right) = (self.precision.clone(), DVector::zeros(size));
+            let (mut normal, mut right) = (self.precision.clone(), self.pull.clone());
             for (c, part) in &self.channels {
                 let part = part.get_or_init(|| channels[*c].of(&self.candidate.columns, *c));
                 for (row, (index, _)) in channels[*c].tolerances.iter().enumerate() {

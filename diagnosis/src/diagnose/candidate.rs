@@ -28,6 +28,8 @@ pub(crate) struct Form {
     pub only: Option<usize>,
     /// The coefficients of all terms about which the law is taken; `None`: about none.
     pub around: Option<Vec<f64>>,
+    /// Its coefficients are those that they have on most machines.
+    pub is_usual: bool,
 }
 
 impl Form {
@@ -209,8 +211,23 @@ impl Candidate {
         self.joint == other.joint && self.kind.contains.iter().any(|(plainer, _)| *plainer == other.kind.name)
     }
 
+    /// The coefficients that are not fitted, since its form has those of most machines.
+    pub fn usual(&self) -> Option<Vec<f64>> {
+        self.terms.iter().map(|term| term.usual.filter(|_| self.form.is_usual)).collect()
+    }
+
+    /// Its form with the coefficients of most machines; `None` if that is its form, or the law has no such coefficients.
+    pub fn usual_form(&self) -> Option<Form> {
+        let has_usual = self.terms.iter().all(|term| term.usual.is_some());
+        let mut form = Form { is_usual: true, ..self.form.clone() };
+        form.shape.remove(ABOUT);
+        (has_usual && !self.form.is_usual).then_some(form)
+    }
+
     /// The coefficients of all terms of the law for these of the terms shown.
     pub fn of_all(&self, coefficients: &[f64]) -> Vec<f64> {
+        let usual = self.usual();
+        let coefficients = usual.as_deref().unwrap_or(coefficients);
         let mut all = vec![0.0; self.all];
         self.shown.iter().zip(coefficients).for_each(|(&place, coefficient)| all[place] = *coefficient);
         all
@@ -273,6 +290,9 @@ impl Candidate {
     /// Its form taken about the place that is this `share` of the way from where it is taken now to these coefficients of the terms shown; `None` if that is the
     /// same for its law.
     pub fn about(&self, coefficients: &[f64], share: f64) -> Option<Form> {
+        if self.form.is_usual {
+            return None;
+        }
         let mut form = self.form.clone();
         if let [coefficient] = coefficients {
             let now = form.shape.get(ABOUT).and_then(Value::as_float).unwrap_or(0.0);

@@ -286,8 +286,9 @@ impl Study<'_> {
         let found = self.rivals_resolved(data, &[], found)?;
         let weights = self.weights(data, &[], left, &found.off);
         let (mut search, members) = self.search(data, &[], weights, &found.members)?;
-        let answer = search.settled(members).and_then(|answer| search.agreed(&answer));
-        self.conclusion(&mut search, &answer.ok_or(DiagnoseError::Singular)?, &[])
+        // Rows that a law leaves open count for less now than when its numbers were found.
+        let answer = search.refitted(members).ok_or(DiagnoseError::Singular)?;
+        self.conclusion(&mut search, &answer, &[])
     }
 
     /// The events beside the laws `found`. The rows in which these events act are taken out of the test part of `parts`.

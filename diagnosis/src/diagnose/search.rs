@@ -311,6 +311,20 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(now)
     }
 
+    /// `members` with the numbers of their shapes, and then all coefficients, fitted to the rows as they count now.
+    pub fn refitted(&mut self, members: Vec<usize>) -> Option<Answer> {
+        let mut members = self.settled(members)?.members;
+        for place in 0..members.len() {
+            if !self.system.candidate(members[place]).numbers().is_empty() {
+                let member = members.remove(place);
+                let better = self.refined(&members, member)?;
+                members.insert(place, better);
+            }
+        }
+        let settled = self.settled(members)?;
+        self.agreed(&settled)
+    }
+
     /// Whether an arm with `members` can exist: no link of it weighs less than nothing.
     fn can_exist(&self, members: &[usize]) -> bool {
         let arm = self.system.data.arm();
@@ -599,17 +613,11 @@ impl<'d, 'a> Search<'d, 'a> {
             let form = Form { only: None, ..self.system.candidate(best).form.clone() };
             (best, now) = self.try_form(&fit, best, form, now).unwrap_or((best, now));
         }
-        let moves = moves(&self.system.candidate(best).numbers());
-        for step in STEPS {
-            for along in &moves {
-                loop {
-                    let along: Vec<(&str, f64)> =
-                        along.iter().map(|(name, way)| (name.as_str(), *way)).collect();
-                    let form = self.system.candidate(best).moved(self.system.data, &along, step);
-                    let Some(there) = self.try_form(&fit, best, form, now) else { break };
-                    (best, now) = there;
-                }
-            }
+        (best, now) = self.moved(&fit, best, now);
+        if let Some(form) = self.system.candidate(best).usual_form() {
+            let usual = self.try_form(&fit, best, form, f64::NEG_INFINITY);
+            let usual = usual.map(|(index, value)| self.moved(&fit, index, value));
+            (best, now) = usual.filter(|usual| usual.1 > now).unwrap_or((best, now));
         }
         for _ in 0..CENTRES {
             let Some(gain) = self.system.gains(&fit, &[best]).pop().flatten() else { break };
@@ -631,6 +639,24 @@ impl<'d, 'a> Search<'d, 'a> {
             }
         }
         Some(best)
+    }
+
+    /// The number of `index` with the numbers of its shape where it explains most beside `fit`, and what it explains there: `now` where they are.
+    fn moved(&mut self, fit: &Fit, index: usize, now: f64) -> (usize, f64) {
+        let (mut best, mut now) = (index, now);
+        let moves = moves(&self.system.candidate(best).numbers());
+        for step in STEPS {
+            for along in &moves {
+                loop {
+                    let along: Vec<(&str, f64)> =
+                        along.iter().map(|(name, way)| (name.as_str(), *way)).collect();
+                    let form = self.system.candidate(best).moved(self.system.data, &along, step);
+                    let Some(there) = self.try_form(fit, best, form, now) else { break };
+                    (best, now) = there;
+                }
+            }
+        }
+        (best, now)
     }
 
     /// The number of `index` in another `form` and what it explains beside `fit`, if that is more than `now`.

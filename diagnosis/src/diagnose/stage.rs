@@ -124,6 +124,16 @@ pub(crate) struct Stage<'a> {
     found: RefCell<Vec<(Level, Rc<Placed>)>>,
     /// The model with what was found beneath a level, once it was worked out: smooth or rough.
     beneath: RefCell<BTreeMap<(Level, bool), Rc<Baseline<'a>>>>,
+    /// What the sensors let through, and what they keep of the drives, once it was worked out.
+    sensors: RefCell<Option<Rc<Sensors>>>,
+}
+
+/// What the sensors of the machine with what was found do, by channel; `None` of a channel whose sensor bends nothing.
+struct Sensors {
+    /// The share of a small change that they let through: where a torque has reached its limit, a drive changes nothing of it.
+    through: Answer,
+    /// What they keep of the laws of drives that were found. It is counted with the sensor, so that sensor and drives together are what the machine with both says.
+    kept: Answer,
 }
 
 impl<'a> Stage<'a> {
@@ -142,8 +152,8 @@ impl<'a> Stage<'a> {
         let now = &smooth.scene().arm;
         let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
         let known = effects.to_vec();
-        let (found, beneath) = (RefCell::default(), RefCell::default());
-        Ok(Self { ground, channels, smooth, rough, rigid, nominal: arm, known, found, beneath })
+        let (found, beneath, sensors) = (RefCell::default(), RefCell::default(), RefCell::default());
+        Ok(Self { ground, channels, smooth, rough, rigid, nominal: arm, known, found, beneath, sensors })
     }
 
     /// Lets the columns of laws act on the machine with what was `found`: friction that grows with the load grows with that of a payload, a limit of a
@@ -152,6 +162,7 @@ impl<'a> Stage<'a> {
         let with_level = |placed| (self.level(&placed), Rc::new(placed));
         self.found.replace(found.into_iter().map(with_level).collect());
         self.beneath.take();
+        self.sensors.take();
     }
 
     /// The arm with the effects that change it.
@@ -275,15 +286,72 @@ impl<'a> Stage<'a> {
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let place = Place { scene: self.baseline(kind).scene(), joint };
         let first = kind.terms_at(&place, shape).into_iter().next();
-        let level = match first {
-            Some(term) if !self.found.borrow().is_empty() => self.level(&kind.place(&place, term.plus)?),
-            _ => Level::Arm,
+        let (level, bends) = match first {
+            Some(term) if !self.found.borrow().is_empty() => {
+                let placed = kind.place(&place, term.plus)?;
+                (self.level(&placed), placed.effect.bends())
+            }
+            _ => (Level::Arm, false),
         };
         let columns = match self.beneath(level, kind.rough)? {
             Some(beneath) => kind.columns(&beneath, joint, shape)?,
             None => kind.columns(self.baseline(kind), joint, shape)?,
         };
-        Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
+        let mut terms: Vec<(Term, Answer)> =
+            columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect();
+        match level {
+            Level::Drive => {
+                self.each_column(&mut terms, |sensors| &sensors.through, |x, through| x * through)?
+            }
+            Level::Sensor if bends => {
+                self.each_column(&mut terms, |sensors| &sensors.kept, |x, kept| x + kept)?
+            }
+            Level::Arm | Level::Sensor => {}
+        }
+        Ok(terms)
+    }
+
+    /// Changes every value of `terms` by the value that the sensors have there, if they bend that channel.
+    fn each_column(
+        &self,
+        terms: &mut [(Term, Answer)],
+        of: impl Fn(&Sensors) -> &Answer,
+        changed: impl Fn(f64, f64) -> f64,
+    ) -> Result<(), LawError> {
+        let sensors = self.sensors()?;
+        for (_, answer) in terms {
+            for (column, by) in answer.iter_mut().zip(of(&sensors)) {
+                let both = column.iter_mut().flatten().zip(by.iter().flatten());
+                both.for_each(|(x, by)| *x = changed(*x, *by));
+            }
+        }
+        Ok(())
+    }
+
+    /// What the sensors of the machine with what was found do.
+    fn sensors(&self) -> Result<Rc<Sensors>, LawError> {
+        if let Some(known) = &*self.sensors.borrow() {
+            return Ok(Rc::clone(known));
+        }
+        let through = self.let_through()?;
+        let prediction = |level| -> Result<Prediction, LawError> {
+            let beneath = self.beneath(level, true)?;
+            Ok(beneath.as_deref().unwrap_or(&self.rough).prediction().clone())
+        };
+        let mut kept = vec![None; self.channels.len()];
+        if through.iter().any(Option::is_some) {
+            let (with, without) = (prediction(Level::Sensor)?, prediction(Level::Drive)?);
+            for ((kept, through), channel) in kept.iter_mut().zip(&through).zip(&self.channels) {
+                let said = difference(channel.kind.of(&with), channel.kind.of(&without));
+                let said = said.map(|said| self.ground.treatment.keep(&said));
+                *kept = said.zip(through.as_deref()).map(|(said, through)| {
+                    said.iter().zip(through).map(|(said, through)| said * (1.0 - through)).collect()
+                });
+            }
+        }
+        let sensors = Rc::new(Sensors { through, kept });
+        self.sensors.replace(Some(Rc::clone(&sensors)));
+        Ok(sensors)
     }
 
     /// The model with what was found beneath `level`; `None` if nothing was.

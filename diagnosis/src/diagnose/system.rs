@@ -21,7 +21,7 @@ use super::weights::Weights;
 use super::whitening::Whitening;
 use crate::statistics::blocks as blocks_of;
 
-/// Precision with which a tolerance is held at an edge: far above what any recording says, far below what rounding spoils.
+/// Precision with which a tolerance is held at an edge, and a coefficient at its usual value: far above what any recording says, far below what rounding spoils.
 const STIFF: f64 = 1e9;
 
 /// Size of a law before it is fitted, as a share of its channel: it may be as large as the channel or nothing, and halfway favours neither.
@@ -192,6 +192,9 @@ impl<'d, 'a> System<'d, 'a> {
             }
             precision[(k, k)] *= 1.0 + 1e-9;
         }
+        if candidate.usual().is_some() {
+            precision = DMatrix::from_diagonal_element(size, size, STIFF);
+        }
         let log_prior = half_log_determinant(&Cholesky::new(precision.clone())?)
             + candidate.kind.occurs.odds().ln()
             - (candidate.forms as f64).ln();
@@ -290,7 +293,7 @@ impl<'d, 'a> System<'d, 'a> {
         let sizes: Vec<usize> = members.iter().map(|&i| self.candidate(i).size()).collect();
         let all: usize = sizes.iter().sum();
         let (mut normal, mut right) = (DMatrix::zeros(all, all), DVector::zeros(all));
-        let (mut limits, mut log_prior, mut at) = (Vec::new(), 0.0, 0);
+        let (mut limits, mut log_prior, mut log_off_mean, mut at) = (Vec::new(), 0.0, 0.0, 0);
         for (k, &i) in members.iter().enumerate() {
             let (block, products) = (&self.blocks[i], self.products(i));
             normal.view_mut((at, at), (sizes[k], sizes[k])).copy_from(&products.normal);
@@ -304,12 +307,13 @@ impl<'d, 'a> System<'d, 'a> {
             }
             limits.extend(block.candidate.limits());
             log_prior += block.log_prior;
+            log_off_mean += block.log_off_mean;
             at += sizes[k];
         }
         let volume = log_determinant(&normal)?;
         let beta = bounded(&normal, &right, &limits)?;
         let log_prior = log_prior - 0.5 * volume;
-        let value = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) + log_prior;
+        let value = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) + log_prior - log_off_mean;
         Some(Fit { members: members.to_vec(), beta, value, log_prior, normal, eta: None })
     }
 
@@ -353,7 +357,9 @@ impl<'d, 'a> System<'d, 'a> {
         }
         normal.view_mut((n, n), (m, m)).copy_from(&(&fit.normal + whitened.tr_mul(&whitened)));
         let solved = bounded(&normal, &right, &limits)?;
-        let value = right.dot(&solved) - 0.5 * solved.dot(&(&normal * &solved)) + fit.log_prior;
+        let log_off_mean: f64 = members.iter().map(|&member| self.blocks[member].log_off_mean).sum();
+        let value =
+            right.dot(&solved) - 0.5 * solved.dot(&(&normal * &solved)) + fit.log_prior - log_off_mean;
         Some(Fit {
             value,
             beta: solved.rows(n, m).into_owned(),
@@ -446,7 +452,7 @@ impl<'d, 'a> System<'d, 'a> {
             let volume = log_determinant(&normal)?;
             let limits = block.candidate.limits();
             let beta = bounded(&normal, &right, &limits)?;
-            let explained = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta));
+            let explained = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) - block.log_off_mean;
             let is_inside = beta.iter().zip(&limits).all(|(x, [least, most])| least < x && x < most);
             Some(Gain { value: explained - 0.5 * volume + block.log_prior, explained, beta, is_inside })
         };

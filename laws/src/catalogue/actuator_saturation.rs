@@ -42,9 +42,11 @@ pub static KIND: Kind = Kind {
     contains: &[],
     needs: &[Need::Torque, Need::LoadRange(0.1)],
     terms: Terms {
-        list: |_, _, shape| vec![Term::new("share", "1", [SOFTEST, OVER], with(shape, [("share", 1.0)]))],
+        list: |_, _, shape| {
+            vec![Term::new("share", "1", [SOFTEST, OVER], with(shape, [("share", 1.0)])).usually(1.0)]
+        },
         compose: |_, shape, coefficients| match coefficients[0].clamp(0.0, 1.0) {
-            share if share < HARD => with(shape, [("share", share)]),
+            share if share < 1.0 => with(shape, [("share", share)]),
             _ => shape.clone(),
         },
     },
@@ -57,9 +59,6 @@ pub static KIND: Kind = Kind {
 
 /// Least share beyond the limit that a limit of the drive takes away: what gives way softly is another law.
 const SOFTEST: f64 = 0.5;
-
-/// A limit that takes away this share of what is beyond it is a hard one.
-const HARD: f64 = 0.95;
 
 /// Greatest share while the limit is that of a coarse list: at one that is too high more than all would be taken away.
 const OVER: f64 = 1.5;
