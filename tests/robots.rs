@@ -98,6 +98,10 @@ fn a_gripper_is_no_part_of_the_arm_in_compare_and_run() {
         finger.dump()
     );
     let tip = ["--tip", "lower"];
+    let diagnosis = ["diagnose", "--quiet", "--model", "arm.urdf", "--recording", "r.csv", "--out", "found"];
+    let ran = call(&files, &[&diagnosis[..], &tip].concat(), 0);
+    let report = std::fs::read_to_string(ran.folder.path().join("found/report.html")).expect("a report");
+    assert!(report.contains("freeplay diagnose --model arm.urdf --tip lower --recording r.csv"));
     let ran = call(&files, &[RUN.as_slice(), &["arm.urdf"], &tip].concat(), 0);
     assert!(ran.stdout().contains("arm: base → lower, 2 joints"), "{}", ran.dump());
     let ran = call(&files, &[RUN.as_slice(), &["arm.urdf", "--tip", "palm"]].concat(), 3);

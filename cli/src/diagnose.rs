@@ -304,7 +304,7 @@ impl View<'_> {
             model: &args.model,
             file,
             recordings: &args.recording,
-            mapping: args.mapping.as_deref(),
+            command: self.command(args.mapping.as_deref()),
             commands: self.commands(&model),
             diagnosis,
             out,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use freeplay_arm::to_toml;
-use freeplay_diagnosis::page::{Subject, commands, document};
+use freeplay_diagnosis::page::{Subject, commands, diagnose_command, document};
 use freeplay_diagnosis::{DiagnoseSettings, compare_commands, diagnose};
 use freeplay_recording::read;
 
@@ -31,7 +31,7 @@ fn main() {
         model: &arguments[0],
         file: &file,
         recordings: &paths,
-        mapping: None,
+        command: diagnose_command(&arguments[0], None, &paths, None, None),
         commands: commands(Path::new("model.toml"), &paths[0], None, None),
         diagnosis: &diagnosis,
         out: Path::new("."),

@@ -14,7 +14,7 @@ mpl.use("Agg")
 
 #: Joint 5 has 0.6 mm of play that the model does not know.
 WORN = {
-    "path": {"kind": "lissajous", "period": 4.0},
+    "path": {"kind": "lissajous", "period": 6.0},
     "patience": 60.0,
     "clearance": {"joint_5": {"clearance": 0.6e-3}},
     "sensors": {"torque": {"noise": 0.05}, "tool": {"noise": 1e-5}},

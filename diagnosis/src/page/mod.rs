@@ -34,8 +34,8 @@ pub struct Subject<'a> {
     pub file: &'a ArmFile,
     /// The recordings.
     pub recordings: &'a [PathBuf],
-    /// The mapping file by which they were read.
-    pub mapping: Option<&'a Path>,
+    /// The command that makes this diagnosis.
+    pub command: String,
     /// Commands that use the model of the diagnosis: see [`commands`].
     pub commands: [String; 2],
     /// What was found.
@@ -46,7 +46,7 @@ pub struct Subject<'a> {
 
 /// The page.
 pub fn document(subject: &Subject) -> Document {
-    let Subject { model, recordings, mapping, diagnosis, .. } = subject;
+    let Subject { model, recordings, command, diagnosis, .. } = subject;
     let names: Vec<String> = recordings.iter().map(|path| path.display().to_string()).collect();
     let mut document =
         Document::new("Freeplay diagnosis").subtitle(format!("{model} against {}", names.join(", ")));
@@ -64,11 +64,11 @@ pub fn document(subject: &Subject) -> Document {
         rest::next(diagnosis),
         rest::judged(diagnosis),
     ];
-    sections.into_iter().flatten().fold(document, Document::section).footer(format!(
-        "seed {}; `{}`",
-        diagnosis.seed,
-        diagnose_command(model, None, recordings, None, *mapping)
-    ))
+    sections
+        .into_iter()
+        .flatten()
+        .fold(document, Document::section)
+        .footer(format!("seed {}; `{command}`", diagnosis.seed))
 }
 
 /// Word and tone of a verdict.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use freeplay_arm::{ArmFile, to_toml};
-use freeplay_diagnosis::page::{Subject, commands, document};
+use freeplay_diagnosis::page::{Subject, commands, diagnose_command, document};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Verdict, diagnose};
 use freeplay_harness::run::{BUILT_IN_PATIENCE, ControllerSelection, Files, play};
 use freeplay_harness::scenario::{RecordingKind, Scenario};
@@ -205,7 +205,7 @@ fn keep(nominal: &ArmFile, before: &Played, diagnosis: &Diagnosis, out: &Path) -
         model: &model,
         file: nominal,
         recordings: &recordings,
-        mapping: None,
+        command: diagnose_command(&model, None, &recordings, None, None),
         commands: commands(&out.join("model.toml"), &before.recording, None, None),
         diagnosis,
         out,
