@@ -120,7 +120,20 @@ fn cases_from_mujoco_are_sealed_and_scored_as_our_own() {
         return;
     }
     let folder = fresh_folder();
-    let asked = ["blind", "--generator", "mujoco", "--cases", "3", "--seed", "11", "--patience", "3000"];
+    // One analyst at a time: another test has the other core.
+    let asked = [
+        "blind",
+        "--generator",
+        "mujoco",
+        "--cases",
+        "3",
+        "--seed",
+        "11",
+        "--patience",
+        "3000",
+        "--jobs",
+        "1",
+    ];
     let run = |arguments: &[&str]| {
         let mut command = Command::new(FREEPLAY);
         command.args(arguments).current_dir(folder.path()).env("FREEPLAY_PYTHON", python());

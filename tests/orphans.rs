@@ -146,7 +146,9 @@ fn a_run_that_is_asked_to_end_does_so_in_order_at_any_moment() {
             run.signal(signal);
             let shm = run.shm.path().to_owned();
             let ran = run.wait().expect(130);
-            assert_eq!(members(&shm), Vec::<u32>::new(), "{signal} under {controller}");
+            // The system takes a killed child of a controller away after the run has ended.
+            let took = until_gone(&shm);
+            assert!(took[1] < LONGEST, "{signal} under {controller}: all were gone after {took:?}");
             assert_recordings_open(&ran.out(), true);
         }
     }
