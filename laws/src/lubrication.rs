@@ -166,7 +166,7 @@ impl Gap {
         let (more, sign) = if outwards { (3.0, 1.0) } else { (0.0, -1.0) };
         let [radial, tangential, across] =
             [4.0 * square * k * along, 2.0 * PI * open * inwards, sign * (2.0 + square) * PI * along];
-        // How far the force points from where it should, and its slope.
+        // The cross product of the film's force at y with the wanted direction, times a positive factor, and its derivative by y: the root is where both point the same way.
         let off = |y: f64| {
             let (u, s) = (open * y, 1.0 - y);
             let l = length(u, s);

@@ -101,7 +101,7 @@ pub(super) struct Block {
     pub pull: DVector<f64>,
     /// Half the log of its determinant, and the log of the prior odds.
     pub log_prior: f64,
-    /// What that prior is less than its greatest where all coefficients are zero, as a log.
+    /// The log of the ratio of the prior's density at its mean to its density at zero, where all coefficients are zero.
     pub log_off_mean: f64,
     channels: Vec<(usize, Weighed<InChannel>)>,
     products: OnceCell<Products>,

@@ -299,11 +299,7 @@ impl<'d, 'a> Search<'d, 'a> {
         for _ in 0..TURNS {
             // Where an earlier form had a tolerance at an edge, a better one need not.
             self.system.unpin()?;
-            for place in 0..members.len() {
-                let member = members.remove(place);
-                let better = self.refined(&members, member)?;
-                members.insert(place, better);
-            }
+            members = self.each_refined(members, |_| true)?;
             let settled = self.settled(members)?;
             now = self.agreed(&settled)?;
             members = now.members.clone();
@@ -313,16 +309,26 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `members` with the numbers of their shapes, and then all coefficients, fitted to the rows as they count now.
     pub fn refitted(&mut self, members: Vec<usize>) -> Option<Answer> {
-        let mut members = self.settled(members)?.members;
+        let members = self.settled(members)?.members;
+        let members = self.each_refined(members, |candidate| !candidate.numbers().is_empty())?;
+        let settled = self.settled(members)?;
+        self.agreed(&settled)
+    }
+
+    /// `members`, each for which `is_moved` holds in the form that explains most beside the others.
+    fn each_refined(
+        &mut self,
+        mut members: Vec<usize>,
+        is_moved: impl Fn(&Candidate) -> bool,
+    ) -> Option<Vec<usize>> {
         for place in 0..members.len() {
-            if !self.system.candidate(members[place]).numbers().is_empty() {
+            if is_moved(self.system.candidate(members[place])) {
                 let member = members.remove(place);
                 let better = self.refined(&members, member)?;
                 members.insert(place, better);
             }
         }
-        let settled = self.settled(members)?;
-        self.agreed(&settled)
+        Some(members)
     }
 
     /// Whether an arm with `members` can exist: no link of it weighs less than nothing.

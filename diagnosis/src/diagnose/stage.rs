@@ -124,15 +124,16 @@ pub(crate) struct Stage<'a> {
     found: RefCell<Vec<(Level, Rc<Placed>)>>,
     /// The model with what was found beneath a level, once it was worked out: smooth or rough.
     beneath: RefCell<BTreeMap<(Level, bool), Rc<Baseline<'a>>>>,
-    /// What the sensors let through, and what they keep of the drives, once it was worked out.
+    /// The effect of the sensors on the drives. The stage computes it at the first use and forgets it when other laws are found.
     sensors: RefCell<Option<Rc<Sensors>>>,
 }
 
-/// What the sensors of the machine with what was found do, by channel; `None` of a channel whose sensor bends nothing.
+/// The effect of the sensors that were found on the torques of the drives, by channel. A channel whose sensor bends nothing holds `None`.
 struct Sensors {
     /// The share of a small change that they let through: where a torque has reached its limit, a drive changes nothing of it.
     through: Answer,
-    /// What they keep of the laws of drives that were found. It is counted with the sensor, so that sensor and drives together are what the machine with both says.
+    /// The part of the found drive laws' torques that the sensors cut off. The column of the bending sensor includes this part, so that its column and those of the
+    /// drives add up to the prediction of the machine with both.
     kept: Answer,
 }
 
@@ -328,7 +329,7 @@ impl<'a> Stage<'a> {
         Ok(())
     }
 
-    /// What the sensors of the machine with what was found do.
+    /// The effect of the sensors that were found, from memory or computed now.
     fn sensors(&self) -> Result<Rc<Sensors>, LawError> {
         if let Some(known) = &*self.sensors.borrow() {
             return Ok(Rc::clone(known));

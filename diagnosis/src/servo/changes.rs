@@ -84,7 +84,7 @@ impl Change {
         Burdened { kind: self.kind, joint: self.joint, unknowns: self.unknowns.clone(), rivals: Vec::new() }
     }
 
-    /// Whether this change and `other` hold the same numbers, whatever their values are.
+    /// True if this change and `other` free the same unknowns of the model.
     pub fn is_same(&self, other: &Change) -> bool {
         self.unknowns.len() == other.unknowns.len() && self.unknowns.iter().all(|unknown| other.has(unknown))
     }

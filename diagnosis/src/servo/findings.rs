@@ -128,7 +128,8 @@ impl Numbers<'_> {
         of_fit.hypot(self.tolerances.mass)
     }
 
-    /// Whether a load told the stiffness of `joint`. The interval of a stiffness that no load told holds its half and its double, and the report says only ratios to it.
+    /// True if the load on `joint` changes enough for the recordings to fix its stiffness in N·m/rad. Otherwise the interval of the stiffness spans from half to double its
+    /// value, and the report gives ratios to it.
     pub fn is_known(&self, joint: usize) -> bool {
         self.sights[joint].stiffness.is_some()
             && self.stiffness_deviation(joint) < std::f64::consts::LN_2 / half_width()

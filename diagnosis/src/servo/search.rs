@@ -34,7 +34,7 @@ impl Changed {
         self.fitted.noise.size.iter().map(|size| size.ln()).sum()
     }
 
-    /// Whether both models have the same changes; their order does not count.
+    /// True if this model and `other` have the same changes, in any order.
     fn has_same_changes(&self, other: &Changed) -> bool {
         let has = |change: &Change| self.changes.iter().any(|own| own.is_same(change));
         self.changes.len() == other.changes.len() && other.changes.iter().all(has)
