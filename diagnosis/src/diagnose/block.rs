@@ -3,7 +3,7 @@
 //! The rows are weighed anew at each step of a search, and most steps ask for few blocks: products are worked out where they are asked for, and kept until
 //! the weights move.
 
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 use std::ops::Range;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -16,6 +16,8 @@ use super::data::Column;
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
     pub weights: Vec<f64>,
+    /// The number of these weights: no others of this channel have it.
+    pub version: u64,
     /// From the first row with a weight to the last: no other row takes part in a product.
     pub span: Range<usize>,
     /// The tolerances that show, and the span of their columns times the weights.
@@ -30,40 +32,29 @@ pub(super) struct Channel {
     pub square: f64,
 }
 
-/// How the weights of a channel moved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Move {
-    /// To what they had not been just before.
-    On,
-    /// To what they were before they moved the last time.
-    Back,
-}
-
-/// A product that depends on the weights of a channel, under the present weights and under those before. When the search refuses a set of effects, the weights before come back.
+/// A product that depends on the weights of a channel, under the last two versions of them that it was asked for. When the search refuses a set of effects, the weights
+/// before come back.
 #[derive(Clone, Debug)]
 pub(super) struct Weighed<T> {
-    now: OnceCell<T>,
-    before: OnceCell<T>,
+    /// The later one first, each with the version of the weights.
+    known: [Option<(u64, T)>; 2],
 }
 
 impl<T> Default for Weighed<T> {
     fn default() -> Self {
-        Self { now: OnceCell::new(), before: OnceCell::new() }
+        Self { known: [None, None] }
     }
 }
 
 impl<T> Weighed<T> {
-    /// That of now, which is `made` if it is not known.
-    pub fn get_or_init(&self, made: impl FnOnce() -> T) -> &T {
-        self.now.get_or_init(made)
-    }
-
-    /// Follows the weights.
-    pub fn follow(&mut self, how: Move) {
-        std::mem::swap(&mut self.now, &mut self.before);
-        if how == Move::On {
-            self.now.take();
+    /// That under the weights of this `version`, which is `made` if it is not known.
+    pub fn get(&mut self, version: u64, made: impl FnOnce() -> T) -> &T {
+        let is_known = |known: &Option<(u64, T)>| known.as_ref().is_some_and(|(own, _)| *own == version);
+        if !is_known(&self.known[0]) {
+            self.known.swap(0, 1);
         }
+        let known = self.known[0].take().filter(|(own, _)| *own == version);
+        &self.known[0].insert(known.unwrap_or_else(|| (version, made()))).1
     }
 }
 
@@ -103,14 +94,14 @@ pub(super) struct Block {
     pub log_prior: f64,
     /// The log of the ratio of the prior's density at its mean to its density at zero, where all coefficients are zero.
     pub log_off_mean: f64,
-    channels: Vec<(usize, Weighed<InChannel>)>,
+    channels: RefCell<Vec<(usize, Weighed<InChannel>)>>,
     products: OnceCell<Products>,
 }
 
 impl Block {
     /// The block of `candidate`, which shows in these `channels`.
     pub fn new(candidate: Candidate, channels: Vec<usize>, precision: DMatrix<f64>, log_prior: f64) -> Self {
-        let channels = channels.into_iter().map(|c| (c, Weighed::default())).collect();
+        let channels = RefCell::new(channels.into_iter().map(|c| (c, Weighed::default())).collect());
         let mean = candidate.usual().map_or_else(|| DVector::zeros(candidate.size()), DVector::from_vec);
         let pull = &precision * &mean;
         let log_off_mean = 0.5 * pull.dot(&mean);
@@ -129,8 +120,8 @@ impl Block {
             let size = self.candidate.size();
             let mut through = DMatrix::zeros(tolerances, size);
             let (mut normal, mut right) = (self.precision.clone(), self.pull.clone());
-            for (c, part) in &self.channels {
-                let part = part.get_or_init(|| channels[*c].of(&self.candidate.columns, *c));
+            for (c, part) in &mut *self.channels.borrow_mut() {
+                let part = part.get(channels[*c].version, || channels[*c].of(&self.candidate.columns, *c));
                 for (row, (index, _)) in channels[*c].tolerances.iter().enumerate() {
                     let mut there = through.row_mut(*index);
                     there += part.tolerances.row(row);
@@ -150,18 +141,16 @@ impl Block {
     pub fn forget(&mut self) {
         self.products.take();
     }
-
-    /// Follows the weights of the channels that `moved`.
-    pub fn follow(&mut self, moved: &[(usize, Move)]) {
-        for (c, part) in &mut self.channels {
-            moved.iter().filter(|(moved, _)| moved == c).for_each(|(_, how)| part.follow(*how));
-        }
-    }
 }
 
 impl Channel {
-    /// That of the channel number `c`, whose rows have these `weights`.
-    pub fn new(c: usize, tolerances: &[Column], target: &[Vec<f64>], weights: Vec<f64>) -> Self {
+    /// That of the channel number `c`, whose rows have these `weights` of this `version`.
+    pub fn new(
+        c: usize,
+        tolerances: &[Column],
+        target: &[Vec<f64>],
+        (version, weights): (u64, Vec<f64>),
+    ) -> Self {
         let span = span_of(&weights);
         let weighed = |rows: &[f64]| weighed(&rows[span.clone()], &weights[span.clone()]);
         let shown: Vec<(usize, Vec<f64>)> = tolerances
@@ -180,7 +169,7 @@ impl Channel {
         let against = DVector::from_fn(shown.len(), |i, _| dot(&shown[i].1, target_there));
         let target_weighed = weighed(&target[c]);
         let square = dot(&target_weighed, target_there);
-        Self { tolerances: shown, target: target_weighed, gram, against, square, weights, span }
+        Self { tolerances: shown, target: target_weighed, gram, against, square, weights, version, span }
     }
 
     /// Products of the block of `columns` in this channel, which is number `c`.

@@ -299,10 +299,14 @@ impl<'d, 'a> Search<'d, 'a> {
         for _ in 0..TURNS {
             // Where an earlier form had a tolerance at an edge, a better one need not.
             self.system.unpin()?;
-            members = self.each_refined(members, |_| true)?;
-            let settled = self.settled(members)?;
+            let refined = self.each_refined(members.clone(), |_| true)?;
+            let is_still = refined == members;
+            let settled = self.settled(refined)?;
             now = self.agreed(&settled)?;
-            members = now.members.clone();
+            if is_still {
+                break;
+            }
+            members.clone_from(&now.members);
         }
         Some(now)
     }

@@ -11,7 +11,7 @@ use freeplay_arm::Arm;
 use freeplay_laws::Placed;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::block::{Block, Channel, Move, Products, Weighed, half_log_determinant, own, weighed};
+use super::block::{Block, Channel, Products, Weighed, half_log_determinant, own, weighed};
 use super::bvls::bounded;
 use super::candidate::Candidate;
 use super::columns::dot;
@@ -68,6 +68,8 @@ pub(crate) struct System<'d, 'a> {
     channels: Vec<Channel>,
     /// The channels as they were before their weights moved the last time.
     before: Vec<Option<Channel>>,
+    /// How often weights moved.
+    versions: u64,
     factor: Cholesky<f64, Dyn>,
     /// K and NᵀWy with no tolerance held at an edge.
     free: (DMatrix<f64>, DVector<f64>),
@@ -86,20 +88,8 @@ pub(crate) struct System<'d, 'a> {
 #[derive(Debug)]
 struct Cross {
     by_channel: Vec<(usize, Weighed<DMatrix<f64>>)>,
-    /// Their sum, as long as no weights moved.
-    sum: Option<DMatrix<f64>>,
-}
-
-impl Cross {
-    /// Follows the weights of the channels that `moved`.
-    fn follow(&mut self, moved: &[(usize, Move)]) {
-        for (c, part) in &mut self.by_channel {
-            for (_, how) in moved.iter().filter(|(moved, _)| moved == c) {
-                part.follow(*how);
-                self.sum = None;
-            }
-        }
-    }
+    /// Their sum, as long as no weights moved: how often they had moved, and the sum.
+    sum: Option<(u64, DMatrix<f64>)>,
 }
 
 impl<'d, 'a> System<'d, 'a> {
@@ -130,7 +120,7 @@ impl<'d, 'a> System<'d, 'a> {
             tolerances.iter_mut().for_each(|column| *column = whitening.column(column));
         }
         let channels: Vec<Channel> = (0..data.channels())
-            .map(|c| Channel::new(c, &tolerances, &target, weights.rows[c].weights()))
+            .map(|c| Channel::new(c, &tolerances, &target, (0, weights.rows[c].weights())))
             .collect();
         let pins = vec![None; precision.len()];
         let free = normal_equations(&channels, &precision);
@@ -147,6 +137,7 @@ impl<'d, 'a> System<'d, 'a> {
             precision,
             channels,
             before,
+            versions: 0,
             factor,
             free,
             whitened_target,
@@ -256,12 +247,16 @@ impl<'d, 'a> System<'d, 'a> {
         let through = self.products(i).whitened.tr_mul(&self.products(j).whitened);
         let mut crosses = self.crosses.borrow_mut();
         let Cross { by_channel, sum } = crosses.entry((j, i)).or_insert_with(|| self.shared_channels(i, j));
-        let plain = sum.get_or_insert_with(|| {
-            let zeros = DMatrix::zeros(self.candidate(i).size(), self.candidate(j).size());
-            let parts = by_channel.iter().map(|(c, part)| part.get_or_init(|| self.cross_in(*c, i, j)));
-            parts.fold(zeros, |sum, part| sum + part)
-        });
-        &*plain - through
+        if let Some((_, plain)) = sum.as_ref().filter(|(versions, _)| *versions == self.versions) {
+            return plain - through;
+        }
+        let mut plain = DMatrix::zeros(self.candidate(i).size(), self.candidate(j).size());
+        for (c, part) in by_channel {
+            plain += part.get(self.channels[*c].version, || self.cross_in(*c, i, j));
+        }
+        let beside = &plain - through;
+        *sum = Some((self.versions, plain));
+        beside
     }
 
     /// The channels in which the blocks `i` and `j` both show, without their products.
@@ -639,19 +634,16 @@ impl<'d, 'a> System<'d, 'a> {
         if moved.is_empty() {
             return Some(());
         }
-        let mut how = Vec::new();
+        self.versions += 1;
         for &c in moved {
             let weights = self.weights.rows[c].weights();
             let is_back = self.before[c].as_ref().is_some_and(|before| before.weights == weights);
             let now = match self.before[c].take().filter(|_| is_back) {
                 Some(before) => before,
-                None => Channel::new(c, &self.tolerances, &self.target, weights),
+                None => Channel::new(c, &self.tolerances, &self.target, (self.versions, weights)),
             };
             self.before[c] = Some(std::mem::replace(&mut self.channels[c], now));
-            how.push((c, if is_back { Move::Back } else { Move::On }));
         }
-        self.blocks.iter_mut().for_each(|block| block.follow(&how));
-        self.crosses.borrow_mut().values_mut().for_each(|cross| cross.follow(&how));
         self.free = normal_equations(&self.channels, &self.precision);
         self.log_volume = half_log_determinant(&Cholesky::new(self.free.0.clone())?);
         self.eliminate_anew()
