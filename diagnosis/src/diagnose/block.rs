@@ -220,3 +220,21 @@ pub(super) fn own(columns: &[Column], c: usize, weights: &[f64]) -> DMatrix<f64>
 pub(super) fn half_log_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
     factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Weighed;
+
+    #[test]
+    fn a_product_is_kept_under_the_last_two_versions_of_the_weights() {
+        let (mut product, mut made) = (Weighed::default(), Vec::new());
+        for version in [1, 1, 2, 1, 2, 3, 2, 1] {
+            let of_version = *product.get(version, || {
+                made.push(version);
+                10 * version
+            });
+            assert_eq!(of_version, 10 * version);
+        }
+        assert_eq!(made, [1, 2, 3, 1], "1 was asked for again after 2 and 3");
+    }
+}

@@ -2,6 +2,7 @@
 
 use super::alternatives::tried;
 use super::search::{Answer, Search, WORTH};
+use super::system::all_but;
 use crate::statistics::MOST_ROUNDS;
 
 /// `members` with their numbers in agreement, once nothing that is tried in the place of one of them is more probable; `None` if the system is singular.
@@ -12,10 +13,16 @@ pub(crate) fn confirmed(
 ) -> Option<Answer> {
     let members = search.improve(members, progress)?.members;
     let mut now = grown(search, members, progress)?;
-    while let Some(better) = with_another(search, &now, progress)? {
-        now = better;
+    loop {
+        let better = match with_another(search, &now, progress)? {
+            Some(better) => Some(better),
+            None => with_several(search, &now, progress)?,
+        };
+        match better {
+            Some(better) => now = better,
+            None => return Some(now),
+        }
     }
-    Some(now)
 }
 
 /// `now` with another in the place of one of its members, if that makes it more probable; else the search is back at `now`.
@@ -30,6 +37,29 @@ fn with_another(search: &mut Search, now: &Answer, progress: &mut dyn FnMut(&str
         let there = grown(search, rest.chain([other.index]).collect(), progress)?;
         // What seemed more probable beside the others need not be, once these have followed it.
         if there.evidence > now.evidence + WORTH && !search.same_effects(&there.members, &now.members) {
+            return Some(Some(there));
+        }
+        search.agreed(now)?;
+    }
+    Some(None)
+}
+
+/// `now` with all that the search finds in the place of one member, if that makes it more probable; else the search is back at `now`. What one law says of several channels,
+/// several laws may say of one each, and none of these alone is worth the change.
+fn with_several(search: &mut Search, now: &Answer, progress: &mut dyn FnMut(&str)) -> Option<Option<Answer>> {
+    for (place, &member) in now.members.iter().enumerate() {
+        let data = search.system.data;
+        let mut kinds = search.system.candidate(member).channels.iter().map(|&c| data.kind(c));
+        let first = kinds.next();
+        if kinds.all(|kind| Some(kind) == first) {
+            continue;
+        }
+        progress("trying several in the place of one finding");
+        let laid = search.laid.clone();
+        search.leave_out(&[member]);
+        let there = grown(search, all_but(&now.members, place), progress)?;
+        search.laid = laid;
+        if there.evidence > now.evidence + WORTH {
             return Some(Some(there));
         }
         search.agreed(now)?;
@@ -71,4 +101,63 @@ pub(crate) fn searched_again(
     let there = search.settled(again.members.clone())?;
     let best = if there.evidence > known.evidence + WORTH { again } else { known };
     search.agreed(&best)
+}
+
+#[cfg(test)]
+mod tests {
+    use freeplay_arm::{Arm, JointFriction, JointKind};
+
+    use super::with_several;
+    use crate::diagnose::candidate::candidates;
+    use crate::diagnose::data::Data;
+    use crate::diagnose::search::Search;
+    use crate::diagnose::stage::{Ground, Stage};
+    use crate::diagnose::system::System;
+    use crate::diagnose::tolerance::Tolerances;
+    use crate::diagnose::weights::Weights;
+    use crate::made::{arm, columns_along, even, link, recording, sines, without};
+    use crate::motion::Settings;
+
+    /// Both joints turn alike, but for a small and slow turn of the second.
+    fn alike(arm: &Arm, t: f64) -> [Vec<f64>; 3] {
+        let mut motion = sines(arm, t);
+        let (sin, cos) = (0.9 * t).sin_cos();
+        for (column, more) in motion.iter_mut().zip([0.08 * sin, 0.072 * cos, -0.0648 * sin]) {
+            column[1] = column[0] + more;
+        }
+        motion
+    }
+
+    #[test]
+    fn the_frictions_of_two_joints_take_the_place_of_a_coupling() {
+        let [first, second] =
+            ["first", "second"].map(|name| link(name, JointKind::Revolute, JointFriction::default()));
+        let arm = arm(vec![first, second]);
+        let friction = |joint: usize, v: f64| [1.0, 0.8][joint] * v.signum() + [0.6, 0.9][joint] * v;
+        let made = recording(without(columns_along(alike, &arm, &even(16.0, 250.0), friction), "x"));
+        let ground = Ground::new(&arm, &made, &Settings::default()).expect("a ground");
+        let stage = Stage::new(&arm, &[], &ground).expect("a stage");
+        let data = Data::new(vec![stage], &Tolerances::default());
+        let target = data.target();
+        let (candidates, _) = candidates(&data, &mut |_| {});
+        let weights = Weights::new(&data, &target, None, &data.off, 1);
+        let system = System::new(&data, target, weights).expect("a system");
+        let mut search = Search::new(system, candidates);
+        let is_coupling = |&index: &usize| search.system.candidate(index).kind.name == "joint_coupling";
+        let coupling = search.laid.iter().copied().find(is_coupling).expect("a coupling");
+        let now = search.settled(vec![coupling]).expect("an answer");
+        let answer = with_several(&mut search, &now, &mut |_| {}).expect("no singular fit");
+        let answer = answer.expect("something more probable");
+        assert!(answer.evidence > now.evidence);
+        let mut found: Vec<(&str, Option<usize>)> = answer
+            .members
+            .iter()
+            .map(|&member| (search.system.candidate(member).kind.name, search.system.candidate(member).joint))
+            .collect();
+        found.sort_unstable();
+        println!("{found:?}, log of the evidence {} after {}", answer.evidence, now.evidence);
+        let frictions =
+            ["coulomb_friction", "viscous_friction"].map(|kind| [(kind, Some(0)), (kind, Some(1))]);
+        assert_eq!(found, frictions.concat());
+    }
 }
