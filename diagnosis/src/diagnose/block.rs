@@ -16,7 +16,7 @@ use super::data::Column;
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
     pub weights: Vec<f64>,
-    /// The number of these weights: no others of this channel have it.
+    /// The version of these weights: other weights of this channel have another.
     pub version: u64,
     /// From the first row with a weight to the last: no other row takes part in a product.
     pub span: Range<usize>,
@@ -32,8 +32,8 @@ pub(super) struct Channel {
     pub square: f64,
 }
 
-/// A product that depends on the weights of a channel, under the last two versions of them that it was asked for. When the search refuses a set of effects, the weights
-/// before come back.
+/// A product that depends on the weights of a channel. It keeps its values under the last two versions of the weights for which it was asked: when the search refuses a
+/// set of effects, the weights before come back.
 #[derive(Clone, Debug)]
 pub(super) struct Weighed<T> {
     /// The later one first, each with the version of the weights.
@@ -47,7 +47,7 @@ impl<T> Default for Weighed<T> {
 }
 
 impl<T> Weighed<T> {
-    /// That under the weights of this `version`, which is `made` if it is not known.
+    /// The product under the weights of this `version`; `made` computes it if it is not known.
     pub fn get(&mut self, version: u64, made: impl FnOnce() -> T) -> &T {
         let is_known = |known: &Option<(u64, T)>| known.as_ref().is_some_and(|(own, _)| *own == version);
         if !is_known(&self.known[0]) {

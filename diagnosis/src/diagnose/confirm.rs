@@ -5,7 +5,7 @@ use super::search::{Answer, Search, WORTH};
 use super::system::all_but;
 use crate::statistics::MOST_ROUNDS;
 
-/// `members` with their numbers in agreement, once nothing that is tried in the place of one of them is more probable; `None` if the system is singular.
+/// The answer that the search reaches from `members`, once nothing that it tries in the place of one finding is more probable. `None` if the system is singular.
 pub(crate) fn confirmed(
     search: &mut Search,
     members: Vec<usize>,
@@ -35,7 +35,7 @@ fn with_another(search: &mut Search, now: &Answer, progress: &mut dyn FnMut(&str
         progress("trying others in the place of each finding");
         let rest = now.members.iter().copied().filter(|member| *member != other.member);
         let there = grown(search, rest.chain([other.index]).collect(), progress)?;
-        // What seemed more probable beside the others need not be, once these have followed it.
+        // The other members still had the numbers that suit the old finding when this one looked more probable.
         if there.evidence > now.evidence + WORTH && !search.same_effects(&there.members, &now.members) {
             return Some(Some(there));
         }
@@ -44,14 +44,16 @@ fn with_another(search: &mut Search, now: &Answer, progress: &mut dyn FnMut(&str
     Some(None)
 }
 
-/// `now` with all that the search finds in the place of one member, if that makes it more probable; else the search is back at `now`. What one law says of several channels,
-/// several laws may say of one each, and none of these alone is worth the change.
+/// `now` with all that the search finds in the place of one member, if that makes it more probable; else the search is back at `now`.
+///
+/// A law that shows in several channels can stand for several laws that show in one each. No single one of these is worth the change, so that
+/// [`with_another`] does not find them.
 fn with_several(search: &mut Search, now: &Answer, progress: &mut dyn FnMut(&str)) -> Option<Option<Answer>> {
     for (place, &member) in now.members.iter().enumerate() {
         let data = search.system.data;
-        let mut kinds = search.system.candidate(member).channels.iter().map(|&c| data.kind(c));
-        let first = kinds.next();
-        if kinds.all(|kind| Some(kind) == first) {
+        let channels = &search.system.candidate(member).channels;
+        let is_alike = |&c: &usize| data.kind(c) == data.kind(channels[0]);
+        if channels.iter().all(is_alike) {
             continue;
         }
         progress("trying several in the place of one finding");
@@ -69,7 +71,7 @@ fn with_several(search: &mut Search, now: &Answer, progress: &mut dyn FnMut(&str
 
 /// `members` in their best forms, or what the search finds from there, whichever is the most probable once its numbers agree; `None` if the system is singular.
 ///
-/// Rows count otherwise beside what was found, and other effects may be found then: the search goes on until effects come back.
+/// Each answer gives the rows other weights, under which the search may find other effects. It ends where it meets effects for the second time.
 fn grown(search: &mut Search, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
     let mut last = search.polished(members)?;
     let mut met = vec![last.clone()];
@@ -118,7 +120,7 @@ mod tests {
     use crate::made::{arm, columns_along, even, link, recording, sines, without};
     use crate::motion::Settings;
 
-    /// Both joints turn alike, but for a small and slow turn of the second.
+    /// The second joint turns as the first does, and a little more, slowly.
     fn alike(arm: &Arm, t: f64) -> [Vec<f64>; 3] {
         let mut motion = sines(arm, t);
         let (sin, cos) = (0.9 * t).sin_cos();

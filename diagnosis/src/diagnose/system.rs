@@ -68,7 +68,7 @@ pub(crate) struct System<'d, 'a> {
     channels: Vec<Channel>,
     /// The channels as they were before their weights moved the last time.
     before: Vec<Option<Channel>>,
-    /// How often weights moved.
+    /// How often the weights of any channel moved.
     versions: u64,
     factor: Cholesky<f64, Dyn>,
     /// K and NᵀWy with no tolerance held at an edge.
@@ -88,7 +88,7 @@ pub(crate) struct System<'d, 'a> {
 #[derive(Debug)]
 struct Cross {
     by_channel: Vec<(usize, Weighed<DMatrix<f64>>)>,
-    /// Their sum, as long as no weights moved: how often they had moved, and the sum.
+    /// Their sum, and the number of moves of weights before the system added them up: another move makes the sum void.
     sum: Option<(u64, DMatrix<f64>)>,
 }
 
