@@ -123,6 +123,6 @@ pub(crate) fn feedback(gains: Gains, desired: Motion<'_>, state: &JointState, ac
 /// Adds what the drives spend against their own friction at the velocities `v`.
 pub(crate) fn add_drive_friction(friction: &[DriveFriction], v: &[f64], torque: &mut [f64]) {
     for ((torque, friction), &v) in torque.iter_mut().zip(friction).zip(v) {
-        *torque -= friction.torque(v);
+        *torque += friction.resisting(v);
     }
 }

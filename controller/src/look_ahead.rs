@@ -108,5 +108,9 @@ pub fn drive_frictions(arm: &Arm) -> Vec<DriveFriction> {
 
 /// Friction torque over velocity, N·m·s/rad, ≥ 0; at rest its limit.
 fn resistance(friction: &DriveFriction, v: f64) -> f64 {
-    if v == 0.0 { friction.viscous + friction.coulomb / friction.smoothing } else { -friction.torque(v) / v }
+    if v == 0.0 {
+        friction.viscous + friction.coulomb / DriveFriction::SMOOTHING
+    } else {
+        friction.resisting(v) / v
+    }
 }

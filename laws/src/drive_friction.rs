@@ -1,8 +1,8 @@
 //! Nominal friction of a joint's drive.
 //!
-//! Law: τ = −F_v v − F_c s(v), with the viscous coefficient F_v \[N·m·s/rad\], the Coulomb level F_c \[N·m\] and the
-//! sign s smoothed over a small speed v_ε so that an integrator can follow it: s(v) = tanh(v/v_ε). A joint of the plant that sticks creeps,
-//! slower than that, and an encoder may see it: what a model says of a recording has the same sign.
+//! Law: τ = −F_v v − F_c s, with the viscous coefficient F_v \[N·m·s/rad\], the Coulomb level F_c \[N·m\] and the sign s of the velocity.
+//! In a simulation s is a state between −1 and 1, with which a joint sticks: see [`crate::DriveState::sign`]. For a recorded velocity, which
+//! noise never lets be zero, s is smoothed over a small speed v_ε: s(v) = tanh(v/v_ε).
 //!
 //! Source: Coulomb 1785 and the `<dynamics damping friction>` of URDF. For prismatic joints read N and m.
 
@@ -15,15 +15,13 @@ pub struct DriveFriction {
     pub viscous: f64,
     /// F_c, N·m.
     pub coulomb: f64,
-    /// v_ε, rad/s, > 0: below it the sign is smoothed.
-    pub smoothing: f64,
 }
 
 impl DriveFriction {
-    /// Speed over which the sign is smoothed, rad/s (or m/s).
+    /// v_ε, rad/s (m/s): the speed over which the sign of a recorded velocity is smoothed.
     pub const SMOOTHING: f64 = 1e-4;
 
-    /// The sign of the velocity `v`, −1 to 1.
+    /// The sign of the recorded velocity `v`, −1 to 1.
     #[inline]
     pub fn sign(v: f64) -> f64 {
         (v / Self::SMOOTHING).tanh()
@@ -31,19 +29,19 @@ impl DriveFriction {
 
     /// The friction that an arm file names for a joint.
     pub fn nominal(friction: JointFriction) -> Self {
-        Self { viscous: friction.viscous, coulomb: friction.coulomb, smoothing: Self::SMOOTHING }
+        Self { viscous: friction.viscous, coulomb: friction.coulomb }
     }
 
-    /// Torque on the joint, N·m: opposite to the velocity `v`, rad/s.
-    #[inline]
-    pub fn torque(&self, v: f64) -> f64 {
-        -self.resisting(v)
-    }
-
-    /// Torque that the drive spends against friction, N·m.
+    /// Torque that the drive spends against friction at the recorded velocity `v`, rad/s: N·m.
     #[inline]
     pub fn resisting(&self, v: f64) -> f64 {
-        let coulomb = if self.coulomb == 0.0 { 0.0 } else { self.coulomb * (v / self.smoothing).tanh() };
-        self.viscous * v + coulomb
+        let sign = if self.coulomb == 0.0 { 0.0 } else { Self::sign(v) };
+        self.resisting_towards(sign, v)
+    }
+
+    /// Torque that the drive spends against friction at the velocity `v`, rad/s, whose sign is `sign`, −1 to 1: N·m.
+    #[inline]
+    pub fn resisting_towards(&self, sign: f64, v: f64) -> f64 {
+        self.viscous * v + self.coulomb * sign
     }
 }

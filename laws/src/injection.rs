@@ -75,8 +75,11 @@ pub struct DriveState<'a> {
     pub q: &'a [f64],
     /// Their velocities, rad/s (m/s).
     pub v: &'a [f64],
-    /// The signs of these velocities, −1 to 1, as dry friction has them: smoothed, or without creep where the plant keeps where each joint sticks.
+    /// What dry friction does at each joint, as a share of the most that it can, −1 to 1: the sign of the velocity of a joint that slides, and in between
+    /// what holds one that sticks.
     pub sign: &'a [f64],
+    /// Torques that stop a unit of velocity of each joint within the sub-step, N·m·s/rad (N·s/m): for laws whose dry friction has a sign of its own.
+    pub stopping: &'a [f64],
     /// Their accelerations in the sub-step before, rad/s² (m/s²).
     pub a: &'a [f64],
     /// Torque that each transmission carried to its link in the sub-step before, N·m (N).

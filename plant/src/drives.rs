@@ -8,11 +8,6 @@ use freeplay_laws::{Archive, DriveFriction, DriveLaw, DriveState, Transmission};
 
 use crate::position_servo::PositionServo;
 
-/// How far a joint on a position servo gives before it slides, rad (m): below what any encoder of a servo reads. A servo holds a pose for minutes, in which
-/// friction with a smoothed sign would creep by more than it lags. The sign is that of an elastic joint that slides at its limit
-/// (Prandtl 1928, Z. angew. Math. Mech. 8:85).
-const PRESLIDING: f64 = 1e-5;
-
 /// A motor behind a transmission.
 #[derive(Clone, Debug)]
 pub(crate) struct Motor {
@@ -75,8 +70,12 @@ pub(crate) struct Drives {
     pub q: Vec<f64>,
     /// Velocities there.
     pub v: Vec<f64>,
-    /// Signs of these velocities, as dry friction has them.
+    /// What dry friction does, as a share of the most that it can, −1 to 1: the sign of the velocity of a drive that slides.
     sign: Vec<f64>,
+    /// Torque that stops a unit of velocity within a sub-step, N·m·s/rad (N·s/m): see the `stiction` file.
+    stopping: Vec<f64>,
+    /// The same as a share of the greatest dry friction, s/rad (s/m).
+    turning: Vec<f64>,
     /// Accelerations of the sub-step before; of prescribed joints, those of this one.
     pub a: Vec<f64>,
     /// What friction and the laws of effects put on the drives, N·m (N); negative where it opposes a positive motion.
@@ -100,6 +99,8 @@ impl Drives {
             q: blank.clone(),
             v: blank.clone(),
             sign: blank.clone(),
+            stopping: vec![f64::MAX; joints.len()],
+            turning: vec![f64::MAX; joints.len()],
             a: blank.clone(),
             loss: blank.clone(),
             servos: Vec::new(),
@@ -134,10 +135,37 @@ impl Drives {
         self.plain
     }
 
-    /// The nominal friction of each drive, and where its loss is kept.
+    /// What nominal friction does to `joint` with the velocity `v` in the middle of a sub-step and `end` at its end, unless friction changes, N·m (N).
     #[inline]
-    pub fn nominal(&mut self) -> impl Iterator<Item = (&DriveFriction, &mut f64)> {
-        self.friction.iter().zip(&mut self.loss)
+    pub fn rub(&mut self, joint: usize, v: f64, end: f64) -> f64 {
+        let sign = (self.sign[joint] + self.turning[joint] * end).clamp(-1.0, 1.0);
+        self.sign[joint] = sign;
+        self.loss[joint] = -self.friction[joint].resisting_towards(sign, v);
+        self.loss[joint]
+    }
+
+    /// Has dry friction stop each drive with `stopping`, N·m·s/rad (N·s/m), and turn within its greatest dry friction `dry`, N·m (N).
+    pub fn stop_with(&mut self, stopping: Vec<f64>, dry: &[f64]) {
+        let share = |(stopping, dry): (&f64, &f64)| if *dry > 0.0 { stopping / dry } else { f64::MAX };
+        self.turning = stopping.iter().zip(dry).map(share).collect();
+        self.stopping = stopping;
+    }
+
+    /// The greatest dry friction of each drive at rest at `q` under the loads `load`, N·m (N): what its loss changes by from one sign to the other. Laws
+    /// that keep a state have to be restarted afterwards.
+    pub fn dry_friction(&mut self, q: &[f64], load: &[f64]) -> Vec<f64> {
+        let rest = vec![0.0; q.len()];
+        let mut either = [1.0, -1.0].map(|direction| {
+            let sign = vec![direction; q.len()];
+            let now =
+                DriveState { t: 0.0, step: 0.0, q, v: &rest, sign: &sign, stopping: &rest, a: &rest, load };
+            let mut loss: Vec<f64> =
+                self.friction.iter().map(|of| -of.resisting_towards(direction, 0.0)).collect();
+            self.laws.iter_mut().for_each(|law| law.act(&now, &mut loss));
+            loss
+        });
+        let [forwards, backwards] = &mut either;
+        forwards.iter().zip(backwards).map(|(forwards, backwards)| 0.5 * (*backwards - forwards)).collect()
     }
 
     /// Forgets all that was.
@@ -159,6 +187,8 @@ impl Drives {
             q: _,
             v: _,
             sign,
+            stopping: _,
+            turning: _,
             a,
             loss: _,
             servos,
@@ -213,23 +243,15 @@ impl Drives {
     /// Works out the losses of all drives at the time `t`, s, of a sub-step of `step` s.
     #[inline]
     pub fn lose(&mut self, t: f64, step: f64) {
-        let sticks = !self.servos.is_empty();
-        for ((sign, friction), &v) in self.sign.iter_mut().zip(&self.friction).zip(&self.v) {
-            if sticks {
-                *sign = (*sign + v * step / PRESLIDING).clamp(-1.0, 1.0);
-            } else if friction.coulomb != 0.0 || !self.laws.is_empty() {
-                *sign = DriveFriction::sign(v);
-            }
-        }
-        let drives = self.loss.iter_mut().zip(&self.friction).zip(self.v.iter().zip(&self.sign));
-        for ((loss, friction), (v, sign)) in drives {
-            *loss = -(friction.viscous * v + friction.coulomb * sign);
+        for joint in 0..self.v.len() {
+            let v = self.v[joint];
+            self.rub(joint, v, v + 0.5 * step * self.a[joint]);
         }
         if self.laws.is_empty() {
             return;
         }
         let (q, v, sign, a, load) = (&self.q, &self.v, &self.sign, &self.a, &self.load);
-        let now = DriveState { t, step, q, v, sign, a, load };
+        let now = DriveState { t, step, q, v, sign, stopping: &self.stopping, a, load };
         for law in &mut self.laws {
             law.act(&now, &mut self.loss);
         }

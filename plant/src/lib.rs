@@ -41,6 +41,7 @@ mod rotor;
 mod round_trips;
 mod sensors;
 mod stages;
+mod stiction;
 mod system;
 mod thread_watch;
 mod tick_record;

@@ -18,6 +18,7 @@ use thiserror::Error;
 use crate::drives::{Drives, Motor};
 use crate::position_servo::PositionServo;
 use crate::rotor::{check_step, share_out, with_rotors};
+use crate::stiction::stopping_torques;
 use crate::tool_forces::ToolForces;
 use crate::{Bearing, Braking, ContactTally, Ledger, LimitViolation, Motion, ReflexLimits};
 
@@ -182,7 +183,7 @@ impl System {
             return Err(SystemError::StepTooLong { step });
         }
         let (dof, joints) = (play.arm().dof(), nominal.dof());
-        Ok(Self {
+        let mut system = Self {
             workspace: Workspace::new(play.arm()),
             drives: Drives::new(nominal.joints()),
             forces: ToolForces::none(dof),
@@ -205,7 +206,27 @@ impl System {
             ledger: Ledger::default(),
             named_servos: vec![None; joints],
             play,
-        })
+        };
+        system.resolve_dry_friction(nominal, &[vec![0.0; joints]]);
+        Ok(system)
+    }
+
+    /// Has the dry friction of the drives stop the joints of `links`, the arm behind the transmissions, within the sub-steps of a motion through
+    /// `postures`. Joints without any inertia can follow a motion alone, and need nothing that stops them.
+    fn resolve_dry_friction(&mut self, links: &Arm, postures: &[Vec<f64>]) {
+        let motors: Vec<Option<f64>> =
+            self.drives.motors.iter().map(|motor| motor.as_ref().map(|motor| motor.inertia)).collect();
+        let step = self.period / f64::from(self.substeps);
+        let Ok(stopping) = stopping_torques(links, &motors, postures, step) else { return };
+        let (mut ws, rest) = (Workspace::new(links), vec![0.0; links.dof()]);
+        let (mut load, mut dry) = (rest.clone(), rest.clone());
+        for posture in postures {
+            bias(links, &mut ws, posture, &rest, &mut load);
+            let here = self.drives.dry_friction(posture, &load);
+            dry.iter_mut().zip(here).for_each(|(dry, here)| *dry = dry.max(here));
+        }
+        self.drives.stop_with(stopping, &dry);
+        self.drives.restart();
     }
 
     /// The arm `arm`, changed by its effects, with what they inject, for a motion through `postures`: see the `rotor` file for
@@ -238,6 +259,7 @@ impl System {
             system.named_servos[joint] = Some((law, delays.map(|(_, delay)| delay).sum()));
         }
         system.drives.add(injection.drives, &injection.saturations);
+        system.resolve_dry_friction(&links, postures);
         system.forces.add(injection.forces);
         Ok(system)
     }
@@ -420,24 +442,25 @@ impl System {
         }
         self.drive.fill(Drive::Torque(0.0));
         if self.drives.plain() {
-            self.actuate_plain(input);
+            self.actuate_plain(step, input);
         } else {
             self.actuate_all(time, step, input);
         }
     }
 
     /// Drives with nothing but their nominal friction.
-    fn actuate_plain(&mut self, input: &Input) {
+    fn actuate_plain(&mut self, step: f64, input: &Input) {
         let [q, v, a] = &self.prescribed;
-        for (joint, (friction, loss)) in self.drives.nominal().enumerate() {
+        for joint in 0..self.motor.len() {
             let at = self.play.joint(joint);
             if input.driven[joint] {
                 (self.middle_q[at], self.middle_v[at]) = (q[joint], v[joint]);
                 self.drive[at] = Drive::Acceleration(a[joint]);
-            }
-            *loss = friction.torque(self.middle_v[at]);
-            if !input.driven[joint] {
-                self.drive[at] = Drive::Torque(input.torque[joint] + *loss);
+                self.drives.rub(joint, v[joint], v[joint] + 0.5 * step * a[joint]);
+            } else {
+                let (v, a) = (self.middle_v[at], self.a[at]);
+                let loss = self.drives.rub(joint, v, v + 0.5 * step * a);
+                self.drive[at] = Drive::Torque(input.torque[joint] + loss);
             }
         }
     }
@@ -508,14 +531,14 @@ impl System {
 
     /// Books the work of plain drives, at the mean of the velocities before and after the sub-step.
     fn book_plain_drives(&mut self, step: f64, input: &Input) {
-        for (joint, (_, loss)) in self.drives.nominal().enumerate() {
-            let at = self.play.joint(joint);
+        for joint in 0..self.motor.len() {
+            let (at, loss) = (self.play.joint(joint), self.drives.loss[joint]);
             let driven = input.driven[joint];
             let v = if driven { self.prescribed[1][joint] } else { self.middle_v[at] };
-            let needed = || self.total[at] - *loss - self.forces.on(at);
+            let needed = || self.total[at] - loss - self.forces.on(at);
             self.motor[joint] = if driven { needed() } else { input.torque[joint] };
             self.ledger.drives += step * self.motor[joint] * v;
-            self.ledger.drive_friction -= step * *loss * v;
+            self.ledger.drive_friction -= step * loss * v;
         }
     }
 

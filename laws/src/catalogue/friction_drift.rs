@@ -105,7 +105,8 @@ impl Effect for FrictionDrift {
 
 impl DriveLaw for FrictionDrift {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
-        torque[self.joint] += self.excess(now.t) * self.friction.torque(now.v[self.joint]);
+        let resisting = self.friction.resisting_towards(now.sign[self.joint], now.v[self.joint]);
+        torque[self.joint] -= self.excess(now.t) * resisting;
     }
 
     fn transfer(&mut self, _: &mut Archive) {}

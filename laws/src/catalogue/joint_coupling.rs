@@ -10,7 +10,6 @@
 use freeplay_arm::export::Element;
 use toml::{Table, Value};
 
-use crate::DriveFriction;
 use crate::archive::Archive;
 use crate::basis::{Place, Terms, with};
 use crate::columns::Columns;
@@ -72,6 +71,7 @@ pub static KIND: Kind = Kind {
             inertia: values.number("inertia")?,
             viscous: values.number("viscous")?,
             coulomb: values.number("coulomb")?,
+            direction: 0.0,
         }))
     },
 };
@@ -104,6 +104,8 @@ struct JointCoupling {
     inertia: f64,
     viscous: f64,
     coulomb: f64,
+    /// What dry friction does to the shaft in a simulation, as a share of the most that it can, −1 to 1.
+    direction: f64,
 }
 
 impl JointCoupling {
@@ -155,7 +157,14 @@ impl DriveLaw for JointCoupling {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
         let [own, other] = self.joints;
         let v = [now.v[own], self.sign * now.v[other]];
-        let dry = self.coulomb * DriveFriction::sign(v[0] + v[1]);
+        let end = v[0] + v[1] + 0.5 * now.step * (now.a[own] + self.sign * now.a[other]);
+        // The shaft turns most easily where both joints yield to it together.
+        let yielding =
+            now.stopping[own].sqrt().recip() + self.sign.abs() * now.stopping[other].sqrt().recip();
+        if self.coulomb > 0.0 {
+            self.direction = (self.direction + end / (yielding.powi(2) * self.coulomb)).clamp(-1.0, 1.0);
+        }
+        let dry = self.coulomb * self.direction;
         let load = |mine: usize, theirs: usize| self.viscous * (v[theirs] + self.own() * v[mine]) + dry;
         // Each joint's own share of the inertia is in the rotors, or in its own numbers; what the other's acceleration asks for is one sub-step
         // old, and less than those shares, so that it converges.
@@ -164,5 +173,11 @@ impl DriveLaw for JointCoupling {
         torque[other] -= self.sign * load(1, 0) + across * now.a[own];
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn restart(&mut self) {
+        self.direction = 0.0;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        archive.real(&mut self.direction);
+    }
 }

@@ -224,8 +224,8 @@ impl Effect for Presliding {
 
 impl DriveLaw for Presliding {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
-        let v = now.v[self.joint];
-        torque[self.joint] -= self.bristles.after(v * now.step, v) + self.replaced.torque(v);
+        let (v, sign) = (now.v[self.joint], now.sign[self.joint]);
+        torque[self.joint] -= self.bristles.after(v * now.step, v) - self.replaced.resisting_towards(sign, v);
     }
 
     fn restart(&mut self) {

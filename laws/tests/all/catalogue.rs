@@ -269,8 +269,17 @@ fn drives_and_sensors_of_the_plant_say_the_same() {
             let load: Vec<f64> = scene.load.iter().map(|load| load[point]).collect();
             let mut torque = [0.0; 6];
             let sign: Vec<f64> = v.iter().map(|v| DriveFriction::sign(*v)).collect();
-            let now =
-                DriveState { t: motion.t[point], step: 0.005, q: &q, v: &v, sign: &sign, a: &a, load: &load };
+            let stopping = vec![f64::MAX; v.len()];
+            let now = DriveState {
+                t: motion.t[point],
+                step: 0.005,
+                q: &q,
+                v: &v,
+                sign: &sign,
+                stopping: &stopping,
+                a: &a,
+                load: &load,
+            };
             injection.drives[0].act(&now, &mut torque);
             for (joint, torque) in torque.iter().enumerate() {
                 worst = worst.max((torque + predicted.torque[joint][point]).abs());

@@ -209,6 +209,7 @@ fn a_coupling_across_leaves_each_joint_its_own_share() {
             q: &[0.0; 6],
             v: &v,
             sign: &v.map(DriveFriction::sign),
+            stopping: &[f64::MAX; 6],
             a: &a,
             load: &[0.0; 6],
         },
@@ -250,6 +251,7 @@ fn a_shared_shaft_loads_both_joints() {
             q: &[0.0; 6],
             v: &v,
             sign: &v.map(DriveFriction::sign),
+            stopping: &[f64::MAX; 6],
             a: &a,
             load: &[0.0; 6],
         },
@@ -311,6 +313,7 @@ fn presliding_friction_builds_up_over_a_way() {
         q: &[0.0],
         v: &[1e-3],
         sign: &[DriveFriction::sign(1e-3)],
+        stopping: &[f64::MAX],
         a: &[0.0],
         load: &[0.0],
     };

@@ -9,3 +9,4 @@ mod energy;
 mod impacts;
 mod loop_allocations;
 mod plays;
+mod stiction;
