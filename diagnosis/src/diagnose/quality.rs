@@ -3,12 +3,13 @@
 use super::data::Data;
 use super::noise::Noise;
 use super::parts::{Part, file_name};
+use super::rows::rests;
 use super::stage::Stage;
 use crate::error::ENOUGH_S;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::rest::STILL;
-use crate::statistics::{Moments, SHARES};
+use crate::statistics::{Moments, SHARES, UNMOVED};
 use crate::stuck::Stuck;
 
 /// Least length of what a fit rests on, s: one motion of an arm takes about a second, and a fit needs one each way.
@@ -91,6 +92,7 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
             if is_coarse(noise, spread) {
                 rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
             }
+            notes.extend(held(stage, channel, noise));
             let kept = &data.counts[number * data.per_stage() + index];
             let measured = only(kept, channel.present.as_deref());
             let left_out = 1.0 - measured.iter().sum::<f64>() / measured.len().max(1) as f64;
@@ -126,6 +128,23 @@ fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
         100.0 * share,
         stage.arm().joints()[joint].name
     ))
+}
+
+/// What a torque says of its joint that stands throughout while it changes beyond what the model needs: the least that holds the joint.
+fn held(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
+    let Kind::Torque(joint) = channel.kind else { return None };
+    let residual = only(&channel.residual(), channel.present.as_deref());
+    let (least, most) = residual.iter().fold((f64::MAX, f64::MIN), |(a, b), r| (a.min(*r), b.max(*r)));
+    let beyond = 0.5 * (most - least);
+    (rests(stage, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
+        format!(
+            "{} stands still throughout, while {} changes by ± {beyond:.3} {} beyond what the model needs to hold it: dry friction of at least that may hold it, \
+             a brake, or something in its way; a motion in which it turns tells which",
+            stage.arm().joints()[joint].name,
+            channel.name,
+            channel.unit
+        )
+    })
 }
 
 /// Rounding that is a tenth of the signal's spread.

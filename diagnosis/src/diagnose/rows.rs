@@ -190,7 +190,7 @@ fn left_dry(stage: &Stage, joint: usize, channel: usize, counts: &[f64]) -> f64 
 }
 
 /// Whether `joint` stays where it is throughout, for all that its encoder sees.
-fn rests(stage: &Stage, joint: usize) -> bool {
+pub(crate) fn rests(stage: &Stage, joint: usize) -> bool {
     let (least, most) =
         stage.whole().q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
     most - least < 2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation
