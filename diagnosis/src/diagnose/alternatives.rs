@@ -8,7 +8,7 @@ use super::candidate::Candidate;
 use super::conclude::{called, is_told};
 use super::report::{Alternative, EvidenceRow};
 use super::search::Search;
-use super::system::Fit;
+use super::system::{Fit, all_but};
 use super::words;
 
 /// Most things of a kind that are listed at once, as alternatives of a finding, findings in a sentence, or channels of a picture: a reader keeps so many in
@@ -18,8 +18,8 @@ pub(crate) const LISTED: usize = 3;
 /// Another effect in the place of a finding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tried {
-    /// The number of the finding's block.
-    pub member: usize,
+    /// The finding's place among the members.
+    pub place: usize,
     /// The number of the block that was put in its place.
     pub index: usize,
     /// The log of the evidence falls by this much; negative: it rises.
@@ -33,8 +33,8 @@ pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
     if search.system.pin(fit).is_none() {
         return all;
     }
-    for &member in &fit.members {
-        let others: Vec<usize> = fit.members.iter().copied().filter(|other| *other != member).collect();
+    for (place, &member) in fit.members.iter().enumerate() {
+        let others = all_but(&fit.members, place);
         let (Some(without), Some(own)) = (search.system.fit(&others), search.system.held_fit(&fit.members))
         else {
             continue;
@@ -43,7 +43,7 @@ pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
             let Some(index) = search.refined(&others, index) else { continue };
             let instead: Vec<usize> = others.iter().copied().chain([index]).collect();
             let Some(there) = search.system.held_fit(&instead) else { continue };
-            all.push(Tried { member, index, against: own.value - there.value });
+            all.push(Tried { place, index, against: own.value - there.value });
         }
     }
     all
@@ -51,7 +51,7 @@ pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
 
 /// The report lists these other effects in the places of the members of `fit`.
 pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
-    tried(search, fit).iter().map(|tried| alternative(search, tried)).collect()
+    tried(search, fit).iter().map(|tried| alternative(search, fit.members[tried.place], tried)).collect()
 }
 
 /// The best forms of other effects that show where `member` does, most probable first.
@@ -79,7 +79,7 @@ fn nearest(search: &Search, without: &Fit, member: usize) -> Vec<usize> {
     order.into_iter().take(LISTED).map(|(_, index)| index).collect()
 }
 
-fn alternative(search: &Search, &Tried { member, index, against }: &Tried) -> Alternative {
+fn alternative(search: &Search, member: usize, &Tried { place: _, index, against }: &Tried) -> Alternative {
     let system = &search.system;
     instead(system.data.arm(), system.candidate(member), system.candidate(index), against)
 }

@@ -5,68 +5,90 @@ use super::search::{Answer, Search, WORTH};
 use super::system::all_but;
 use crate::statistics::MOST_ROUNDS;
 
-/// The answer that the search reaches from `members`, once nothing that it tries in the place of one finding is more probable. `None` if the system is singular.
+/// The answer that the search reaches from `members`, once nothing that it tries in the place of one finding is more probable, neither another law nor several. `None` if the
+/// system is singular.
 pub(crate) fn confirmed(
+    search: &mut Search,
+    members: Vec<usize>,
+    progress: &mut dyn FnMut(&str),
+) -> Option<Answer> {
+    let mut now = compared(search, members, progress)?;
+    let mut asked = Vec::new();
+    while with_several(search, &mut now, &mut asked, progress)? {
+        now = compared(search, now.members, progress)?;
+    }
+    Some(now)
+}
+
+/// The answer that the search reaches from `members`, once no other law that it tries in the place of one finding is more probable. `None` if the system is singular.
+pub(crate) fn compared(
     search: &mut Search,
     members: Vec<usize>,
     progress: &mut dyn FnMut(&str),
 ) -> Option<Answer> {
     let members = search.improve(members, progress)?.members;
     let mut now = grown(search, members, progress)?;
-    loop {
-        let better = match with_another(search, &now, progress)? {
-            Some(better) => Some(better),
-            None => with_several(search, &now, progress)?,
-        };
-        match better {
-            Some(better) => now = better,
-            None => return Some(now),
-        }
-    }
+    while with_another(search, &mut now, progress)? {}
+    Some(now)
 }
 
-/// `now` with another in the place of one of its members, if that makes it more probable; else the search is back at `now`.
-fn with_another(search: &mut Search, now: &Answer, progress: &mut dyn FnMut(&str)) -> Option<Option<Answer>> {
+/// Puts another in the place of a member of `now`, if that makes it more probable. Whether it did; else the search is back at `now`.
+fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(&str)) -> Option<bool> {
     let fit = search.system.held_fit(&now.members)?;
     let mut others = tried(search, &fit);
     others.retain(|other| other.against < -WORTH);
     others.sort_by(|a, b| a.against.total_cmp(&b.against));
     for other in others {
         progress("trying others in the place of each finding");
-        let rest = now.members.iter().copied().filter(|member| *member != other.member);
-        let there = grown(search, rest.chain([other.index]).collect(), progress)?;
+        let rest = all_but(&now.members, other.place);
+        let there = grown(search, [rest, vec![other.index]].concat(), progress)?;
         // The other members still had the numbers that suit the old finding when this one looked more probable.
-        if there.evidence > now.evidence + WORTH && !search.same_effects(&there.members, &now.members) {
-            return Some(Some(there));
+        if search.same_effects(&there.members, &now.members) {
+            *now = search.agreed(now)?;
+        } else if taken_over(search, now, there)? {
+            return Some(true);
         }
-        search.agreed(now)?;
     }
-    Some(None)
+    Some(false)
 }
 
-/// `now` with all that the search finds in the place of one member, if that makes it more probable; else the search is back at `now`.
+/// Puts all that the search finds in the place of one member of `now`, if that makes it more probable. Whether it did; else the search is back at `now`.
 ///
 /// A law that shows in several channels can stand for several laws that show in one each. No single one of these is worth the change, so that
-/// [`with_another`] does not find them.
-fn with_several(search: &mut Search, now: &Answer, progress: &mut dyn FnMut(&str)) -> Option<Option<Answer>> {
-    for (place, &member) in now.members.iter().enumerate() {
+/// [`with_another`] does not find them. The search asks for each law once: what was `asked` before stays.
+fn with_several(
+    search: &mut Search,
+    now: &mut Answer,
+    asked: &mut Vec<usize>,
+    progress: &mut dyn FnMut(&str),
+) -> Option<bool> {
+    for place in 0..now.members.len() {
+        let member = now.members[place];
         let data = search.system.data;
         let channels = &search.system.candidate(member).channels;
         let is_alike = |&c: &usize| data.kind(c) == data.kind(channels[0]);
-        if channels.iter().all(is_alike) {
+        let was_asked = |&known: &usize| search.same_effects(&[known], &[member]);
+        if channels.iter().all(is_alike) || asked.iter().any(was_asked) {
             continue;
         }
+        asked.push(member);
         progress("trying several in the place of one finding");
         let laid = search.laid.clone();
         search.leave_out(&[member]);
         let there = grown(search, all_but(&now.members, place), progress)?;
         search.laid = laid;
-        if there.evidence > now.evidence + WORTH {
-            return Some(Some(there));
+        if taken_over(search, now, there)? {
+            return Some(true);
         }
-        search.agreed(now)?;
     }
-    Some(None)
+    Some(false)
+}
+
+/// Takes `there`, where the search stands, for `now` if it is more probable. Whether it is; else the search goes back to `now`.
+fn taken_over(search: &mut Search, now: &mut Answer, there: Answer) -> Option<bool> {
+    let is_better = there.evidence > now.evidence + WORTH;
+    *now = if is_better { there } else { search.agreed(now)? };
+    Some(is_better)
 }
 
 /// `members` in their best forms, or what the search finds from there, whichever is the most probable once its numbers agree; `None` if the system is singular.
@@ -97,7 +119,7 @@ pub(crate) fn searched_again(
     search.system.trust_all()?;
     search.met.clear();
     let again = search.run(&[], progress)?;
-    let again = confirmed(search, again.members, progress)?;
+    let again = compared(search, again.members, progress)?;
     search.system.trust_all()?;
     let known = search.settled(answer.members.clone())?;
     let there = search.settled(again.members.clone())?;
@@ -148,7 +170,7 @@ mod tests {
         let is_coupling = |&index: &usize| search.system.candidate(index).kind.name == "joint_coupling";
         let coupling = search.laid.iter().copied().find(is_coupling).expect("a coupling");
         let now = search.settled(vec![coupling]).expect("an answer");
-        let answer = with_several(&mut search, &now, &mut |_| {}).expect("no singular fit");
+        let answer = with_several(&mut search, &now, &mut Vec::new(), &mut |_| {}).expect("no singular fit");
         let answer = answer.expect("something more probable");
         assert!(answer.evidence > now.evidence);
         let mut found: Vec<(&str, Option<usize>)> = answer
@@ -157,7 +179,7 @@ mod tests {
             .map(|&member| (search.system.candidate(member).kind.name, search.system.candidate(member).joint))
             .collect();
         found.sort_unstable();
-        println!("{found:?}, log of the evidence {} after {}", answer.evidence, now.evidence);
+        println!("{found:?}, log of the evidence {} after {}", answer.evidence, first.evidence);
         let frictions =
             ["coulomb_friction", "viscous_friction"].map(|kind| [(kind, Some(0)), (kind, Some(1))]);
         assert_eq!(found, frictions.concat());

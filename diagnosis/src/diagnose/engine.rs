@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::candidate::{Candidate, candidates};
 use super::choice::choose;
 use super::conclude::{Conclusion, insufficient};
-use super::confirm::{confirmed, searched_again};
+use super::confirm::{compared, confirmed, searched_again};
 use super::data::{Data, add_all, less};
 use super::event::{Event, said_by};
 use super::moments::happenings;
@@ -169,7 +169,7 @@ impl Study<'_> {
         let without = {
             let weights = self.weights(&data, &[], &found.left, &with.off);
             let (mut search, members) = self.search(&data, &[], weights, &with.members)?;
-            let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+            let answer = compared(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
             let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
             search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?
         };
@@ -191,7 +191,7 @@ impl Study<'_> {
         let with = self.rivals_resolved(&data, &events, with)?;
         let weights = self.weights(&data, &events, &left, &with.off);
         let (mut search, members) = self.search(&data, &events, weights, &with.members)?;
-        let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+        let answer = compared(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
         let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
         progress("testing");
         self.conclusion(&mut search, &answer, &events)

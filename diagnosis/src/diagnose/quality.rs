@@ -133,7 +133,8 @@ fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
 /// What a torque says of its joint that stands throughout while it changes beyond what the model needs: the least that holds the joint.
 fn held(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
-    let residual = only(&channel.residual(), channel.present.as_deref());
+    let residual = channel.residual();
+    let residual = only(&residual, channel.present.as_deref());
     let (least, most) = residual.iter().fold((f64::MAX, f64::MIN), |(a, b), r| (a.min(*r), b.max(*r)));
     let beyond = 0.5 * (most - least);
     (rests(stage, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {

@@ -453,8 +453,8 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `now` with another effect in the place of one of its members.
     fn swapped(&mut self, now: &Answer) -> Option<Option<Answer>> {
         let mut best: Option<(f64, Vec<usize>, usize)> = None;
-        for &member in &now.members {
-            let others: Vec<usize> = now.members.iter().copied().filter(|other| *other != member).collect();
+        for (place, &member) in now.members.iter().enumerate() {
+            let others = all_but(&now.members, place);
             let fit = self.system.fit(&others)?;
             let meets = |index: &usize| {
                 *index != member && self.system.candidate(*index).meets(self.system.candidate(member))

@@ -88,8 +88,7 @@ pub(crate) struct System<'d, 'a> {
 #[derive(Debug)]
 struct Cross {
     by_channel: Vec<(usize, Weighed<DMatrix<f64>>)>,
-    /// Their sum, and the number of moves of weights before the system added them up: another move makes the sum void.
-    sum: Option<(u64, DMatrix<f64>)>,
+    sum: Weighed<DMatrix<f64>>,
 }
 
 impl<'d, 'a> System<'d, 'a> {
@@ -247,23 +246,20 @@ impl<'d, 'a> System<'d, 'a> {
         let through = self.products(i).whitened.tr_mul(&self.products(j).whitened);
         let mut crosses = self.crosses.borrow_mut();
         let Cross { by_channel, sum } = crosses.entry((j, i)).or_insert_with(|| self.shared_channels(i, j));
-        if let Some((_, plain)) = sum.as_ref().filter(|(versions, _)| *versions == self.versions) {
-            return plain - through;
-        }
-        let mut plain = DMatrix::zeros(self.candidate(i).size(), self.candidate(j).size());
-        for (c, part) in by_channel {
-            plain += part.get(self.channels[*c].version, || self.cross_in(*c, i, j));
-        }
-        let beside = &plain - through;
-        *sum = Some((self.versions, plain));
-        beside
+        let blank = || DMatrix::zeros(self.candidate(i).size(), self.candidate(j).size());
+        let parts = || {
+            by_channel.iter_mut().fold(blank(), |sum, (c, part)| {
+                sum + part.get(self.channels[*c].version, || self.cross_in(*c, i, j))
+            })
+        };
+        sum.get(self.versions, parts) - through
     }
 
     /// The channels in which the blocks `i` and `j` both show, without their products.
     fn shared_channels(&self, i: usize, j: usize) -> Cross {
         let (left, right) = (self.candidate(i), self.candidate(j));
         let shared = left.channels.iter().filter(|c| right.channels.contains(c));
-        Cross { by_channel: shared.map(|&c| (c, Weighed::default())).collect(), sum: None }
+        Cross { by_channel: shared.map(|&c| (c, Weighed::default())).collect(), sum: Weighed::default() }
     }
 
     /// ZᵢᵀWZⱼ in the channel number `c`.
