@@ -32,7 +32,7 @@ fn fine(arm: &Arm, q: [f64; 6], v: [f64; 6], torque: &[f64], period: f64) -> ([f
     let mut slope = |q: &[f64; 6], v: &[f64; 6]| {
         let mut net = [0.0; 6];
         for i in 0..6 {
-            net[i] = torque[i] + friction[i].torque(v[i]);
+            net[i] = torque[i] - friction[i].resisting(v[i]);
         }
         let mut a = [0.0; 6];
         aba(arm, &mut workspace, q, v, &net, &mut a);
@@ -92,7 +92,7 @@ fn a_joint_held_by_friction_stays_and_a_balanced_one_keeps_its_speed() {
     let v = [5e-3, -2e-3, 0.3, 0.01, -0.5, 4e-4];
     rnea(&arm, &mut workspace, &Q, &v, &[0.0; 6], &mut torque);
     for (torque, (friction, v)) in torque.iter_mut().zip(drive_frictions(&arm).iter().zip(v)) {
-        *torque -= friction.torque(v);
+        *torque += friction.resisting(v);
     }
     let ahead = look_ahead.predict(&arm, &state(Q, v, &torque), &[0.0; 6]).unwrap();
     let change = (0..6).map(|i| (ahead.v[i] - v[i]).abs()).fold(0.0, f64::max);
