@@ -65,7 +65,7 @@ pub use basis::{Place, Term, Terms};
 pub use bearing::{Approach, BearingContact, Journal, bearing_contact};
 pub use bearing_load::BearingLoad;
 pub use beyond::BEYOND_CATALOGUE;
-pub use catalogue::{CATALOGUE, COMMANDED};
+pub use catalogue::{CATALOGUE, COMMANDED, holding};
 pub use clearance::{Clearance, ClearanceTable};
 pub use columns::{Change, Columns};
 pub use contact::{Material, NormalContact, NormalLaw, hertz_stiffness};

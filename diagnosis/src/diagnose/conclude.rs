@@ -13,6 +13,7 @@ use super::engine::DiagnoseSettings;
 use super::event::{Event, said_by};
 use super::excite::ChannelNoise;
 use super::gain::{Compared, Gain};
+use super::held::{held, is_held};
 use super::interval::parameters;
 use super::joined::joined;
 use super::locate::{Map, correct, maps};
@@ -137,6 +138,8 @@ enum Of {
     Law(usize),
     /// An event, by its number.
     Event(usize),
+    /// What holds a joint that stands.
+    Hold,
 }
 
 impl Of {
@@ -144,7 +147,7 @@ impl Of {
     fn member(&self) -> Option<usize> {
         match self {
             Self::Law(member) => Some(*member),
-            Self::Event(_) => None,
+            Self::Event(_) | Self::Hold => None,
         }
     }
 }
@@ -221,7 +224,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let maps = self.maps(&left);
         let errors = self.errors(&remains, &fit);
         let location = self.location(&remains, &maps);
-        let verdict = self.verdict(&fit, &alternatives);
+        let verdict = self.verdict(&fit, &alternatives, findings.is_empty());
         let laws = findings.iter().map(|finding| self.said(&fit, &finding.of)).collect();
         let columns = Columns { remains: &remains, laws };
         let passages = passages(data, &columns);
@@ -454,6 +457,11 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let (table, effect) = event.finding(self.arm());
             found.push(Finding { of: Of::Event(number), table, effect });
         }
+        if (0..self.arm().dof()).any(|joint| system.data.stages.iter().all(|stage| is_held(stage, joint))) {
+            let left = self.left_as_given(fit).ok()?;
+            let held = held(system.data, &left, &system.weights.noise, self.settings.seed);
+            found.extend(held.into_iter().map(|(table, effect)| Finding { of: Of::Hold, table, effect }));
+        }
         let all: f64 = found.iter().map(|finding| finding.effect.evidence.share.max(0.0)).sum();
         for finding in &mut found {
             finding.effect.evidence.share =
@@ -468,6 +476,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let system = &self.search.system;
         match of {
             Of::Event(number) => sum_of(self.events[*number].columns(), self.target),
+            // Rows of a joint that stands are not drawn.
+            Of::Hold => sum_of(std::iter::empty(), self.target),
             Of::Law(member) => {
                 let place = fit.members.iter().position(|other| other == member);
                 let beta = place.map_or(&[][..], |place| system.coefficients(fit, place));
@@ -688,13 +698,13 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         [&system.weights, &test].into_iter().any(|weights| is_unexplained(system, fit, weights))
     }
 
-    fn verdict(&self, fit: &Fit, alternatives: &[Alternative]) -> Verdict {
+    fn verdict(&self, fit: &Fit, alternatives: &[Alternative], is_nothing_found: bool) -> Verdict {
         let system = &self.search.system;
         let is_catalogued = |&member: &usize| system.candidate(member).kind.is_catalogued();
         if !fit.members.iter().all(is_catalogued) || self.leaves_more(fit) {
             return Verdict::Unknown;
         }
-        if fit.members.is_empty() && self.events.is_empty() {
+        if is_nothing_found {
             return Verdict::NothingMissing;
         }
         if alternatives.iter().any(|alternative| alternative.indistinguishable) {

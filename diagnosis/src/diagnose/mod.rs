@@ -8,6 +8,7 @@
 //! - `event`, `moments`, `whitening`, `windows` and `tails`: what happens at a time.
 //! - `system` and `bvls`: the linear model and its evidence.
 //! - `search` and `choice`: the most probable set of effects.
+//! - `held`: joints that were told to move and stand.
 //! - `nameless`, `alternatives`, `interval`, `joined`, `gain`, `locate`, `words`, `passage` and `conclude`: what is said, tested on data that no search sees.
 //! - `excite`: the next motion, where two causes remain.
 //! - `engine`: all of it, of recordings as they stand; `set_up`: after the question whether recording and model mean the same.
@@ -26,6 +27,7 @@ mod engine;
 mod event;
 mod excite;
 mod gain;
+mod held;
 mod instruments;
 mod interval;
 mod joined;

@@ -1,6 +1,7 @@
 //! What a recording is good for, before anything is fitted.
 
 use super::data::Data;
+use super::held::is_held;
 use super::noise::Noise;
 use super::parts::{Part, file_name};
 use super::rows::rests;
@@ -92,7 +93,7 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
             if is_coarse(noise, spread) {
                 rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
             }
-            notes.extend(held(stage, channel, noise));
+            notes.extend(rest(stage, channel, noise));
             let kept = &data.counts[number * data.per_stage() + index];
             let measured = only(kept, channel.present.as_deref());
             let left_out = 1.0 - measured.iter().sum::<f64>() / measured.len().max(1) as f64;
@@ -130,14 +131,14 @@ fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
     ))
 }
 
-/// What a torque says of its joint that stands throughout while it changes beyond what the model needs: the least that holds the joint.
-fn held(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
+/// What a torque says of its joint that stands throughout, and that nothing told to move, while it changes beyond what the model needs: the least that holds the joint.
+fn rest(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
     let residual = channel.residual();
     let residual = only(&residual, channel.present.as_deref());
     let (least, most) = residual.iter().fold((f64::MAX, f64::MIN), |(a, b), r| (a.min(*r), b.max(*r)));
     let beyond = 0.5 * (most - least);
-    (rests(stage, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
+    (rests(stage, joint) && !is_held(stage, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
         format!(
             "{} stands still throughout, while {} changes by ± {beyond:.3} {} beyond what the model needs to hold it: dry friction of at least that may hold it, \
              a brake, or something in its way; a motion in which it turns tells which",

@@ -8,12 +8,14 @@ use nalgebra::{Matrix3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::held::is_held;
 use super::instruments::misread_whole;
 use super::stage::{Answer, Stage};
 use crate::motion::Treatment;
 use crate::presence::masked;
 use crate::random::normals;
 use crate::residual::{Channel, Kind};
+use crate::rest::STILL;
 use crate::statistics::{Moments, UNMOVED};
 
 /// Share of its greatest speed below which a joint stands still that is slower for longer than the filter remembers, unless its encoder sees it creep: what the
@@ -58,7 +60,7 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
     // Seen to creep, and to which side, within the filter's memory.
     let creeping = UNMOVED * stage.ground.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
     let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
-    if dry > 0.0 && rests(stage, joint) {
+    if dry > 0.0 && rests(stage, joint) || is_held(stage, joint) {
         return all(0.0);
     }
     let stands = treatment.keep(&standing(v, slow.min(creeping), reach));
@@ -193,7 +195,7 @@ fn left_dry(stage: &Stage, joint: usize, channel: usize, counts: &[f64]) -> f64 
 pub(crate) fn rests(stage: &Stage, joint: usize) -> bool {
     let (least, most) =
         stage.whole().q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
-    most - least < 2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation
+    most - least < STILL.max(2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation)
 }
 
 /// Where the encoder of `joint` sees no motion from one sample to the next.

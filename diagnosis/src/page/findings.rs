@@ -88,6 +88,9 @@ fn parameters(effect: &Effect) -> Table {
         let size = parameter.value.as_float().unwrap_or(f64::INFINITY);
         let (scale, unit) = people(&parameter.unit, size);
         let value = match (&parameter.value, parameter.ci95) {
+            (toml::Value::Float(value), Some([low, _])) if low == *value => {
+                format!("at least {}", written(value * scale))
+            }
             (toml::Value::Float(value), Some([low, high])) => {
                 freeplay_report::text::uncertain(value * scale, 0.5 * (high - low) * scale)
             }

@@ -104,6 +104,42 @@ fn coulomb_friction_is_named_at_its_joint_with_its_size() {
     assert_eq!(diagnosis.model.effects.len(), 1);
 }
 
+/// The elbow is told to swing, its drive pushes with up to 2.5 N·m more than the arm takes, and it stands: dry friction of no less holds it, of which the file names a
+/// part or none. With the finding the comparison has nothing left.
+#[test]
+fn a_joint_that_stands_although_it_was_told_to_move_is_held() {
+    for nominal in [0.0, 1.5] {
+        let friction = JointFriction { viscous: 0.0, coulomb: nominal };
+        let model = arm(vec![
+            link("shoulder", JointKind::Revolute, JointFriction::default()),
+            link("elbow", JointKind::Revolute, friction),
+        ]);
+        let t = even(16.0, 200.0);
+        let mut made = columns_along(sines_of_all_but_the_last, &model, &t, nothing);
+        let pushed: Vec<f64> = t.iter().map(|t| (2.1 * t).sin()).collect();
+        let tau = made.iter_mut().find(|(name, _)| name == "tau2").expect("a torque");
+        tau.1.iter_mut().zip(&pushed).for_each(|(tau, pushed)| *tau += 2.5 * pushed);
+        let told = [made[1].1.clone(), pushed.iter().map(|pushed| 0.4 * pushed).collect()];
+        made = with_noise(made, 5);
+        made.extend(told.into_iter().enumerate().map(|(joint, told)| (format!("q_ref{}", joint + 1), told)));
+        let recording = recording(made);
+        let diagnosis = diagnosed(&model, std::slice::from_ref(&recording));
+        println!("{:?}: {}", diagnosis.verdict, diagnosis.statement);
+        assert_eq!(diagnosis.verdict, Verdict::Named);
+        let [effect] = diagnosis.effects.as_slice() else { panic!("one effect: {:?}", diagnosis.effects) };
+        assert_eq!((effect.kind, effect.joint.as_deref()), ("coulomb_friction", Some("elbow")));
+        let (least, [low, high]) = with_interval(effect, "coulomb");
+        println!("{}: at least {least:.4} N*m for {}", effect.statement, 2.5 - nominal);
+        assert!(effect.statement.contains("at least") && effect.statement.contains("stands"));
+        assert!(least == low && (2.2 - nominal..2.5 - nominal).contains(&low) && high > 1e3);
+        let found = Effects::of(&diagnosis.model).expect("effects").placed;
+        let (left, _) = compare(&model, &found, &recording, &Settings::default()).expect("a comparison");
+        let error = left.channels.iter().find(|channel| channel.name == "tau2").expect("a channel").rmse;
+        println!("left of tau2: {error:.4} N*m");
+        assert!(error < 0.1);
+    }
+}
+
 /// A torque that a drive does not report is none of 0 N·m: nothing is found in it, and what the other joint lacks is.
 /// A part of what the machine has stands in the model: one effect with the sum comes of it, and with that nothing is missing.
 #[test]

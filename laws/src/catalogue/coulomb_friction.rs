@@ -3,11 +3,12 @@
 //! Law: τ = F sign(q̇), with F \[N·m\] extra to what the arm file names; it may be negative where the file names too much, down to
 //! what it names. τ is what the drive spends: positive for a positive velocity.
 //! Source: Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.1.
-//! The sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as the nominal friction's is.
+//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as the nominal friction's is.
 
+use freeplay_arm::EffectTable;
 use freeplay_arm::export::Element;
 
-use crate::basis::Terms;
+use crate::basis::{Terms, with};
 use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
@@ -51,6 +52,12 @@ pub static KIND: Kind = Kind {
         Ok(Box::new(AtJoint { joint: values.joint()?, law }))
     },
 };
+
+/// The effect that holds the joint called `joint` against a torque of `torque`, N·m (N), beyond what its nominal friction holds.
+pub fn holding(joint: &str, torque: f64) -> EffectTable {
+    let parameters = with(&toml::Table::new(), [(KIND.parameters[0].name, torque)]);
+    EffectTable { kind: KIND.name.to_owned(), joint: Some(joint.to_owned()), parameters, line: 0 }
+}
 
 /// F sign(q̇).
 #[derive(Clone, Copy, Debug)]

@@ -39,6 +39,7 @@ mod torque_offset;
 mod torque_ripple;
 mod viscous_friction;
 
+pub use coulomb_friction::holding;
 pub use encoder_offset::MOST as MOST_ENCODER_OFFSET;
 
 /// Every kind of effect there is, in the order of the documentation: joints with play, friction, masses, drives, sensors.

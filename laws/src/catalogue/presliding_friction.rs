@@ -78,7 +78,7 @@ pub static KIND: Kind = Kind {
         }
         let bristles =
             Bristles { stiffness, damping: values.number("damping")?, level: level.max(0.0), z: 0.0 };
-        let replaced = DriveFriction { viscous: 0.0, coulomb: share * nominal.coulomb, ..nominal };
+        let replaced = DriveFriction { viscous: 0.0, coulomb: share * nominal.coulomb };
         let start = values.optional(START)?;
         Ok(Box::new(Presliding { joint: values.joint()?, bristles, replaced, start }))
     },

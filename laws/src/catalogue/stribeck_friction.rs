@@ -3,7 +3,7 @@
 //! Law: τ = F e^{−(q̇/v_s)²} sign(q̇), with F \[N·m\] ≥ 0 extra to the Coulomb friction and v_s \[rad/s\] > 0. τ is what the drive
 //! spends: positive for a positive velocity. Samples slower than about 3 v_s are needed.
 //! Source: Stribeck 1902, Z. VDI 46:1341; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, Eq. 5 with δ = 2.
-//! The sign is smoothed over [`crate::DriveFriction::SMOOTHING`].
+//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`].
 
 use toml::Table;
 
