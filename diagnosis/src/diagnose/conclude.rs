@@ -13,7 +13,7 @@ use super::engine::DiagnoseSettings;
 use super::event::{Event, said_by};
 use super::excite::ChannelNoise;
 use super::gain::{Compared, Gain};
-use super::held::{held, is_held};
+use super::held::held;
 use super::interval::parameters;
 use super::joined::joined;
 use super::locate::{Map, correct, maps};
@@ -180,7 +180,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let Some(fit) = self.sure(fit) else { return Ok(None) };
             let sure = fit.members.clone();
             let Some(borne_out) = self.borne_out(fit)? else { return Ok(None) };
-            let Some(findings) = self.findings(&borne_out) else { return Ok(None) };
+            let Some(findings) = self.findings(&borne_out)? else { return Ok(None) };
             let kept: Vec<usize> = findings.iter().filter_map(|finding| finding.of.member()).collect();
             let (kept, empty): (Vec<_>, Vec<_>) = sure.into_iter().partition(|member| kept.contains(member));
             if empty.is_empty() {
@@ -404,7 +404,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     }
 
     /// The findings with what shows them, those that take most away first; without those whose interval holds nothing.
-    fn findings(&mut self, borne_out: &BorneOut) -> Option<Vec<Finding>> {
+    fn findings(&mut self, borne_out: &BorneOut) -> Result<Option<Vec<Finding>>, LawError> {
         let BorneOut { fit, left: with, without, on_test } = borne_out;
         let all = parameters(&mut self.search.system, fit, self.settings.seed);
         let system = &self.search.system;
@@ -419,7 +419,9 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let (weights, channels) =
                 if held_out { (on_test, shown.clone()) } else { (&on_fit, candidate.channels.clone()) };
             let compared = Compared { before: without, after: with, weights };
-            let gain = compared.gain(system.data, &channels, self.settings.seed)?;
+            let Some(gain) = compared.gain(system.data, &channels, self.settings.seed) else {
+                return Ok(None);
+            };
             let (removed, names) = removed(system.data, &compared, &channels);
             if holds_nothing(candidate, &parameters) {
                 continue;
@@ -457,18 +459,15 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let (table, effect) = event.finding(self.arm());
             found.push(Finding { of: Of::Event(number), table, effect });
         }
-        if (0..self.arm().dof()).any(|joint| system.data.stages.iter().all(|stage| is_held(stage, joint))) {
-            let left = self.left_as_given(fit).ok()?;
-            let held = held(system.data, &left, &system.weights.noise, self.settings.seed);
-            found.extend(held.into_iter().map(|(table, effect)| Finding { of: Of::Hold, table, effect }));
-        }
+        let held = held(system.data, &system.placed(fit, self.arm(), |_| true), self.settings.seed)?;
+        found.extend(held.into_iter().map(|(table, effect)| Finding { of: Of::Hold, table, effect }));
         let all: f64 = found.iter().map(|finding| finding.effect.evidence.share.max(0.0)).sum();
         for finding in &mut found {
             finding.effect.evidence.share =
                 (finding.effect.evidence.share / all.max(f64::MIN_POSITIVE)).max(0.0);
         }
         found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
-        Some(found)
+        Ok(Some(found))
     }
 
     /// The contribution of a finding to every row, by channel; that of a law with its coefficients in `fit`.

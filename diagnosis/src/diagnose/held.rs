@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use freeplay_arm::EffectTable;
-use freeplay_laws::{Kind as EffectKind, Range, holding};
+use freeplay_laws::{Kind as EffectKind, LawError, Placed, Range, holding};
 use toml::Value;
 
 use super::data::Data;
@@ -31,26 +31,37 @@ pub(crate) fn is_held(stage: &Stage, joint: usize) -> bool {
     rests(stage, joint) && told.is_some_and(moves)
 }
 
-/// What holds each joint that is held in all recordings: the effects that say so, with their shares in squares of the noise. `left` is what the model leaves of every
-/// row, its nominal friction included, and `noise` the noise of every channel.
-pub(crate) fn held(data: &Data, left: &[Vec<f64>], noise: &[f64], seed: u64) -> Vec<(EffectTable, Effect)> {
-    let channels = data.stages[0].channels.iter().enumerate();
-    let of_channel = |(c, channel): (usize, &crate::residual::Channel)| {
-        let Kind::Torque(joint) = channel.kind else { return None };
-        let is_held = data.stages.iter().all(|stage| is_held(stage, joint));
-        if is_held { of_joint(data, (joint, c), left, noise[c], seed) } else { None }
-    };
-    channels.filter_map(of_channel).collect()
+/// What holds each joint that is held in all recordings beside the effects `found`: the effects that say so, with their shares in squares of the noise.
+///
+/// # Errors
+/// See [`LawError`].
+pub(crate) fn held(data: &Data, found: &[Placed], seed: u64) -> Result<Vec<(EffectTable, Effect)>, LawError> {
+    let joints = 0..data.arm().dof();
+    let joints: Vec<usize> =
+        joints.filter(|&joint| data.stages.iter().all(|stage| is_held(stage, joint))).collect();
+    if joints.is_empty() {
+        return Ok(Vec::new());
+    }
+    let found: Vec<&Placed> = found.iter().collect();
+    let mut left = Vec::new();
+    for stage in &data.stages {
+        left.extend(stage.left_with(&found)?);
+    }
+    let channel =
+        |joint| data.stages[0].channels.iter().position(|channel| channel.kind == Kind::Torque(joint));
+    let of_joints = joints.into_iter().filter_map(|joint| Some((joint, channel(joint)?)));
+    Ok(of_joints.filter_map(|at| of_joint(data, at, &left, seed)).collect())
 }
 
-/// The same of `joint`, whose torque is the channel number `of_stage` of each recording.
+/// The same of a joint, whose torque is the channel number `of_stage` of each recording, where so much is `left` of every row.
 fn of_joint(
     data: &Data,
     (joint, of_stage): (usize, usize),
     left: &[Vec<f64>],
-    noise: f64,
     seed: u64,
 ) -> Option<(EffectTable, Effect)> {
+    let noises = data.stages.iter().map(|stage| stage.ground.noises.channels[of_stage].deviation);
+    let noise = noises.fold(0.0, f64::max);
     let (arm, channels) = (data.arm(), data.alike(of_stage));
     let nominal = arm.joints()[joint].friction.coulomb;
     let beyond = |c: usize| -> Vec<f64> {
