@@ -422,7 +422,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let Some(gain) = compared.gain(system.data, &channels, self.settings.seed) else {
                 return Ok(None);
             };
-            let (removed, names) = removed(system.data, &compared, &channels);
+            let (removed, names) = compared.removed(system.data, &channels);
             if holds_nothing(candidate, &parameters) {
                 continue;
             }
@@ -726,22 +726,6 @@ pub(crate) fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String,
     });
     let told: Vec<bool> = told.collect();
     !told.is_empty() && told.into_iter().all(|holds| holds)
-}
-
-/// Squares that are gone over `channels`, and the names of these, most first.
-pub(crate) fn removed(data: &Data, compared: &Compared, channels: &[usize]) -> (f64, Vec<String>) {
-    let mut by_channel: BTreeMap<usize, f64> = BTreeMap::new();
-    for &c in channels {
-        let square = |errors: &[Vec<f64>]| -> f64 {
-            errors[c].iter().zip(&compared.weights[c]).map(|(x, w)| w * x * x).sum()
-        };
-        *by_channel.entry(c % data.per_stage()).or_default() +=
-            square(compared.before) - square(compared.after);
-    }
-    let sum = by_channel.values().sum();
-    let mut order: Vec<(usize, f64)> = by_channel.into_iter().collect();
-    order.sort_by(|a, b| b.1.total_cmp(&a.1));
-    (sum, order.into_iter().map(|(c, _)| data.stages[0].channels[c].name.clone()).collect())
 }
 
 /// Adds `tables` to `model`; each stands in the place of what the model has already of the same kind at the same place, but for what happens at a time.

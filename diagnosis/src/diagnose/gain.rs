@@ -1,5 +1,7 @@
 //! How much of the error is gone, with its interval.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use super::data::Data;
@@ -60,5 +62,20 @@ impl Compared<'_> {
             return Some(Gain { value, ci95: [f64::NEG_INFINITY, f64::INFINITY] });
         }
         Some(Gain { value, ci95: bootstrap(blocks.len(), seed, |picked| share(sum(picked))) })
+    }
+
+    /// Squares that are gone over `channels`, and the names of these, most first.
+    pub fn removed(&self, data: &Data, channels: &[usize]) -> (f64, Vec<String>) {
+        let mut by_channel: BTreeMap<usize, f64> = BTreeMap::new();
+        for &c in channels {
+            let square = |errors: &[Vec<f64>]| -> f64 {
+                errors[c].iter().zip(&self.weights[c]).map(|(x, w)| w * x * x).sum()
+            };
+            *by_channel.entry(c % data.per_stage()).or_default() += square(self.before) - square(self.after);
+        }
+        let sum = by_channel.values().sum();
+        let mut order: Vec<(usize, f64)> = by_channel.into_iter().collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        (sum, order.into_iter().map(|(c, _)| data.stages[0].channels[c].name.clone()).collect())
     }
 }

@@ -11,25 +11,14 @@ use toml::Value;
 
 use super::data::Data;
 use super::gain::Compared;
+use super::instruments::rigid_torque_error;
 use super::parts::Part;
 use super::report::{Effect, Evidence, Parameter};
-use super::rows::rests;
+use super::rows::is_held;
 use super::stage::Stage;
 use super::words;
 use crate::residual::Kind;
-use crate::rest::STILL;
-use crate::statistics::UNMOVED;
-
-/// Whether `joint` of `stage` stands throughout although it was told to move.
-pub(crate) fn is_held(stage: &Stage, joint: usize) -> bool {
-    let told = stage.ground.recording.q_ref.as_ref().and_then(|columns| columns.get(joint));
-    let moves = |told: &Vec<f64>| {
-        let told = told.iter().filter(|q| q.is_finite());
-        let (least, most) = told.fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
-        most - least > STILL
-    };
-    rests(stage, joint) && told.is_some_and(moves)
-}
+use crate::statistics::Moments;
 
 /// What holds each joint that is held in all recordings beside the effects `found`: the effects that say so, with their shares in squares of the noise.
 ///
@@ -60,68 +49,63 @@ fn of_joint(
     left: &[Vec<f64>],
     seed: u64,
 ) -> Option<(EffectTable, Effect)> {
-    let noises = data.stages.iter().map(|stage| stage.ground.noises.channels[of_stage].deviation);
-    let noise = noises.fold(0.0, f64::max);
     let (arm, channels) = (data.arm(), data.alike(of_stage));
     let nominal = arm.joints()[joint].friction.coulomb;
-    let beyond = |c: usize| -> Vec<f64> {
-        let friction = data.stages[c / data.per_stage()].channels[of_stage].friction.as_ref();
-        let friction = |row: usize| friction.map_or(0.0, |friction| friction[row]);
-        left[c].iter().enumerate().map(|(row, left)| left + friction(row)).collect()
-    };
-    let (mut before, mut after) = (vec![Vec::new(); left.len()], vec![Vec::new(); left.len()]);
-    let mut weights = before.clone();
-    let mut most = 0.0_f64;
+    let blank = || vec![Vec::new(); left.len()];
+    let (mut before, mut on_test, mut most, mut misread) = (blank(), blank(), 0.0_f64, Vec::new());
     for &c in &channels {
-        before[c] = beyond(c);
-        let parts = &data.parts[c / data.per_stage()];
+        let (stage, parts) = (&data.stages[c / data.per_stage()], &data.parts[c / data.per_stage()]);
+        before[c] = without_friction(stage, of_stage, &left[c]);
+        on_test[c] = parts.iter().map(|part| f64::from(u8::from(*part == Part::Test))).collect();
         let seen = before[c].iter().zip(parts).filter(|(_, part)| **part != Part::Test);
         most = seen.fold(most, |most, (beyond, _)| most.max(beyond.abs()));
-        weights[c] =
-            parts.iter().map(|part| if *part == Part::Test { noise.powi(-2) } else { 0.0 }).collect();
+        misread.extend(rigid_torque_error(stage, joint, &stage.ground.noises.channels[of_stage], seed));
     }
-    // The greatest of many rows is that of the greatest noise, too.
-    let least = most - UNMOVED * noise - nominal;
-    if least <= UNMOVED * noise {
+    // Of many rows, the one with the greatest torque is the one that was read most badly, too.
+    let worst = misread.iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
+    let (least, noise) = (most - worst - nominal, Moments::of(&misread).rms);
+    if least <= worst {
         return None;
     }
-    for &c in &channels {
-        let holds = nominal + least;
-        after[c] = before[c].iter().map(|beyond| beyond - beyond.clamp(-holds, holds)).collect();
-    }
-    let compared = Compared { before: &before, after: &after, weights: &weights };
-    let gain = compared.gain(data, &channels, seed)?;
-    let squares = |rows: &[Vec<f64>]| -> f64 {
-        let of = |&c: &usize| rows[c].iter().zip(&weights[c]).map(|(x, w)| w * x * x).sum::<f64>();
-        channels.iter().map(of).sum()
-    };
-    let log_odds = 0.5 * ((nominal + least) / noise).powi(2);
+    let holds = nominal + least;
+    let held = |rows: &Vec<f64>| rows.iter().map(|beyond| beyond - beyond.clamp(-holds, holds)).collect();
+    let after: Vec<Vec<f64>> = before.iter().map(held).collect();
+    let compared = Compared { before: &before, after: &after, weights: &on_test };
+    let (squares, names) = compared.removed(data, &channels);
+    let log_odds = 0.5 * (least / noise).powi(2);
     let table = holding(&arm.joints()[joint].name, least);
     let kind = freeplay_laws::kind(&table.kind)?;
     let parameters = at_least(kind, &table, data, joint);
     let phrase = words::phrase(kind, &parameters);
-    let statement = format!(
-        "{} The joint was told to move and stands; a brake or something in its way holds it as well.",
-        words::statement(&phrase, table.joint.as_deref())
-    );
     let effect = Effect {
         kind: kind.name,
         joint: table.joint.clone(),
-        statement,
+        statement: format!(
+            "{} The joint was told to move and stands; a brake or something in its way holds it as well.",
+            words::statement(&phrase, table.joint.as_deref())
+        ),
         parameters,
         equation: kind.equation,
         source: kind.source,
         evidence: Evidence {
             log_odds,
             odds: words::odds(log_odds),
-            share: squares(&before) - squares(&after),
-            held_out_gain: gain,
+            share: squares / (noise * noise),
+            held_out_gain: compared.gain(data, &channels, seed)?,
             held_out: true,
-            channels: vec![data.stages[0].channels[of_stage].name.clone()],
+            channels: names,
         },
         phrase,
     };
     Some((table, effect))
+}
+
+/// What is `left` of each row of the torque that is the channel number `channel` of `stage`, had its joint no friction.
+fn without_friction(stage: &Stage, channel: usize, left: &[f64]) -> Vec<f64> {
+    match &stage.channels[channel].friction {
+        Some(friction) => left.iter().zip(friction).map(|(left, friction)| left + friction).collect(),
+        None => left.to_vec(),
+    }
 }
 
 /// The numbers of `table`, each the least that it can be.

@@ -56,6 +56,17 @@ fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     left
 }
 
+/// What noise and rounding leave of the torque of `joint` beside its friction, whose noise is `noise`, in every row of `stage`, by the random numbers of `seed`.
+pub(crate) fn rigid_torque_error(stage: &Stage, joint: usize, noise: &Noise, seed: u64) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (read, _) = misread(stage, &mut rng);
+    let [truth, read] = [stage.motion(), &read].map(|motion| rigid_torques(stage.arm(), motion, None));
+    let mut error = stage.treated(&normals(&mut rng, stage.whole().len(), noise.deviation));
+    let torques = truth[joint].iter().zip(&read[joint]);
+    error.iter_mut().zip(torques).for_each(|(error, (truth, read))| *error += truth - read);
+    error
+}
+
 /// The motion as noisy encoders read it, and how much more dry friction the model then sees, by joint.
 fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (Trajectory, Vec<Option<Vec<f64>>>) {
     let (mut read, whole) = (stage.motion().clone(), stage.whole());

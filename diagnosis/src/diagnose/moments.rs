@@ -5,7 +5,7 @@ use toml::{Table, Value};
 
 use super::alternatives::{LISTED, instead};
 use super::candidate::{Candidate, Form, at_place, places};
-use super::conclude::{holds_nothing, is_told, removed};
+use super::conclude::{holds_nothing, is_told};
 use super::data::{Data, REMEMBERED, add_all, less, sum_of};
 use super::event::Event;
 use super::gain::Compared;
@@ -154,7 +154,7 @@ pub(crate) fn happenings(
         let compared = Compared { before: &before, after: &rest, weights: &weights };
         events.push(Event {
             gain: compared.gain(data, &candidate.channels, seed)?,
-            removed: removed(data, &compared, &candidate.channels),
+            removed: compared.removed(data, &candidate.channels),
             log_prior: log_priors[place],
             log_odds,
             alternatives,

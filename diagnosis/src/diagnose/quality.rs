@@ -1,10 +1,9 @@
 //! What a recording is good for, before anything is fitted.
 
 use super::data::Data;
-use super::held::is_held;
 use super::noise::Noise;
 use super::parts::{Part, file_name};
-use super::rows::rests;
+use super::rows::{is_held, rests};
 use super::stage::Stage;
 use crate::error::ENOUGH_S;
 use crate::presence::only;

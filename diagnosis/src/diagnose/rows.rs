@@ -8,7 +8,6 @@ use nalgebra::{Matrix3, Vector3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::held::is_held;
 use super::instruments::misread_whole;
 use super::stage::{Answer, Stage};
 use crate::motion::Treatment;
@@ -196,6 +195,17 @@ pub(crate) fn rests(stage: &Stage, joint: usize) -> bool {
     let (least, most) =
         stage.whole().q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
     most - least < STILL.max(2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation)
+}
+
+/// Whether `joint` of `stage` stands throughout although it was told to move.
+pub(crate) fn is_held(stage: &Stage, joint: usize) -> bool {
+    let told = stage.ground.recording.q_ref.as_ref().and_then(|columns| columns.get(joint));
+    let moves = |told: &Vec<f64>| {
+        let told = told.iter().filter(|q| q.is_finite());
+        let (least, most) = told.fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
+        most - least > STILL
+    };
+    rests(stage, joint) && told.is_some_and(moves)
 }
 
 /// Where the encoder of `joint` sees no motion from one sample to the next.
