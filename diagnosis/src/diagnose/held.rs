@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use freeplay_arm::EffectTable;
-use freeplay_laws::{Kind as EffectKind, LawError, Placed, Range, holding};
+use freeplay_laws::{Kind as EffectKind, LawError, Placed, holding};
 use toml::Value;
 
 use super::data::Data;
@@ -116,12 +116,9 @@ fn at_least(
     joint: usize,
 ) -> BTreeMap<String, Parameter> {
     let parameter = |(name, value): (&String, &Value)| {
-        let most = match kind.parameter(name)?.range {
-            Range::Number { most, .. } => most,
-            _ => return None,
-        };
         let unit = kind.unit(name, Some(&data.arm().joints()[joint])).to_owned();
-        Some((name.clone(), Parameter { value: value.clone(), unit, ci95: Some([value.as_float()?, most]) }))
+        let ci95 = Some([value.as_float()?, f64::MAX]);
+        Some((name.clone(), Parameter { value: value.clone(), unit, ci95 }))
     };
     table.parameters.iter().filter_map(parameter).collect()
 }

@@ -92,7 +92,7 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
             if is_coarse(noise, spread) {
                 rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
             }
-            notes.extend(rest(stage, channel, noise));
+            notes.extend(told_to_move(stage, channel).or_else(|| rest(stage, channel, noise)));
             let kept = &data.counts[number * data.per_stage() + index];
             let measured = only(kept, channel.present.as_deref());
             let left_out = 1.0 - measured.iter().sum::<f64>() / measured.len().max(1) as f64;
@@ -130,6 +130,17 @@ fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
     ))
 }
 
+/// That the joint of a torque stands although it was told to move.
+fn told_to_move(stage: &Stage, channel: &Channel) -> Option<String> {
+    let Kind::Torque(joint) = channel.kind else { return None };
+    is_held(stage, joint).then(|| {
+        format!(
+            "{} was told to move and stands throughout; a brake or something in its way holds a joint as dry friction does",
+            stage.arm().joints()[joint].name
+        )
+    })
+}
+
 /// What a torque says of its joint that stands throughout, and that nothing told to move, while it changes beyond what the model needs: the least that holds the joint.
 fn rest(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
@@ -137,7 +148,7 @@ fn rest(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
     let residual = only(&residual, channel.present.as_deref());
     let (least, most) = residual.iter().fold((f64::MAX, f64::MIN), |(a, b), r| (a.min(*r), b.max(*r)));
     let beyond = 0.5 * (most - least);
-    (rests(stage, joint) && !is_held(stage, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
+    (rests(stage, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
         format!(
             "{} stands still throughout, while {} changes by ± {beyond:.3} {} beyond what the model needs to hold it: dry friction of at least that may hold it, \
              a brake, or something in its way; a motion in which it turns tells which",

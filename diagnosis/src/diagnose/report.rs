@@ -56,9 +56,16 @@ pub struct Parameter {
     pub value: toml::Value,
     /// Its unit; empty for words.
     pub unit: String,
-    /// The interval; `None` for words and for what the motion does not tell.
+    /// The interval; `None` for words and for what the motion does not tell. One without an upper end ends at [`f64::MAX`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ci95: Option<[f64; 2]>,
+}
+
+impl Parameter {
+    /// Whether the value is the least that it can be, and the interval has no upper end.
+    pub fn is_least(&self) -> bool {
+        self.ci95.is_some_and(|[_, high]| high == f64::MAX)
+    }
 }
 
 /// Why an effect is believed.
@@ -97,6 +104,13 @@ pub struct Effect {
     pub phrase: String,
     /// One plain sentence.
     pub statement: String,
+}
+
+impl Effect {
+    /// Whether no more is known of any of its numbers than the least that it can be.
+    pub fn is_bound(&self) -> bool {
+        self.parameters.values().all(Parameter::is_least)
+    }
 }
 
 /// Another effect that was weighed in the place of a named one.

@@ -93,7 +93,7 @@ fn value(parameter: &Parameter) -> String {
     };
     let (scale, unit) = unit_for(value, &parameter.unit);
     match parameter.ci95 {
-        Some([low, _]) if low == value => format!("at least {}{unit}", brief(value * scale)),
+        Some(_) if parameter.is_least() => format!("at least {}{unit}", brief(value * scale)),
         Some([low, high]) => format!("{}{unit}", uncertain(value * scale, 0.5 * (high - low) * scale)),
         None => format!("{}{unit}", brief(value * scale)),
     }

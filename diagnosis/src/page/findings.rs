@@ -4,7 +4,7 @@ use freeplay_report::units::{people, written};
 use freeplay_report::{Block, Cell, Column, Section, Table};
 
 use super::{Subject, picture};
-use crate::{Diagnosis, Effect};
+use crate::{Diagnosis, Effect, Parameter};
 
 /// The section; none where nothing was found.
 pub fn section(subject: &Subject) -> Option<Section> {
@@ -65,11 +65,16 @@ fn at_a_glance(diagnosis: &Diagnosis) -> Table {
 fn finding(diagnosis: &Diagnosis, subject: &Subject, index: usize, effect: &Effect) -> Vec<Block> {
     let mut blocks = vec![Block::Heading(title(effect.kind, effect.joint.as_deref()))];
     let mut text = format!("Law: {}. Source: {}.", effect.equation, effect.source);
-    if let Some(kind) = freeplay_laws::kind(effect.kind) {
+    if effect.is_bound() {
+        text.push_str(&format!("\n\n{}", effect.statement));
+    } else if let Some(kind) = freeplay_laws::kind(effect.kind) {
         text.push_str(&format!("\n\nWhat gives it away: {}.", kind.signature));
     }
     blocks.push(text.into());
-    blocks.extend(picture::of(diagnosis, &subject.file.arm, index).into_iter().map(Block::from));
+    // Of a joint that stands there is nothing to draw: no row of its torque counts.
+    if !effect.is_bound() {
+        blocks.extend(picture::of(diagnosis, &subject.file.arm, index).into_iter().map(Block::from));
+    }
     blocks.push(parameters(effect).into());
     blocks.push(evidence(effect).into());
     blocks
@@ -88,7 +93,7 @@ fn parameters(effect: &Effect) -> Table {
         let size = parameter.value.as_float().unwrap_or(f64::INFINITY);
         let (scale, unit) = people(&parameter.unit, size);
         let value = match (&parameter.value, parameter.ci95) {
-            (toml::Value::Float(value), Some([low, _])) if low == *value => {
+            (toml::Value::Float(value), Some(_)) if parameter.is_least() => {
                 format!("at least {}", written(value * scale))
             }
             (toml::Value::Float(value), Some([low, high])) => {
@@ -102,10 +107,7 @@ fn parameters(effect: &Effect) -> Table {
             }
             (other, _) => other.to_string().trim_matches('"').to_owned(),
         };
-        let interval = parameter.ci95.map_or_else(
-            || "not told by this motion".to_owned(),
-            |[low, high]| format!("{} to {}", written(low * scale), written(high * scale)),
-        );
+        let interval = interval(parameter, scale).unwrap_or_else(|| "not told by this motion".to_owned());
         table = table.row([
             Cell::from(name.as_str()),
             value.into(),
@@ -115,6 +117,12 @@ fn parameters(effect: &Effect) -> Table {
         ]);
     }
     table
+}
+
+/// The interval of 95 % of `parameter` in units of 1/`scale`, in words.
+pub fn interval(parameter: &Parameter, scale: f64) -> Option<String> {
+    let [low, high] = parameter.ci95?.map(|end| written(end * scale));
+    Some(if parameter.is_least() { format!("{low} or more") } else { format!("{low} to {high}") })
 }
 
 fn evidence(effect: &Effect) -> String {

@@ -129,11 +129,11 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
         let on = effect.joint.as_deref().unwrap_or("the whole arm");
         for (name, parameter) in &effect.parameters {
             let Some(value) = parameter.value.as_float() else { continue };
-            let Some([low, high]) = parameter.ci95 else { continue };
             let (scale, unit) = people(&parameter.unit, value);
+            let Some(interval) = findings::interval(parameter, scale) else { continue };
             let tile =
                 Figure::new(format!("{} of {on}", name.replace('_', " ")), written(value * scale), unit);
-            tiles.push(tile.note(format!("95 %: {} to {}", written(low * scale), written(high * scale))));
+            tiles.push(tile.note(format!("95 %: {interval}")));
         }
     }
     tiles.truncate(4);
