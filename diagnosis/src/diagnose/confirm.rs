@@ -1,6 +1,7 @@
 //! The confirmation: with more of the data the findings are refined together, others are tried in the place of each, and the search goes on from the best.
 
 use super::alternatives::tried;
+use super::nameless::most_in_single_channels;
 use super::search::{Answer, Search, WORTH};
 use super::system::all_but;
 use crate::statistics::MOST_ROUNDS;
@@ -55,7 +56,8 @@ fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
 /// Puts all that the search finds in the place of one member of `now`, if that makes it more probable. Whether it did; else the search is back at `now`.
 ///
 /// A law that shows in several channels can stand for several laws that show in one each. No single one of these is worth the change, so that
-/// [`with_another`] does not find them. The search asks for each law once: what was `asked` before stays.
+/// [`with_another`] does not find them. Where even shapes without a name say less than the law, several such laws can't take its place. The search asks for each law once: what was
+/// `asked` before stays.
 fn with_several(
     search: &mut Search,
     now: &mut Answer,
@@ -72,10 +74,16 @@ fn with_several(
             continue;
         }
         asked.push(member);
+        let others = all_but(&now.members, place);
+        let system = &search.system;
+        let (with, without) = (system.held_fit(&now.members)?, system.held_fit(&others)?);
+        if most_in_single_channels(system, &system.left(&without)) < with.value - without.value {
+            continue;
+        }
         progress("trying several in the place of one finding");
         let laid = search.laid.clone();
         search.leave_out(&[member]);
-        let there = grown(search, all_but(&now.members, place), progress)?;
+        let there = grown(search, others, progress)?;
         search.laid = laid;
         if taken_over(search, now, there)? {
             return Some(true);
