@@ -14,9 +14,8 @@ pub(crate) fn confirmed(
     progress: &mut dyn FnMut(&str),
 ) -> Option<Answer> {
     let mut now = compared(search, members, progress)?;
-    let mut asked = Vec::new();
-    while with_several(search, &mut now, &mut asked, progress)? {
-        now = compared(search, now.members, progress)?;
+    while with_several(search, &mut now, progress)? {
+        while with_another(search, &mut now, progress)? {}
     }
     Some(now)
 }
@@ -56,24 +55,16 @@ fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
 /// Puts all that the search finds in the place of one member of `now`, if that makes it more probable. Whether it did; else the search is back at `now`.
 ///
 /// A law that shows in several channels can stand for several laws that show in one each. No single one of these is worth the change, so that
-/// [`with_another`] does not find them. Where even shapes without a name say less than the law, several such laws can't take its place. The search asks for each law once: what was
-/// `asked` before stays.
-fn with_several(
-    search: &mut Search,
-    now: &mut Answer,
-    asked: &mut Vec<usize>,
-    progress: &mut dyn FnMut(&str),
-) -> Option<bool> {
+/// [`with_another`] does not find them. Where even shapes without a name say less than the law, several such laws can't take its place.
+fn with_several(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(&str)) -> Option<bool> {
     for place in 0..now.members.len() {
         let member = now.members[place];
         let data = search.system.data;
         let channels = &search.system.candidate(member).channels;
         let is_alike = |&c: &usize| data.kind(c) == data.kind(channels[0]);
-        let was_asked = |&known: &usize| search.same_effects(&[known], &[member]);
-        if channels.iter().all(is_alike) || asked.iter().any(was_asked) {
+        if channels.iter().all(is_alike) {
             continue;
         }
-        asked.push(member);
         let others = all_but(&now.members, place);
         let system = &search.system;
         let (with, without) = (system.held_fit(&now.members)?, system.held_fit(&others)?);
@@ -179,7 +170,7 @@ mod tests {
         let coupling = search.laid.iter().copied().find(is_coupling).expect("a coupling");
         let coupled = search.settled(vec![coupling]).expect("an answer");
         let mut answer = coupled.clone();
-        let is_better = with_several(&mut search, &mut answer, &mut Vec::new(), &mut |_| {});
+        let is_better = with_several(&mut search, &mut answer, &mut |_| {});
         assert_eq!(is_better, Some(true), "something is more probable");
         assert!(answer.evidence > coupled.evidence);
         let mut found: Vec<(&str, Option<usize>)> = answer
