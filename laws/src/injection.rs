@@ -75,8 +75,7 @@ pub struct DriveState<'a> {
     pub q: &'a [f64],
     /// Their velocities, rad/s (m/s).
     pub v: &'a [f64],
-    /// What dry friction does at each joint, as a share of the most that it can, −1 to 1: the sign of the velocity of a joint that slides, and in between
-    /// what holds one that sticks.
+    /// The share of its dry friction that acts on each joint, −1 to 1. A joint that slides has the sign of its velocity; a joint that sticks has the share that holds it.
     pub sign: &'a [f64],
     /// Torques that stop a unit of velocity of each joint within the sub-step, N·m·s/rad (N·s/m): for laws whose dry friction has a sign of its own.
     pub stopping: &'a [f64],

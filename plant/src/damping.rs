@@ -6,7 +6,7 @@
 use freeplay_arm::{Arm, JointKind};
 
 use crate::SystemError;
-use crate::rotor::{GREATEST_LOSS, mobility, with_rotors};
+use crate::rotor::{GREATEST_LOSS, least_inertias, mobility, with_rotors};
 
 /// Refuses a damping that is too much for the sub-steps, for a motion of `arm` with `rotors` through `postures`.
 ///
@@ -23,9 +23,8 @@ pub(crate) fn check_damping(
     let damped: Vec<usize> =
         (0..arm.dof()).filter(|&index| arm.joints()[index].friction.viscous > 0.0).collect();
     let free = mobility(arm, &damped, postures)?;
-    for (at, &index) in damped.iter().enumerate() {
+    for (&index, inertia) in damped.iter().zip(least_inertias(&free)) {
         let joint = &arm.joints()[index];
-        let inertia = 1.0 / free.iter().map(|w| w[(at, at)]).fold(0.0, f64::max);
         let loss = joint.friction.viscous * step / inertia;
         if loss > GREATEST_LOSS {
             let units = match joint.kind {

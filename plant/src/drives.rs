@@ -70,11 +70,11 @@ pub(crate) struct Drives {
     pub q: Vec<f64>,
     /// Velocities there.
     pub v: Vec<f64>,
-    /// What dry friction does, as a share of the most that it can, −1 to 1: the sign of the velocity of a drive that slides.
+    /// The share of its dry friction that acts on each drive, −1 to 1: the sign of the velocity where the drive slides.
     sign: Vec<f64>,
-    /// Torque that stops a unit of velocity within a sub-step, N·m·s/rad (N·s/m): see the `stiction` file.
+    /// Each of these torques stops a unit of velocity within a sub-step, N·m·s/rad (N·s/m): see the `stiction` file.
     stopping: Vec<f64>,
-    /// The same as a share of the greatest dry friction, s/rad (s/m).
+    /// The share of dry friction changes by this much for a unit of velocity, s/rad (s/m): `stopping` over the greatest dry friction.
     turning: Vec<f64>,
     /// Accelerations of the sub-step before; of prescribed joints, those of this one.
     pub a: Vec<f64>,
@@ -135,7 +135,7 @@ impl Drives {
         self.plain
     }
 
-    /// What nominal friction does to `joint` with the velocity `v` in the middle of a sub-step and `end` at its end, unless friction changes, N·m (N).
+    /// Nominal friction puts this torque on `joint`, N·m (N). The joint has the velocity `v` in the middle of the sub-step, and would have `end` at its end if friction stayed as it was.
     #[inline]
     pub fn rub(&mut self, joint: usize, v: f64, end: f64) -> f64 {
         let sign = (self.sign[joint] + self.turning[joint] * end).clamp(-1.0, 1.0);
@@ -151,11 +151,11 @@ impl Drives {
         self.stopping = stopping;
     }
 
-    /// The greatest dry friction of each drive at rest at `q` under the loads `load`, N·m (N): what its loss changes by from one sign to the other. Laws
-    /// that keep a state have to be restarted afterwards.
+    /// The greatest dry friction of each drive at rest at `q` under the loads `load`, N·m (N): half of the change of its loss from one sign to the other. The
+    /// caller restarts the laws afterwards, since some keep a state.
     pub fn dry_friction(&mut self, q: &[f64], load: &[f64]) -> Vec<f64> {
         let rest = vec![0.0; q.len()];
-        let mut either = [1.0, -1.0].map(|direction| {
+        let [forwards, backwards] = [1.0, -1.0].map(|direction| {
             let sign = vec![direction; q.len()];
             let now =
                 DriveState { t: 0.0, step: 0.0, q, v: &rest, sign: &sign, stopping: &rest, a: &rest, load };
@@ -164,8 +164,7 @@ impl Drives {
             self.laws.iter_mut().for_each(|law| law.act(&now, &mut loss));
             loss
         });
-        let [forwards, backwards] = &mut either;
-        forwards.iter().zip(backwards).map(|(forwards, backwards)| 0.5 * (*backwards - forwards)).collect()
+        forwards.iter().zip(backwards).map(|(forwards, backwards)| 0.5 * (backwards - forwards)).collect()
     }
 
     /// Forgets all that was.

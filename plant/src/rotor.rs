@@ -55,13 +55,8 @@ pub(crate) fn share_out(
     let mut rotors: Vec<f64> = joints.iter().map(|&joint| arm.joints()[joint].rotor_inertia).collect();
     let without = less(arm, joints.iter().copied().zip(rotors.iter().map(|rotor| rotor.max(0.0))))?;
     let felt = mobility(&without, &unnamed, postures)?;
-    let least: Vec<f64> = (0..unnamed.len()).map(|i| 1.0 / greatest(&felt, |w| w[(i, i)])).collect();
-    let together = |w: &DMatrix<f64>| {
-        DMatrix::from_fn(least.len(), least.len(), |i, j| w[(i, j)] * (least[i] * least[j]).sqrt())
-            .symmetric_eigenvalues()
-            .max()
-    };
-    let share = if unnamed.is_empty() { 0.0 } else { ROTOR_SHARE / greatest(&felt, together) };
+    let least = least_inertias(&felt);
+    let share = if unnamed.is_empty() { 0.0 } else { ROTOR_SHARE / greatest_together(&felt, &least) };
     for (joint, least) in unnamed.iter().zip(&least) {
         if let Some(at) = joints.iter().position(|other| other == joint) {
             rotors[at] = share * least;
@@ -69,8 +64,7 @@ pub(crate) fn share_out(
     }
     let links = less(arm, joints.iter().copied().zip(rotors.iter().copied()))?;
     let free = mobility(&links, joints, postures)?;
-    let link = |i: usize| 1.0 / greatest(&free, |w| w[(i, i)]);
-    let sides = rotors.into_iter().enumerate().map(|(i, motor)| Sides { motor, link: link(i) });
+    let sides = rotors.into_iter().zip(least_inertias(&free)).map(|(motor, link)| Sides { motor, link });
     Ok((links, sides.collect()))
 }
 
@@ -96,6 +90,22 @@ pub(crate) fn mobility(
         Ok(DMatrix::from_fn(joints.len(), joints.len(), |i, j| whole[(joints[i], joints[j])]))
     };
     postures.iter().map(inverse).collect()
+}
+
+/// The least inertia of each joint with all others free, kg·m² (kg), where `mobilities` are those of [`mobility`].
+pub(crate) fn least_inertias(mobilities: &[DMatrix<f64>]) -> Vec<f64> {
+    let joints = mobilities.first().map_or(0, DMatrix::nrows);
+    (0..joints).map(|joint| 1.0 / greatest(mobilities, |w| w[(joint, joint)])).collect()
+}
+
+/// How much more the joints of `mobilities` yield together than each of them alone: the greatest eigenvalue of any of these matrices, each scaled by the `least` inertias.
+pub(crate) fn greatest_together(mobilities: &[DMatrix<f64>], least: &[f64]) -> f64 {
+    let together = |w: &DMatrix<f64>| {
+        DMatrix::from_fn(least.len(), least.len(), |i, j| w[(i, j)] * (least[i] * least[j]).sqrt())
+            .symmetric_eigenvalues()
+            .max()
+    };
+    greatest(mobilities, together)
 }
 
 fn greatest(matrices: &[DMatrix<f64>], value: impl Fn(&DMatrix<f64>) -> f64) -> f64 {

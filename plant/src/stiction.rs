@@ -11,10 +11,9 @@
 //! velocity, at most λ times as much as its own, with λ the greatest eigenvalue of M⁻¹ scaled to ones on its diagonal; β is divided by it.
 
 use freeplay_arm::Arm;
-use nalgebra::DMatrix;
 
 use crate::SystemError;
-use crate::rotor::{GREATEST_LOSS, mobility};
+use crate::rotor::{GREATEST_LOSS, greatest_together, least_inertias, mobility};
 
 /// The torques that stop a unit of velocity of each joint of `arm` within a sub-step of `step` s, N·m·s/rad (N·s/m), where the joints that `motors`
 /// names have a motor of that inertia, kg·m² (kg), behind a transmission, for a motion through `postures`.
@@ -29,17 +28,9 @@ pub(crate) fn stopping_torques(
 ) -> Result<Vec<f64>, SystemError> {
     let joined: Vec<usize> = (0..arm.dof()).filter(|&joint| motors[joint].is_none()).collect();
     let free = mobility(arm, &joined, postures)?;
-    let most = |at: usize| free.iter().map(|free| free[(at, at)]).fold(0.0, f64::max);
-    let most: Vec<f64> = (0..joined.len()).map(most).collect();
-    let together = |free: &DMatrix<f64>| {
-        DMatrix::from_fn(most.len(), most.len(), |i, j| free[(i, j)] / (most[i] * most[j]).sqrt())
-            .symmetric_eigenvalues()
-            .max()
-    };
-    let together = free.iter().filter(|_| !most.is_empty()).map(together).fold(1.0, f64::max);
-    let inertias = motors.iter().enumerate().map(|(joint, motor)| match motor {
-        Some(motor) => *motor,
-        None => joined.iter().position(|at| *at == joint).map_or(0.0, |at| 1.0 / (together * most[at])),
-    });
-    Ok(inertias.map(|inertia| GREATEST_LOSS * inertia / step).collect())
+    let least = least_inertias(&free);
+    let together = if joined.is_empty() { 1.0 } else { greatest_together(&free, &least) };
+    let mut inertias: Vec<f64> = motors.iter().map(|motor| motor.unwrap_or(0.0)).collect();
+    joined.iter().zip(least).for_each(|(&joint, least)| inertias[joint] = least / together);
+    Ok(inertias.into_iter().map(|inertia| GREATEST_LOSS * inertia / step).collect())
 }

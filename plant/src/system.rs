@@ -175,6 +175,13 @@ impl System {
     /// # Errors
     /// [`SystemError::StepTooLong`] if the arm has play and the sub-step is over [`MAX_CONTACT_STEP`].
     pub fn new(play: ArmWithPlay, nominal: &Arm, period: f64, substeps: u32) -> Result<Self, SystemError> {
+        let mut system = Self::unresolved(play, nominal, period, substeps)?;
+        system.resolve_dry_friction(nominal, &[vec![0.0; nominal.dof()]]);
+        Ok(system)
+    }
+
+    /// The same before dry friction is resolved.
+    fn unresolved(play: ArmWithPlay, nominal: &Arm, period: f64, substeps: u32) -> Result<Self, SystemError> {
         let step = period / f64::from(substeps);
         if !(period > 0.0 && substeps > 0 && step.is_finite()) {
             return Err(SystemError::NoStep { period, substeps });
@@ -183,7 +190,7 @@ impl System {
             return Err(SystemError::StepTooLong { step });
         }
         let (dof, joints) = (play.arm().dof(), nominal.dof());
-        let mut system = Self {
+        Ok(Self {
             workspace: Workspace::new(play.arm()),
             drives: Drives::new(nominal.joints()),
             forces: ToolForces::none(dof),
@@ -206,9 +213,7 @@ impl System {
             ledger: Ledger::default(),
             named_servos: vec![None; joints],
             play,
-        };
-        system.resolve_dry_friction(nominal, &[vec![0.0; joints]]);
-        Ok(system)
+        })
     }
 
     /// Has the dry friction of the drives stop the joints of `links`, the arm behind the transmissions, within the sub-steps of a motion through
@@ -249,7 +254,7 @@ impl System {
         let mut clearances = injection.clearances;
         clearances.retain(|(_, clearance)| clearance.clearance > 0.0);
         clearances.sort_by_key(|(joint, _)| *joint);
-        let mut system = Self::new(ArmWithPlay::new(&links, &clearances)?, arm, period, substeps)?;
+        let mut system = Self::unresolved(ArmWithPlay::new(&links, &clearances)?, arm, period, substeps)?;
         for ((joint, law), sides) in injection.transmissions.iter().zip(&sides) {
             check_step(&arm.joints()[*joint].name, law, sides, period, substeps)?;
             system.drives.part(*joint, Motor::new(*law, sides.motor));

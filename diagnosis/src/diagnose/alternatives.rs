@@ -51,7 +51,7 @@ pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
 
 /// The report lists these other effects in the places of the members of `fit`.
 pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
-    tried(search, fit).iter().map(|tried| alternative(search, fit.members[tried.place], tried)).collect()
+    tried(search, fit).iter().map(|tried| alternative(search, fit, tried)).collect()
 }
 
 /// The best forms of other effects that show where `member` does, most probable first.
@@ -79,9 +79,10 @@ fn nearest(search: &Search, without: &Fit, member: usize) -> Vec<usize> {
     order.into_iter().take(LISTED).map(|(_, index)| index).collect()
 }
 
-fn alternative(search: &Search, member: usize, &Tried { place: _, index, against }: &Tried) -> Alternative {
+fn alternative(search: &Search, fit: &Fit, &Tried { place, index, against }: &Tried) -> Alternative {
     let system = &search.system;
-    instead(system.data.arm(), system.candidate(member), system.candidate(index), against)
+    let [named, other] = [fit.members[place], index].map(|index| system.candidate(index));
+    instead(system.data.arm(), named, other, against)
 }
 
 /// That `other` in the place of what is `named` makes the log of the evidence fall by `against`.

@@ -138,7 +138,7 @@ enum Of {
     Law(usize),
     /// An event, by its number.
     Event(usize),
-    /// What holds a joint that stands.
+    /// Dry friction holds a joint that stands.
     Hold,
 }
 

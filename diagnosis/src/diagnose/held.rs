@@ -20,7 +20,7 @@ use super::words;
 use crate::residual::Kind;
 use crate::statistics::Moments;
 
-/// What holds each joint that is held in all recordings beside the effects `found`: the effects that say so, with their shares in squares of the noise.
+/// The dry friction of each joint that something holds in all recordings, beside the effects `found`: the effect and its table. The shares of these effects are squares over those of the noise.
 ///
 /// # Errors
 /// See [`LawError`].
@@ -36,13 +36,12 @@ pub(crate) fn held(data: &Data, found: &[Placed], seed: u64) -> Result<Vec<(Effe
     for stage in &data.stages {
         left.extend(stage.left_with(&found)?);
     }
-    let channel =
-        |joint| data.stages[0].channels.iter().position(|channel| channel.kind == Kind::Torque(joint));
+    let channel = |joint| data.stages[0].number_of(Kind::Torque(joint));
     let of_joints = joints.into_iter().filter_map(|joint| Some((joint, channel(joint)?)));
     Ok(of_joints.filter_map(|at| of_joint(data, at, &left, seed)).collect())
 }
 
-/// The same of a joint, whose torque is the channel number `of_stage` of each recording, where so much is `left` of every row.
+/// The dry friction of one such joint. Its torque is the channel number `of_stage` of each recording, and so much is `left` of every row.
 fn of_joint(
     data: &Data,
     (joint, of_stage): (usize, usize),
@@ -54,7 +53,8 @@ fn of_joint(
     let blank = || vec![Vec::new(); left.len()];
     let (mut before, mut on_test, mut most, mut misread) = (blank(), blank(), 0.0_f64, Vec::new());
     for &c in &channels {
-        let (stage, parts) = (&data.stages[c / data.per_stage()], &data.parts[c / data.per_stage()]);
+        let (number, _) = data.place(c);
+        let (stage, parts) = (&data.stages[number], &data.parts[number]);
         before[c] = without_friction(stage, of_stage, &left[c]);
         on_test[c] = parts.iter().map(|part| f64::from(u8::from(*part == Part::Test))).collect();
         let seen = before[c].iter().zip(parts).filter(|(_, part)| **part != Part::Test);
@@ -100,7 +100,7 @@ fn of_joint(
     Some((table, effect))
 }
 
-/// What is `left` of each row of the torque that is the channel number `channel` of `stage`, had its joint no friction.
+/// The rows `left` of the torque with the number `channel` of `stage`, as a model without friction of its joint leaves them.
 fn without_friction(stage: &Stage, channel: usize, left: &[f64]) -> Vec<f64> {
     match &stage.channels[channel].friction {
         Some(friction) => left.iter().zip(friction).map(|(left, friction)| left + friction).collect(),

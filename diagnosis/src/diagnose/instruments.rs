@@ -56,7 +56,7 @@ fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     left
 }
 
-/// What noise and rounding leave of the torque of `joint` beside its friction, whose noise is `noise`, in every row of `stage`, by the random numbers of `seed`.
+/// Noise and rounding leave these errors in the rows of `stage`, in the torque of `joint` beside its friction. The torque has this `noise`; `seed` sets the random numbers.
 pub(crate) fn rigid_torque_error(stage: &Stage, joint: usize, noise: &Noise, seed: u64) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let (read, _) = misread(stage, &mut rng);

@@ -2,6 +2,7 @@
 
 use super::conclude::is_told;
 use super::data::{Data, sum_of};
+use super::gain::Compared;
 use super::parts::Part;
 use super::shapes::{CommonShapes, Knots, Shapes};
 use super::system::{Fit, System};
@@ -40,15 +41,11 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> b
 pub(crate) fn most_in_single_channels(system: &System, left: &[Vec<f64>]) -> f64 {
     let data = system.data;
     let knots = data.stages.first().map(Knots::of).unwrap_or_default();
-    let squares = |rows: &[f64], weights: &[f64]| -> f64 {
-        rows.iter().zip(weights).map(|(x, weight)| weight * x * x).sum()
-    };
-    let channels = left.iter().zip(system.weights.by_row()).enumerate();
-    let taken = channels.map(|(c, (left, weights))| {
-        let without = Shapes::new(data, c, &data.heard(c), &knots).left(left);
-        squares(left, &weights) - squares(&without, &weights)
-    });
-    0.5 * taken.sum::<f64>()
+    let beside = |(c, left): (usize, &Vec<f64>)| Shapes::new(data, c, &data.heard(c), &knots).left(left);
+    let after: Vec<Vec<f64>> = left.iter().enumerate().map(beside).collect();
+    let compared = Compared { before: left, after: &after, weights: &system.weights.by_row() };
+    let channels: Vec<usize> = (0..data.channels()).collect();
+    0.5 * compared.removed(data, &channels).0
 }
 
 /// A range of positions of a joint.

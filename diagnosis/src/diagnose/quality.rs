@@ -9,7 +9,7 @@ use crate::error::ENOUGH_S;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::rest::STILL;
-use crate::statistics::{Moments, SHARES, UNMOVED};
+use crate::statistics::{Moments, SHARES, UNMOVED, span};
 use crate::stuck::Stuck;
 
 /// Least length of what a fit rests on, s: one motion of an arm takes about a second, and a fit needs one each way.
@@ -130,7 +130,7 @@ fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
     ))
 }
 
-/// That the joint of a torque stands although it was told to move.
+/// The note that something holds the joint of a torque.
 fn told_to_move(stage: &Stage, channel: &Channel) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
     is_held(stage, joint).then(|| {
@@ -141,13 +141,12 @@ fn told_to_move(stage: &Stage, channel: &Channel) -> Option<String> {
     })
 }
 
-/// What a torque says of its joint that stands throughout, and that nothing told to move, while it changes beyond what the model needs: the least that holds the joint.
+/// A torque changes beyond what the model needs to hold its joint, and the joint stands throughout: the note says how much must hold it at least.
 fn rest(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
     let residual = channel.residual();
     let residual = only(&residual, channel.present.as_deref());
-    let (least, most) = residual.iter().fold((f64::MAX, f64::MIN), |(a, b), r| (a.min(*r), b.max(*r)));
-    let beyond = 0.5 * (most - least);
+    let beyond = 0.5 * span(&residual);
     (rests(stage, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
         format!(
             "{} stands still throughout, while {} changes by ± {beyond:.3} {} beyond what the model needs to hold it: dry friction of at least that may hold it, \

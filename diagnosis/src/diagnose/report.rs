@@ -62,7 +62,7 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// Whether the value is the least that it can be, and the interval has no upper end.
+    /// Whether the recording bounds the number from below alone: the value is that bound, and the interval has no upper end.
     pub fn is_least(&self) -> bool {
         self.ci95.is_some_and(|[_, high]| high == f64::MAX)
     }
@@ -107,9 +107,9 @@ pub struct Effect {
 }
 
 impl Effect {
-    /// Whether no more is known of any of its numbers than the least that it can be.
+    /// Whether the recording bounds a number of the effect from below alone.
     pub fn is_bound(&self) -> bool {
-        self.parameters.values().all(Parameter::is_least)
+        self.parameters.values().any(Parameter::is_least)
     }
 }
 

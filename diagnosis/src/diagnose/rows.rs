@@ -15,7 +15,7 @@ use crate::presence::masked;
 use crate::random::normals;
 use crate::residual::{Channel, Kind};
 use crate::rest::STILL;
-use crate::statistics::{Moments, UNMOVED};
+use crate::statistics::{Moments, UNMOVED, span};
 
 /// Share of its greatest speed below which a joint stands still that is slower for longer than the filter remembers, unless its encoder sees it creep: what the
 /// low-pass leaves of a stop is below it.
@@ -192,20 +192,13 @@ fn left_dry(stage: &Stage, joint: usize, channel: usize, counts: &[f64]) -> f64 
 
 /// Whether `joint` stays where it is throughout, for all that its encoder sees.
 pub(crate) fn rests(stage: &Stage, joint: usize) -> bool {
-    let (least, most) =
-        stage.whole().q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
-    most - least < STILL.max(2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation)
+    span(&stage.whole().q[joint]) < STILL.max(2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation)
 }
 
-/// Whether `joint` of `stage` stands throughout although it was told to move.
+/// Whether something holds `joint`: `stage` has commands that would move it, and it stands throughout.
 pub(crate) fn is_held(stage: &Stage, joint: usize) -> bool {
     let told = stage.ground.recording.q_ref.as_ref().and_then(|columns| columns.get(joint));
-    let moves = |told: &Vec<f64>| {
-        let told = told.iter().filter(|q| q.is_finite());
-        let (least, most) = told.fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
-        most - least > STILL
-    };
-    rests(stage, joint) && told.is_some_and(moves)
+    rests(stage, joint) && told.is_some_and(|told| span(told) > STILL)
 }
 
 /// Where the encoder of `joint` sees no motion from one sample to the next.

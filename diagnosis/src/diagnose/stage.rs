@@ -522,7 +522,7 @@ impl<'a> Stage<'a> {
     }
 
     /// The number of the channel that measures `kind`.
-    fn number_of(&self, kind: Kind) -> Option<usize> {
+    pub fn number_of(&self, kind: Kind) -> Option<usize> {
         self.channels.iter().position(|channel| channel.kind == kind)
     }
 

@@ -104,7 +104,7 @@ struct JointCoupling {
     inertia: f64,
     viscous: f64,
     coulomb: f64,
-    /// What dry friction does to the shaft in a simulation, as a share of the most that it can, −1 to 1.
+    /// The share of its dry friction that acts on the shaft in a simulation, −1 to 1.
     direction: f64,
 }
 
