@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use freeplay_recording::Recording;
 use thiserror::Error;
 
-use crate::grid::FEWEST;
 use crate::statistics::SHARES;
 
+/// Fewest samples of a recording that a grid is laid through: a cubic needs four.
+pub(crate) const FEWEST: usize = 4;
 /// Least length of a recording that is asked for where there is too little, s: each part of it then has several motions of a second.
 pub(crate) const ENOUGH_S: f64 = 10.0;
 

@@ -25,48 +25,51 @@
 //! - [`recorded`]: a recording of the arm that a model describes, with checks of its units.
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
-mod begin;
-mod comparison;
+mod candidates;
+mod choice;
+mod compare;
 mod conventions;
-mod curves;
-mod cutoff;
+mod data;
 mod diagnose;
 mod error;
-mod filter;
-mod grid;
-mod long;
+mod evidence;
+mod findings;
 #[cfg(test)]
 #[path = "../tests/all/common/mod.rs"]
 mod made;
-mod motion;
-mod notes;
+mod next_motion;
 pub mod page;
-mod presence;
 mod random;
 pub mod recorded;
-mod residual;
-mod rest;
+mod report;
+mod search;
 mod servo;
-mod stamps;
+mod signals;
 mod statistics;
-mod stuck;
-mod tally;
 
-pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
+pub use candidates::candidate::Untestable;
+pub use compare::channel_error::ChannelError;
+pub use compare::comparison::{Comparison, SCHEMA, compare};
+pub use compare::notes::beyond_limits;
 pub use conventions::{
     Certainty, Mended, PositionReading, Reading, Setup, SetupFinding, TorqueReading, examine, sentences,
     time_unit,
 };
-pub use diagnose::{
-    Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Discrepancy,
-    Effect, Evidence, EvidenceRow, Excitation, ExciteError, ExciteSettings, Fit, Fourier, Gain, Location,
-    Map, NAMED_FROM, Parameter, Passage, Rival, Rmse, TO_TELL, Tolerances, Trace, Tuned, Untestable, Used,
-    Variable, Verdict, diagnose, excite,
-};
+pub use data::tolerance::Tolerances;
+pub use diagnose::diagnose;
 pub use error::ResidualError;
-pub use filter::{LowPass, derivatives};
-pub use grid::Grid;
-pub use motion::{Settings, Treatment, default_cutoff_hz};
-pub use notes::beyond_limits;
-pub use residual::{Channel, Kind, Residuals, residuals};
+pub use evidence::gain::Gain;
+pub use next_motion::{Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
+pub use report::diagnosis::{
+    Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, EvidenceRow, Fit,
+    Location, Map, Parameter, Passage, Rmse, Trace, Tuned, Variable, Verdict,
+};
+pub use report::settings::{DiagnoseError, DiagnoseSettings};
+pub use report::words::TO_TELL;
 pub use servo::{commands_alone, compare_commands};
+pub use signals::channel::{Channel, Kind};
+pub use signals::filter::{LowPass, derivatives};
+pub use signals::grid::Grid;
+pub use signals::motion::{Settings, Treatment, default_cutoff_hz};
+pub use signals::residual::{Residuals, residuals};
+pub use statistics::STRONG as NAMED_FROM;

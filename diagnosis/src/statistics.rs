@@ -154,6 +154,18 @@ pub(crate) fn span(samples: &[f64]) -> f64 {
     (high - low).max(0.0)
 }
 
+/// Whether two candidates may be told apart at all: the odds are beyond what is as good.
+pub(crate) fn is_told(log_odds: f64) -> bool {
+    log_odds > STRONG
+}
+
+/// Deviation of the white noise of an encoder that read `q`, or its step, if that is more: the least change between two samples.
+pub(crate) fn encoder_noise(q: &[f64]) -> f64 {
+    let changes = q.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0);
+    let step = changes.fold(f64::INFINITY, f64::min);
+    white_noise(q).max(if step.is_finite() { step } else { 0.0 })
+}
+
 #[cfg(test)]
 mod tests {
     use super::{Quantile, bootstrap, half_width, normal_quantile};

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 
 use super::bodies::{Bodies, PARAMETERS, Parts};
 use super::change::Physics;
-use crate::stuck::MOVES;
+use crate::signals::stuck::MOVES;
 
 /// The columns of a joint that need no arm of another mass.
 #[derive(Clone, Copy, PartialEq)]

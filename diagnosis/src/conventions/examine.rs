@@ -5,7 +5,8 @@ use freeplay_recording::{Recording, unwrapped};
 
 use super::change::{Change, reading};
 use super::finding::{Certainty, Setup, SetupFinding};
-use super::kinds::{self, Told};
+use super::kinds;
+use super::kinds::Told;
 use super::problem::{FLOOR, GEOMETRY, Links, Outcome};
 use super::reading::Reading;
 use super::samples::Samples;

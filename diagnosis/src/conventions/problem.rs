@@ -15,11 +15,16 @@ use std::rc::Rc;
 use freeplay_arm::Arm;
 use nalgebra::Vector3;
 
-use super::along::{Along, dot};
-use super::change::{COMMON, Change, RARE, reading};
+use super::along::Along;
+use super::along::dot;
+use super::change::COMMON;
+use super::change::Change;
+use super::change::RARE;
+use super::change::reading;
 use super::free_arm;
 use super::kinds;
-use super::reading::{PositionReading, Reading};
+use super::reading::PositionReading;
+use super::reading::Reading;
 use super::samples::Samples;
 use super::torques::Torques;
 

@@ -3,10 +3,10 @@
 use freeplay_recording::Recording;
 
 use crate::error::ResidualError;
-use crate::filter::{LowPass, derivatives};
-use crate::grid::{Grid, Stretch};
-use crate::motion::{GREATEST_TRIM, LEAST_CUTOFF};
-use crate::stuck::Stuck;
+use crate::signals::filter::{LowPass, derivatives};
+use crate::signals::grid::{Grid, Stretch};
+use crate::signals::motion::{GREATEST_TRIM, LEAST_CUTOFF};
+use crate::signals::stuck::Stuck;
 
 /// Time between two rows, s: a quarter of a period of 1.5 Hz, about where the motions of arms end.
 pub(super) const SPACING: f64 = 0.15;

@@ -4,7 +4,8 @@ use freeplay_arm::Arm;
 
 use super::change::{Change, Late, Physics};
 use super::examine::SPOKEN;
-use super::kinds::{self, Ask};
+use super::kinds;
+use super::kinds::Ask;
 use super::problem::{FLOOR, Outcome, Problem};
 use crate::statistics::STRONG;
 

@@ -1,74 +1,28 @@
 //! The diagnosis from end to end.
 
 use freeplay_arm::{Arm, ArmFile};
-use freeplay_laws::{Effects, LawError, Placed};
+use freeplay_laws::{Effects, Placed};
 use freeplay_recording::Recording;
-use thiserror::Error;
 
-use super::candidate::{Candidate, candidates};
-use super::choice::choose;
-use super::conclude::{Conclusion, insufficient};
-use super::confirm::{compared, confirmed, searched_again};
-use super::data::{Data, add_all, less};
-use super::event::{Event, said_by};
-use super::moments::happenings;
-use super::nameless::is_unexplained;
-use super::parts::Part;
-use super::quality;
-use super::report::{Diagnosis, Untestable};
-use super::search::{Answer, Found, Search};
-use super::stage::{Ground, Stage};
-use super::system::System;
-use super::thinning;
-use super::tolerance::Tolerances;
-use super::weights::Weights;
-use crate::error::ResidualError;
-use crate::motion::Settings;
-
-/// What a user may choose of a diagnosis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DiagnoseSettings {
-    /// The treatment of recordings.
-    pub treatment: Settings,
-    /// How far a machine may be from its model without that being a finding.
-    pub tolerances: Tolerances,
-    /// Seed of all random numbers.
-    pub seed: u64,
-}
-
-impl Default for DiagnoseSettings {
-    fn default() -> Self {
-        Self { treatment: Settings::default(), tolerances: Tolerances::default(), seed: 1 }
-    }
-}
-
-/// Why there is no diagnosis.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum DiagnoseError {
-    /// No recording.
-    #[error("no recording: give at least one")]
-    NoRecording,
-    /// The recordings don't hold the same columns.
-    #[error("{first} and {other} hold different columns; diagnose them one by one, or record the same")]
-    DifferentColumns {
-        /// The first recording.
-        first: String,
-        /// One that differs.
-        other: String,
-    },
-    /// Model and recording can't be compared.
-    #[error(transparent)]
-    Residual(#[from] ResidualError),
-    /// The effects of the model can't be taken.
-    #[error("the model's effects: {0}")]
-    Law(#[from] LawError),
-    /// The numbers of this recording are beyond double precision.
-    #[error(
-        "the fit of the model's tolerances to this recording is singular; are q in rad (or m), tau in N*m and t in s?"
-    )]
-    Singular,
-}
+use crate::candidates::candidate::{Candidate, Untestable, candidates};
+use crate::candidates::moments::window;
+use crate::choice::choose::choose;
+use crate::choice::confirm::{compared, confirmed, searched_again};
+use crate::data::columns::{Column, add_all, less};
+use crate::data::parts::Part;
+use crate::data::stacked::Data;
+use crate::data::stage::{Ground, Stage};
+use crate::data::thinning;
+use crate::data::weights::Weights;
+use crate::evidence::nameless::is_unexplained;
+use crate::evidence::system::System;
+use crate::findings::conclude::Conclusion;
+use crate::findings::event::{Event, said_by};
+use crate::findings::happenings::happenings;
+use crate::findings::quality;
+use crate::report::diagnosis::{Diagnosis, insufficient};
+use crate::report::settings::{DiagnoseError, DiagnoseSettings};
+use crate::search::moves::{Answer, Found, Search};
 
 /// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on the test part of the data, which no search
 /// sees: it says which laws fall, and nothing else. `progress` is told what is being done.
@@ -177,10 +131,10 @@ impl Study<'_> {
         events = self.happened_beside(&mut data, &with, &events);
         data.parts.clone_from(&parts);
         if are_the_same(&with.members, &without.members) {
-            data.give_moments(&all_of(&[&events]));
+            data.give_moments(columns_of(&events));
         } else {
             let others = self.happened_beside(&mut data, &without, &[]);
-            data.give_moments(&all_of(&[&events, &others]));
+            data.give_moments(columns_of(&events).chain(columns_of(&others)));
             let weights = self.weights(&data, &events, &left, &with.off);
             let of_with = self.evidence(&data, &events, weights.clone(), &with.members)?;
             let of_without = self.evidence(&data, &others, weights, &without.members)?;
@@ -296,7 +250,7 @@ impl Study<'_> {
         let events = self.happened_beside(data, found, &[]);
         data.parts.clone_from_slice(parts);
         // Events that act in nearly every row are no events: a law without a name describes them.
-        if data.give_moments(&all_of(&[&events])) { events } else { Vec::new() }
+        if data.give_moments(columns_of(&events)) { events } else { Vec::new() }
     }
 
     /// What happens at a time beside what was `found`, in all parts. Nothing tells a push from the knocks of parts that come apart and meet again.
@@ -391,9 +345,10 @@ fn explained(search: &mut Search, answer: Answer, progress: &mut dyn FnMut(&str)
     }
 }
 
-/// The candidates of all `events`.
-fn all_of<'e>(events: &[&'e [Event]]) -> Vec<&'e Candidate> {
-    events.iter().flat_map(|events| events.iter().map(|event| &event.candidate)).collect()
+/// The columns of those `events` that end.
+fn columns_of(events: &[Event]) -> impl Iterator<Item = &Column> {
+    let ending = events.iter().map(|event| &event.candidate).filter(|one| window(&one.form.shape).is_some());
+    ending.flat_map(|one| one.columns.iter())
 }
 
 /// Whether `one` and `other` are the same effects in whatever form.
@@ -423,7 +378,7 @@ pub(crate) fn check(arm: &Arm, recordings: &[Recording]) -> Result<(), DiagnoseE
         (recording.tau.is_some(), recording.tool.is_some(), links)
     };
     for recording in recordings {
-        crate::residual::check_joints(arm, recording)?;
+        crate::signals::residual::check_joints(arm, recording)?;
         if columns(recording) != columns(first) {
             return Err(DiagnoseError::DifferentColumns {
                 first: first.origin.display().to_string(),

@@ -3,12 +3,13 @@
 use freeplay_arm::ArmFile;
 use freeplay_recording::Recording;
 
-use super::conclude::insufficient;
-use super::engine::{self, DiagnoseError, DiagnoseSettings};
-use super::report::{Diagnosis, Tuned, Verdict};
-use super::tolerance::{Of, Tolerances};
+use super::engine;
 use crate::conventions::{Certainty, Late, Mended, SetupFinding, clock_unsure, sentences};
-use crate::servo::{self, commands_alone};
+use crate::data::tolerance::{Of, Tolerances};
+use crate::report::diagnosis::{Diagnosis, Tuned, Verdict, insufficient};
+use crate::report::settings::{DiagnoseError, DiagnoseSettings};
+use crate::servo;
+use crate::servo::commands_alone;
 
 /// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on held-out data.
 ///

@@ -6,7 +6,7 @@ use freeplay_report::{Axis, Block, Chart, Mark, Section, Series};
 use super::channels;
 use super::errors::MODELS;
 use super::points::traces;
-use crate::diagnose::LISTED;
+use crate::search::tried::LISTED;
 use crate::{Diagnosis, Passage, Trace};
 
 /// The section.

@@ -8,7 +8,7 @@ use freeplay_report::units::{people, written};
 use freeplay_report::{Axis, Chart, Drawing, Series};
 
 use super::points::{Over, Points, best_plot_variable, column, forwards, law, line, traces};
-use crate::diagnose::LISTED;
+use crate::search::tried::LISTED;
 use crate::statistics::SIGNIFICANT;
 use crate::{Diagnosis, Effect, Map};
 

@@ -1,6 +1,6 @@
 //! The points of a picture: what is left without an effect and with it, over the variable that gives the effect away.
 
-use crate::diagnose::BINS;
+use crate::findings::locate::BINS;
 use crate::{Diagnosis, Passage, Trace, Variable};
 
 /// Share that a variable further down the list has to explain beyond the first to be taken: a difference of 3 % is not seen in a picture.

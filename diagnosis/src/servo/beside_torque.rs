@@ -14,8 +14,10 @@ use super::scores::{Deviations, deviations, gain};
 use super::torque_law::{Sheet, TorqueLaw};
 use super::torque_servos::{Simulated, delay_of, findings, number, with_servos};
 use super::tracks::{for_fit, for_lags, track};
-use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis, Verdict, bounded};
-use crate::motion::Treatment;
+use crate::data::thinning::bounded;
+use crate::report::diagnosis::{Diagnosis, Verdict};
+use crate::report::settings::{DiagnoseError, DiagnoseSettings};
+use crate::signals::motion::Treatment;
 use crate::statistics::{SHARES, half_width};
 
 /// The servos of the joints, by torque.

@@ -5,7 +5,7 @@ use freeplay_arm::{Arm, ArmFile};
 use freeplay_servo::{DIFFERENCE_STEP, Fitted, Problem, Quantity, ServoArm, Unknown};
 
 use super::limits::lost;
-use crate::diagnose::Tolerances;
+use crate::data::tolerance::Tolerances;
 use crate::statistics::STRONG;
 
 /// Standard deviation of the prior of a base's roll and pitch, rad: a third of a right angle.

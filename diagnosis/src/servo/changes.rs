@@ -6,7 +6,7 @@ use freeplay_servo::{DIFFERENCE_STEP, Problem, Quantity, ServoArm, Sight, Unknow
 use super::burdens::{Burdened, burdens, masses, present};
 use super::findings::{moved, tolerance};
 use super::limits::limits;
-use crate::diagnose::Tolerances;
+use crate::data::tolerance::Tolerances;
 
 /// Changes of a number that are tried, as shares of the standard deviation of its prior: a descent from the given value alone can end in a local minimum.
 const SHARES: [f64; 10] = [-0.8, -0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4, 0.8];

@@ -5,12 +5,13 @@ use freeplay_recording::{Group, Recording};
 use freeplay_servo::{Rollout, ServoArm, Track, lag};
 
 use super::tracks::{for_lags, longest_gap, rollout_step, track};
-use crate::comparison::{Comparison, SCHEMA};
+use crate::compare::comparison::{Comparison, SCHEMA};
+use crate::compare::notes;
+use crate::compare::tally::ChannelTally;
 use crate::conventions::examine;
 use crate::error::ResidualError;
-use crate::notes;
-use crate::residual::{Channel, Kind, Residuals, check_joints};
-use crate::tally::ChannelTally;
+use crate::signals::channel::{Channel, Kind};
+use crate::signals::residual::{Residuals, check_joints};
 
 /// Compares the measured positions of `recording` with those that the servos of `file` make of the commanded ones, from the first sample to the last; where
 /// `file` has no servos, with the commands as late as they are nearest to what was measured. Nothing is filtered.

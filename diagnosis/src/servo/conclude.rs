@@ -15,10 +15,11 @@ use super::findings::{CERTAIN, Finding, Numbers, around, known, named_from};
 use super::limits::lost;
 use super::parts::{Parts, Rows, rounding};
 use super::scores::{Deviations, deviations, errors, gain, rms};
-use crate::diagnose::{
-    Alternative, DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Location, Parameter, Rmse, Verdict,
-    insufficient, odds, phrase, statement,
+use crate::report::diagnosis::{
+    Alternative, Diagnosis, Effect, Evidence, Fit, Location, Parameter, Rmse, Verdict, insufficient,
 };
+use crate::report::settings::DiagnoseSettings;
+use crate::report::words::{odds, phrase, statement};
 
 /// Kinds of effects at joints that the findings stand in the place of.
 const REPLACED: [&str; 6] =

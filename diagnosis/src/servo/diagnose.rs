@@ -14,7 +14,8 @@ use super::scores::{Deviations, deviations};
 use super::search::changes;
 use super::servos::servos;
 use super::tracks::{for_fit, for_lags, track};
-use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis};
+use crate::report::diagnosis::Diagnosis;
+use crate::report::settings::{DiagnoseError, DiagnoseSettings};
 use crate::statistics::FEWEST_ROWS;
 
 /// Finds the servos of the arm of `file` in `recordings` of commanded and measured positions.

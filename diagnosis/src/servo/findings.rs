@@ -8,7 +8,9 @@ use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
 use nalgebra::DMatrix;
 use toml::{Table, Value};
 
-use crate::diagnose::{Parameter, Tolerances, Untestable};
+use crate::candidates::candidate::Untestable;
+use crate::data::tolerance::Tolerances;
+use crate::report::diagnosis::Parameter;
 use crate::statistics::{STRONG, half_width};
 
 /// Standard deviations beyond which a number is certain: no distribution of errors is known so far out, and no odds have words.

@@ -11,7 +11,9 @@ use super::conclude::Conclusion;
 use super::events::{Event, What};
 use super::findings::known;
 use super::scores::gain;
-use crate::diagnose::{Effect, Evidence, NAMED_FROM, Parameter, odds, phrase};
+use crate::report::diagnosis::{Effect, Evidence, Parameter};
+use crate::report::words::{odds, phrase};
+use crate::statistics::STRONG as NAMED_FROM;
 
 impl Conclusion<'_> {
     /// Stops and contacts as effects; tables of the stops. A stop that is met several times is one.

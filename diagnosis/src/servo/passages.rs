@@ -8,7 +8,7 @@ use freeplay_recording::Group;
 use super::compare::unit;
 use super::conclude::Conclusion;
 use super::scores::Deviations;
-use crate::diagnose::{Passage, Trace, Variable};
+use crate::report::diagnosis::{Passage, Trace, Variable};
 
 impl Conclusion<'_> {
     /// All recordings, those of the fit first.

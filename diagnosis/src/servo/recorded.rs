@@ -10,7 +10,7 @@ use super::changes::{Change, Given};
 use super::events::{Event, Judging, What};
 use super::findings::Numbers;
 use super::parts::{Parts, Rows, WINDOW, problem};
-use crate::diagnose::Tolerances;
+use crate::data::tolerance::Tolerances;
 
 /// The recordings of an arm.
 pub struct Recorded<'a> {

@@ -7,7 +7,8 @@ use freeplay_servo::Track;
 
 use super::parts::Rows;
 use super::tracks::median_step;
-use crate::diagnose::{Gain, Rmse};
+use crate::evidence::gain::Gain;
+use crate::report::diagnosis::Rmse;
 use crate::statistics::bootstrap;
 
 /// Length of a block of rows that is taken as independent of the others, s: many lags of a servo, which answers within 0.2 s.

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 
 use super::scores::BLOCK;
 use super::tracks::FOR_LAGS;
-use crate::motion::Treatment;
+use crate::signals::motion::Treatment;
 use crate::statistics::Moments;
 
 /// Steps of the delays that are tried, s, before the best is looked for between its neighbours: a quarter of the shortest lag of a servo.

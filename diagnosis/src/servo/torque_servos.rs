@@ -15,10 +15,10 @@ use super::findings::{CERTAIN, around, distance, known, named_from};
 use super::parts::{Parts, rounding};
 use super::scores::{Deviations, errors, gain, rms};
 use super::torque_law::TorqueLaw;
-use crate::diagnose::{
-    DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Parameter, Passage, Rmse, Tolerances, Trace, Verdict,
-    odds, phrase, statement,
-};
+use crate::data::tolerance::Tolerances;
+use crate::report::diagnosis::{Diagnosis, Effect, Evidence, Fit, Parameter, Passage, Rmse, Trace, Verdict};
+use crate::report::settings::DiagnoseSettings;
+use crate::report::words::{odds, phrase, statement};
 
 /// An effect that laws say.
 pub struct Finding {

@@ -3,7 +3,7 @@
 use freeplay_recording::Recording;
 use freeplay_servo::{Commands, Track};
 
-use crate::grid::GAP_STEPS;
+use crate::signals::grid::GAP_STEPS;
 
 /// Longest step of a rollout, s: a tenth of the time constants that servos of arms have (0.05 to 0.2 s), at which the midpoint rule
 /// is right to about a hundredth.

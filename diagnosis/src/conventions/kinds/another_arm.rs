@@ -4,7 +4,8 @@
 //! any inertia explain more than the reading that was found, with the model's links as they stand on a data sheet.
 
 use super::super::examine::SPOKEN;
-use super::super::finding::{Certainty, SetupFinding};
+use super::super::finding::Certainty;
+use super::super::finding::SetupFinding;
 use super::super::problem::Outcome;
 
 /// Share of a channel's variance beyond which the channel is not explained: more than half of its deviation is left then, √0.3.

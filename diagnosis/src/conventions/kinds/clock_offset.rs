@@ -5,9 +5,11 @@
 
 use super::super::change::Change;
 use super::super::change::Late;
-use super::super::finding::{Certainty, SetupFinding};
+use super::super::finding::Certainty;
+use super::super::finding::SetupFinding;
 use super::super::search::groups;
-use super::{Ask, Told};
+use super::Ask;
+use super::Told;
 
 /// Delays up to here are the catalogue's, s: with more, no position loop of 3.5 Hz would hold (60 degrees of its phase).
 pub(crate) const LEAST: f64 = 0.048;

@@ -4,7 +4,8 @@
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
-use super::{Ask, Told};
+use super::Ask;
+use super::Told;
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {

@@ -6,7 +6,8 @@ use freeplay_arm::JointKind;
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
-use super::{Ask, Told};
+use super::Ask;
+use super::Told;
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {

@@ -5,7 +5,7 @@
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
 use super::{Ask, Told};
-use crate::rest::STILL;
+use crate::signals::rest::STILL;
 use crate::statistics::Moments;
 
 /// What it asks.

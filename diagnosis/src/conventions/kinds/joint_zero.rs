@@ -11,8 +11,9 @@ pub(crate) use freeplay_laws::catalogue::MOST_ENCODER_OFFSET as LEAST;
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
+use super::Ask;
+use super::Told;
 use super::brief;
-use super::{Ask, Told};
 
 /// Parts of half a turn that are asked for: a fit that begins within 15 degrees of an offset finds it, and right angles are among them.
 const PARTS: i8 = 6;

@@ -21,7 +21,8 @@ pub(crate) mod torque_unit;
 use freeplay_arm::Arm;
 
 use super::change::Change;
-use super::finding::{Certainty, SetupFinding};
+use super::finding::Certainty;
+use super::finding::SetupFinding;
 use super::problem::Outcome;
 use super::search::physics;
 

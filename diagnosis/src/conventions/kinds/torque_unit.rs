@@ -7,8 +7,10 @@ use super::super::change::Change;
 use super::super::finding::Certainty;
 use super::super::finding::SetupFinding;
 use super::super::problem::Outcome;
-use super::{Ask, Told};
-use super::{brief, listed};
+use super::Ask;
+use super::Told;
+use super::brief;
+use super::listed;
 
 /// Between a half and two, a wrong gain or mass explains a scale; no unit does.
 const NEAR: f64 = 2.0;

@@ -1,0 +1,583 @@
+//! Everything that might be missing: each kind of effect, of the catalogue and beyond it, at each place in each shape, as a block of columns.
+
+use std::rc::Rc;
+
+use freeplay_arm::{Arm, EffectTable};
+use freeplay_laws::{
+    ABOUT, ArmParts, Injection, Kind as EffectKind, LawError, Place, Placed, Site, Start, Term, kinds,
+};
+use freeplay_recording::Group;
+use nalgebra::{Cholesky, DMatrix, DVector};
+use serde::Serialize;
+use toml::{Table, Value};
+
+use crate::candidates::moments::{Moments, window};
+use crate::data::columns::{Answer, Column, dot};
+use crate::data::stacked::{Data, REMEMBERED};
+use crate::data::stage::Stage;
+use crate::signals::begin::InBearing;
+use crate::signals::channel::Kind;
+use crate::statistics::{FINEST, span};
+
+/// An effect that the recordings can't show.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Untestable {
+    /// Its kind.
+    pub kind: &'static str,
+    /// The joint; `None`: the arm as a whole.
+    pub joint: Option<String>,
+    /// What the recordings lack, a plain sentence.
+    pub because: String,
+}
+
+/// What of an effect is not linear: all that its columns depend on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Form {
+    /// The numbers and words that shape its law.
+    pub shape: Table,
+    /// The only recording in which it happens; `None`: all.
+    pub only: Option<usize>,
+    /// The coefficients of all terms about which the law is taken; `None`: about none.
+    pub around: Option<Vec<f64>>,
+    /// Its coefficients are those that they have on most machines.
+    pub is_usual: bool,
+}
+
+impl Form {
+    /// The form with this `shape`, in all recordings.
+    pub fn of(shape: Table) -> Self {
+        Self { shape, ..Self::default() }
+    }
+
+    /// True if the form takes its law along a chord, from zero to one coefficient of the only term.
+    pub fn is_chord(&self) -> bool {
+        self.shape.contains_key(ABOUT)
+    }
+}
+
+/// The form with this `shape` in the recording number `only`.
+pub(crate) fn in_one_recording(data: &Data, shape: Table, only: usize) -> Form {
+    Form { only: (data.stages.len() > 1).then_some(only), ..Form::of(shape) }
+}
+/// An effect at a place in a form, with its columns on the rows of the data.
+#[derive(Clone, Debug)]
+pub(crate) struct Candidate {
+    /// Its kind.
+    pub kind: &'static EffectKind,
+    /// Its joint; `None`: the arm as a whole.
+    pub joint: Option<usize>,
+    /// What of it is not linear.
+    pub form: Form,
+    /// Its terms that the motion shows, in the order of the columns.
+    pub terms: Vec<Term>,
+    /// What it adds to each channel per unit of each term's coefficient.
+    pub columns: Rc<Vec<Column>>,
+    /// Channels in which it is not zero.
+    pub channels: Vec<usize>,
+    /// Number of forms that were laid out of it.
+    pub forms: usize,
+    /// Whether it changes what is read of the machine, and so acts on all that the machine does.
+    pub is_read: bool,
+    /// Whether the effect changes masses, lengths or gravity of the arm. The diagnosis computes the columns of such an effect once, because no other effect changes these columns.
+    pub changes_arm: bool,
+    /// The effect may take one of several courses, and the motion does not tell which.
+    pub is_open: bool,
+    /// The effect parts its joint: by play in the bearing (first), by a spring or a gap in the gear (second).
+    parts: [bool; 2],
+    /// Where its journal is in its bearing as each recording begins, if it has one that was looked for.
+    begins: Vec<Option<InBearing>>,
+    /// Where its terms are among all terms of the law; the others are zero.
+    shown: Vec<usize>,
+    /// Number of all terms of the law.
+    all: usize,
+}
+
+impl Candidate {
+    /// `kind` at `joint` in `form`, with the terms that the motion shows; `None` if it shows none.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn new(
+        data: &Data,
+        kind: &'static EffectKind,
+        joint: Option<usize>,
+        form: Form,
+    ) -> Result<Option<Self>, LawError> {
+        Self::beginning(data, kind, joint, form, vec![None; data.stages.len()])
+    }
+
+    /// The same, its journal about where it `begins` in each recording, if that is known.
+    fn beginning(
+        data: &Data,
+        kind: &'static EffectKind,
+        joint: Option<usize>,
+        form: Form,
+        mut begins: Vec<Option<InBearing>>,
+    ) -> Result<Option<Self>, LawError> {
+        let (terms, mut columns) = columns(data, (kind, joint), &form, &mut begins)?;
+        if columns.iter().flatten().flatten().flatten().any(|x| !x.is_finite()) {
+            return Ok(None);
+        }
+        let all = terms.len();
+        let mut shown = independent(&columns);
+        shown.retain(|&place| is_seen(data, &columns[place], &terms[place]));
+        // A law without one of its terms may be a plainer one of the catalogue, which stands there by itself.
+        if shown.is_empty() || shown.len() < all && !kind.contains.is_empty() {
+            return Ok(None);
+        }
+        let columns: Vec<Column> = shown.iter().map(|&place| std::mem::take(&mut columns[place])).collect();
+        if kind.happens() && !begins_or_ends(data, &columns) {
+            return Ok(None);
+        }
+        let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
+        let placed = Placed::new(&table(kind, joint, data.arm(), terms[0].plus.clone()), data.arm());
+        let is_read = placed.as_ref().is_ok_and(|placed| placed.effect.measures());
+        let mut arm = ArmParts::of(data.arm());
+        let changes_arm = placed
+            .as_ref()
+            .is_ok_and(|placed| placed.effect.arm(&mut arm).is_ok() && !arm.are_of(data.arm()));
+        let mut injection = Injection::default();
+        if let Ok(placed) = &placed {
+            placed.effect.inject(&mut injection);
+        }
+        let in_bearing = !injection.clearances.is_empty() || !injection.films.is_empty();
+        let parts = [in_bearing, !injection.transmissions.is_empty()];
+        let is_open = placed.as_ref().is_ok_and(|placed| !placed.effect.courses().is_empty());
+        let channels = (0..data.channels()).filter(|&c| columns.iter().any(|column| column[c].is_some()));
+        let channels = channels.collect();
+        Ok(Some(Self {
+            kind,
+            joint,
+            form,
+            terms,
+            columns: Rc::new(columns),
+            channels,
+            forms: 1,
+            is_read,
+            changes_arm,
+            parts,
+            is_open,
+            begins,
+            shown,
+            all,
+        }))
+    }
+
+    /// The same effect in another `form`; `None` if the motion shows nothing of it, or other terms.
+    pub fn reformed(&self, data: &Data, form: Form) -> Option<Self> {
+        let other = Self::beginning(data, self.kind, self.joint, form, self.begins.clone()).ok()??;
+        (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
+    }
+
+    /// A key for the candidate in another `form`: no two candidates with different columns share one.
+    pub fn name_in(&self, form: &Form) -> String {
+        format!(
+            "{} {:?} {form:?} {:?} {:?} {}",
+            self.kind.name, self.joint, self.begins, self.shown, self.forms
+        )
+    }
+
+    /// How many numbers its columns hold.
+    pub fn numbers_in_columns(&self) -> usize {
+        self.columns.iter().flatten().flatten().map(Vec::len).sum()
+    }
+
+    /// The same as one of so many forms that were laid out.
+    pub fn one_of(self, forms: usize) -> Self {
+        Self { forms, ..self }
+    }
+
+    /// Number of coefficients.
+    pub fn size(&self) -> usize {
+        self.terms.len()
+    }
+
+    /// Within which its coefficients are held.
+    pub fn limits(&self) -> Vec<[f64; 2]> {
+        self.terms.iter().map(|term| [term.least, term.most]).collect()
+    }
+
+    /// The same effect at the same place, in whatever form; what happens at a time may happen again.
+    pub fn same_effect(&self, other: &Self) -> bool {
+        self.kind.name == other.kind.name
+            && self.joint == other.joint
+            && (self.form.only == other.form.only || self.form.only.is_none() || other.form.only.is_none())
+            && (!self.kind.happens() || meet(&self.form.shape, &other.form.shape))
+    }
+
+    /// No machine has both: they are the same effect, or each gives the joint all of its play, or its gear all of its spring and gap.
+    pub fn excludes(&self, other: &Self) -> bool {
+        let both = self.parts.iter().zip(other.parts).any(|(own, other)| *own && other);
+        self.same_effect(other) || both && self.joint == other.joint
+    }
+
+    /// Whether both happen at a time, and at the same one in part.
+    pub fn happens_with(&self, other: &Self) -> bool {
+        self.kind.happens() && other.kind.happens() && meet(&self.form.shape, &other.form.shape)
+    }
+
+    /// Whether both show in one channel at least: else neither can stand in the other's place.
+    pub fn meets(&self, other: &Self) -> bool {
+        self.channels.iter().any(|c| other.channels.contains(c))
+    }
+
+    /// Whether `other` is a special case of it at the same place.
+    pub fn contains(&self, other: &Self) -> bool {
+        self.joint == other.joint && self.kind.contains.iter().any(|(plainer, _)| *plainer == other.kind.name)
+    }
+
+    /// The coefficients that are not fitted, since its form has those of most machines.
+    pub fn usual(&self) -> Option<Vec<f64>> {
+        self.terms.iter().map(|term| term.usual.filter(|_| self.form.is_usual)).collect()
+    }
+
+    /// Its form with the coefficients of most machines; `None` if that is its form, or the law has no such coefficients.
+    pub fn usual_form(&self) -> Option<Form> {
+        let has_usual = self.terms.iter().all(|term| term.usual.is_some());
+        let mut form = Form { is_usual: true, ..self.form.clone() };
+        form.shape.remove(ABOUT);
+        (has_usual && !self.form.is_usual).then_some(form)
+    }
+
+    /// The coefficients of all terms of the law for these of the terms shown.
+    pub fn of_all(&self, coefficients: &[f64]) -> Vec<f64> {
+        let usual = self.usual();
+        let coefficients = usual.as_deref().unwrap_or(coefficients);
+        let mut all = vec![0.0; self.all];
+        self.shown.iter().zip(coefficients).for_each(|(&place, coefficient)| all[place] = *coefficient);
+        all
+    }
+
+    /// The parameters of an arm file for these coefficients of the terms shown.
+    pub fn parameters(&self, coefficients: &[f64]) -> Table {
+        self.kind.compose(&self.form.shape, &self.of_all(coefficients))
+    }
+
+    /// The table of an arm file that switches it on with these coefficients of the terms shown.
+    pub fn table(&self, arm: &Arm, coefficients: &[f64]) -> EffectTable {
+        table(self.kind, self.joint, arm, self.parameters(coefficients))
+    }
+
+    /// The effect with these coefficients on `arm`; `None` if an arm file can't say it.
+    pub fn placed(&self, arm: &Arm, coefficients: &[f64]) -> Option<Placed> {
+        Placed::new(&self.table(arm, coefficients), arm).ok()
+    }
+
+    /// The same in the recording number `stage`, where its journal begins as it was found there.
+    pub fn placed_in(&self, arm: &Arm, coefficients: &[f64], stage: usize) -> Option<Placed> {
+        let mut placed = self.placed(arm, coefficients)?;
+        let begins = self.begins[stage].map(|place| Start::Within(place.eccentricity()));
+        if let Some(effect) = begins.and_then(|begins| placed.effect.with_initial_state(begins)) {
+            placed.effect = effect;
+        }
+        Some(placed)
+    }
+
+    /// The numbers of its shape that can take any value near by.
+    pub fn numbers(&self) -> Vec<String> {
+        let is_number = |value: &Value| value.as_float().is_some_and(|x| x != 0.0 || self.kind.happens());
+        let numbers =
+            self.form.shape.iter().filter(|(name, value)| is_number(value) && self.kind.refines(name));
+        numbers.map(|(name, _)| name.clone()).collect()
+    }
+
+    /// Its form with each number of `along` moved by `step` that way: of its logarithm, or, of a time, of how long the effect lasts.
+    pub fn moved(&self, data: &Data, along: &[(&str, f64)], step: f64) -> Form {
+        let mut form = self.form.clone();
+        let lasts = self.kind.happens().then(|| lasts(data, &form));
+        for (name, way) in along {
+            if let Some(Value::Float(value)) = form.shape.get_mut(*name) {
+                match lasts {
+                    Some(lasts) => *value += way * step * lasts,
+                    None => *value *= (way * step).exp(),
+                }
+            }
+        }
+        form
+    }
+
+    /// True if a column of the candidate has a row in the channel number `channel` that is not zero and has a weight.
+    pub fn shows_in(&self, channel: usize, weights: &[Vec<f64>]) -> bool {
+        let says = |rows: &Vec<f64>| rows.iter().zip(&weights[channel]).any(|(x, w)| x * w != 0.0);
+        self.columns.iter().any(|column| column[channel].as_ref().is_some_and(says))
+    }
+
+    /// Its form taken about the place that is this `share` of the way from where it is taken now to these coefficients of the terms shown; `None` if that is the
+    /// same for its law.
+    pub fn about(&self, coefficients: &[f64], share: f64) -> Option<Form> {
+        if self.form.is_usual {
+            return None;
+        }
+        let mut form = self.form.clone();
+        if let [coefficient] = coefficients {
+            let now = form.shape.get(ABOUT).and_then(Value::as_float).unwrap_or(0.0);
+            form.shape.insert(ABOUT.to_owned(), Value::Float(now + share * (coefficient - now)));
+            return (*coefficient != 0.0).then_some(form);
+        }
+        let mut around = self.of_all(coefficients);
+        if let Some(now) = &self.form.around {
+            around.iter_mut().zip(now).for_each(|(x, now)| *x = now + share * (*x - now));
+        }
+        form.around = Some(around);
+        (!self.kind.rough).then_some(form)
+    }
+}
+
+/// The table of an arm file for `kind` at `joint` with `parameters`.
+fn table(kind: &EffectKind, joint: Option<usize>, arm: &Arm, parameters: Table) -> EffectTable {
+    let joint = joint.map(|joint| arm.joints()[joint].name.clone());
+    EffectTable { kind: kind.name.to_owned(), joint, parameters, line: 0 }
+}
+
+/// Where `kind` can sit on an arm.
+pub(crate) fn places(kind: &EffectKind, arm: &Arm) -> Vec<Option<usize>> {
+    match kind.site {
+        Site::Arm => vec![None],
+        Site::Joint | Site::Revolute => {
+            (0..arm.dof()).filter(|&joint| kind.fits(arm.joints().get(joint))).map(Some).collect()
+        }
+    }
+}
+
+/// Every effect that the recordings can show, in every form, and those that they can't.
+pub(crate) fn candidates(data: &Data, progress: &mut dyn FnMut(&str)) -> (Vec<Candidate>, Vec<Untestable>) {
+    let (mut all, mut untestable) = (Vec::new(), Vec::new());
+    let count = kinds().count();
+    for (number, kind) in kinds().enumerate() {
+        progress(&format!("laying out what might be missing: {} of {count} laws", number + 1));
+        for joint in places(kind, data.arm()) {
+            match at_place(data, kind, joint, None) {
+                Ok((found, lacks)) => {
+                    all.extend(found);
+                    untestable.extend(lacks.map(|because| untestable_at(data, kind, joint, because)));
+                }
+                Err(because) => untestable.push(untestable_at(data, kind, joint, because)),
+            }
+        }
+    }
+    (all, untestable)
+}
+
+fn untestable_at(
+    data: &Data,
+    kind: &'static EffectKind,
+    joint: Option<usize>,
+    because: String,
+) -> Untestable {
+    let joint = joint.map(|joint| data.arm().joints()[joint].name.clone());
+    Untestable { kind: kind.name, joint, because }
+}
+
+/// `kind` at `joint` in all its forms, and what the motion covers too little of to tell it; what the recordings lack if they show nothing of it.
+pub(crate) fn at_place(
+    data: &Data,
+    kind: &'static EffectKind,
+    joint: Option<usize>,
+    moments: Option<&Moments>,
+) -> Result<(Vec<Candidate>, Option<String>), String> {
+    let lacks = |of: &dyn Fn(&Place, &Stage) -> Option<String>| {
+        let stages = data.stages.iter();
+        let all: Option<Vec<String>> =
+            stages.map(|stage| of(&Place { scene: stage.baseline(kind).scene(), joint }, stage)).collect();
+        all.and_then(|all| all.into_iter().next())
+    };
+    if let Some(because) = lacks(&|place, stage| kind.cannot_be_fitted(place, &stage.recorded())) {
+        return Err(because);
+    }
+    let (mut found, mut refused) = (Vec::new(), None);
+    for form in forms(data, kind, joint, moments) {
+        match Candidate::new(data, kind, joint, form) {
+            Ok(candidate) => found.extend(candidate),
+            Err(error) => refused = Some(error.to_string()),
+        }
+    }
+    if found.is_empty() {
+        let because = refused.or_else(|| no_torque_of(data, joint));
+        return Err(because.unwrap_or_else(|| "this motion shows nothing of it".to_owned()));
+    }
+    let count = moments.filter(|_| kind.happens()).map_or(found.len(), |moments| moments.tried(kind));
+    found.iter_mut().for_each(|candidate| candidate.forms = count);
+    Ok((found, lacks(&|place, stage| kind.missing(place, &stage.recorded()))))
+}
+
+/// That the torque of `joint` is no measurement in any recording, in words: the same for all such joints.
+fn no_torque_of(data: &Data, joint: Option<usize>) -> Option<String> {
+    let is_stuck = |j| data.stages.iter().all(|stage| stage.ground.is_stuck(Kind::Torque(j)));
+    joint.filter(|joint| is_stuck(*joint))?;
+    let stuck: Vec<String> =
+        (0..data.arm().dof()).filter(|j| is_stuck(*j)).map(|j| Group::Torque.column(j)).collect();
+    let is = if stuck.len() > 1 { "are" } else { "is" };
+    Some(format!("{} {is} no measurement", stuck.join(", ")))
+}
+
+/// How long what has this `form` lasts, s: to its recording's end, if it does not end.
+pub(crate) fn lasts(data: &Data, form: &Form) -> f64 {
+    match window(&form.shape) {
+        Some([begin, end]) => end - begin,
+        None => span(&data.stages[form.only.unwrap_or(0)].motion().t),
+    }
+}
+
+/// Whether what has the shapes `one` and `other` happens at the same time in part; what does not end meets all.
+fn meet(one: &Table, other: &Table) -> bool {
+    match (window(one), window(other)) {
+        (Some([from, to]), Some([begin, end])) => begin < to && from < end,
+        _ => true,
+    }
+}
+
+/// The forms of `kind` at `joint` that are laid out.
+fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, moments: Option<&Moments>) -> Vec<Form> {
+    let shapes_of = |stage: &Stage| (kind.shapes)(&Place { scene: stage.baseline(kind).scene(), joint });
+    if !kind.happens() {
+        return shapes_of(fastest(data, joint)).into_iter().map(Form::of).collect();
+    }
+    // Each recording has a clock of its own, and what happens at a time happens in that recording alone.
+    let mut forms = Vec::new();
+    for (index, stage) in data.stages.iter().enumerate() {
+        let at_times = moments.map(|moments| moments.shapes(data, kind, joint, index));
+        let shapes = shapes_of(stage).into_iter().chain(at_times.into_iter().flatten());
+        forms.extend(shapes.map(|shape| in_one_recording(data, shape, index)));
+    }
+    forms
+}
+
+/// The recording in which `joint` moves fastest, which spans the speeds and loads that shapes are laid out over; for the whole arm the first.
+fn fastest<'c, 'a>(data: &'c Data<'a>, joint: Option<usize>) -> &'c Stage<'a> {
+    let greatest = |stage: &Stage| {
+        let joint = joint.map(|joint| stage.motion().v[joint].iter());
+        joint.into_iter().flatten().fold(0.0_f64, |most, v| most.max(v.abs()))
+    };
+    let first = &data.stages[0];
+    data.stages
+        .iter()
+        .skip(1)
+        .fold(first, |most, stage| if greatest(stage) > greatest(most) { stage } else { most })
+}
+
+/// Least share of a column's square that the columns of the same law before it do not say, for the motion to show its term: above what rounding leaves.
+const OWN_SHARE: f64 = 1e-8;
+
+/// Which of `columns` say something that those before them don't.
+fn independent(columns: &[Column]) -> Vec<usize> {
+    let n = columns.len();
+    let product = |i: usize, j: usize| -> f64 {
+        let pairs = columns[i].iter().zip(&columns[j]);
+        pairs.filter_map(|(a, b)| Some(dot(a.as_ref()?, b.as_ref()?))).sum()
+    };
+    let gram = DMatrix::from_fn(n, n, |i, j| if i <= j { product(i, j) } else { 0.0 });
+    let gram = &gram + gram.transpose() - DMatrix::from_diagonal(&gram.diagonal());
+    let mut found: Vec<usize> = Vec::new();
+    for place in 0..n {
+        let known = gram.select_rows(&found).select_columns(&found);
+        let cross = DVector::from_iterator(found.len(), found.iter().map(|&k| gram[(k, place)]));
+        let said = Cholesky::new(known).map_or(0.0, |factor| cross.dot(&factor.solve(&cross)));
+        let whole = gram[(place, place)];
+        if whole > 0.0 && whole - said > OWN_SHARE * whole {
+            found.push(place);
+        }
+    }
+    found
+}
+
+/// Whether `column`, with the greatest coefficient of its `term`, says anything that could be measured: a force along the axis of a joint is a rounding error.
+fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
+    let most = term.least.abs().max(term.most.abs());
+    column.iter().enumerate().any(|(c, part)| {
+        let (stage, channel) = data.place(c);
+        let measured: f64 = data.stages[stage].channels[channel].measured.iter().map(|x| x * x).sum();
+        let said = part.as_ref().map_or(0.0, |rows| dot(rows, rows));
+        said > 0.0 && said.sqrt() * most > FINEST * measured.sqrt()
+    })
+}
+
+/// Whether `columns` of what happens at a time have rows that are heard with it and without it, each for longer than the low-pass remembers: what is there from
+/// the first sample to the last has not happened.
+fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
+    (0..data.channels()).any(|c| {
+        let mask = data.heard(c);
+        let parts: Vec<(&Vec<f64>, f64)> = columns
+            .iter()
+            .filter_map(|column| column[c].as_ref())
+            .map(|part| (part, REMEMBERED * part.iter().fold(0.0_f64, |most, x| most.max(x.abs()))))
+            .collect();
+        let says = |row: usize| parts.iter().any(|(part, least)| part[row].abs() > *least);
+        let (mut with, mut without) = (0.0, 0.0);
+        for (stretch, step) in data.stretches(c) {
+            for row in stretch.filter(|&row| mask[row] > 0.0) {
+                *(if says(row) { &mut with } else { &mut without }) += step;
+            }
+        }
+        let stage = &data.stages[data.place(c).0];
+        let memory = stage.ground.treatment.filter().settling_time();
+        with > 0.0 && without > memory && (with > memory || without > with)
+    })
+}
+
+/// All terms of a law and their columns; its journal about where it `begins` in each recording, which is set to where it does.
+fn columns(
+    data: &Data,
+    (kind, joint): (&'static EffectKind, Option<usize>),
+    form: &Form,
+    begins: &mut [Option<InBearing>],
+) -> Result<(Vec<Term>, Vec<Column>), LawError> {
+    let mut terms = Vec::new();
+    let mut answers: Vec<Vec<Answer>> = Vec::new();
+    let is_asked = |number: usize| form.only.is_none_or(|only| only == number);
+    for (number, stage) in data.stages.iter().enumerate() {
+        if !(is_asked(number) || terms.is_empty() && number + 1 == data.stages.len()) {
+            answers.iter_mut().for_each(|answers| answers.push(vec![None; data.per_stage()]));
+            continue;
+        }
+        let terms_of_stage =
+            stage.terms((kind, joint), &form.shape, &data.nuisances[number], &mut begins[number])?;
+        let (of_stage, mut said): (Vec<Term>, Vec<Answer>) = terms_of_stage.into_iter().unzip();
+        if !is_asked(number) {
+            said.iter_mut().for_each(|said| said.fill(None));
+        }
+        if terms.is_empty() {
+            answers.resize_with(of_stage.len(), || vec![vec![None; data.per_stage()]; number]);
+            terms = of_stage;
+        }
+        answers.iter_mut().zip(said).for_each(|(answers, said)| answers.push(said));
+    }
+    let mut columns: Vec<Column> = answers.into_iter().map(|answers| data.column(answers)).collect();
+    if let Some(around) = &form.around {
+        take_around(data, (kind, joint), form, around, &mut columns)?;
+    }
+    Ok((terms, columns))
+}
+
+/// Adds to the `columns` of `kind` at `joint` what the law says beyond their sum with the coefficients `around`, each by its share of that sum.
+fn take_around(
+    data: &Data,
+    (kind, joint): (&'static EffectKind, Option<usize>),
+    form: &Form,
+    around: &[f64],
+    columns: &mut [Column],
+) -> Result<(), LawError> {
+    let parameters = kind.compose(&form.shape, around);
+    let answer = |stage: &Stage| -> Result<Answer, LawError> {
+        stage.answer(&Placed::new(&table(kind, joint, stage.arm(), parameters.clone()), stage.arm())?)
+    };
+    let answers = data.stages.iter().map(answer).collect::<Result<_, _>>()?;
+    let mut beyond = data.column(answers);
+    for (column, c) in columns.iter().zip(around) {
+        for (beyond, part) in beyond.iter_mut().zip(column) {
+            if let (Some(beyond), Some(part)) = (beyond, part) {
+                beyond.iter_mut().zip(part).for_each(|(beyond, x)| *beyond -= c * x);
+            }
+        }
+    }
+    let square = |column: &Column| column.iter().flatten().flatten().map(|x| x * x).sum::<f64>();
+    let said: Vec<f64> = columns.iter().zip(around).map(|(column, c)| c * square(column)).collect();
+    let all: f64 = said.iter().zip(around).map(|(said, c)| said * c).sum();
+    for (column, said) in columns.iter_mut().zip(said).filter(|_| all > 0.0) {
+        for (part, beyond) in column.iter_mut().zip(&beyond) {
+            if let (Some(part), Some(beyond)) = (part, beyond) {
+                part.iter_mut().zip(beyond).for_each(|(x, beyond)| *x += said / all * beyond);
+            }
+        }
+    }
+    Ok(())
+}

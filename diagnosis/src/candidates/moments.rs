@@ -1,0 +1,100 @@
+//! What happens at a time: a push, a load that drops. Each recording has a clock of its own, and a repeat need not have the push.
+
+use freeplay_laws::Kind as EffectKind;
+use toml::{Table, Value};
+
+use crate::candidates::windows::{Step, Torque, windows};
+use crate::data::stacked::{Data, REMEMBERED};
+use crate::data::stage::Stage;
+use crate::data::whitening::Whitening;
+use crate::signals::channel::Kind;
+
+/// Most happenings of a recording that are looked for once all else is found, and windows of each that are laid out: a recording with more is one of a
+/// disturbed machine, to be made again.
+pub(crate) const MOST: usize = 8;
+/// Names of the numbers of a law that begins and ends.
+const BEGIN: &str = "start";
+pub(crate) const END: &str = "end";
+
+/// From when to when what has this `shape` happens; `None` if it does not end.
+pub(crate) fn window(shape: &Table) -> Option<[f64; 2]> {
+    let time = |name| shape.get(name).and_then(Value::as_float);
+    Some([time(BEGIN)?, time(END)?])
+}
+
+/// The torques of all recordings, white, in which what begins and ends is looked for.
+pub(crate) struct Moments {
+    /// By channel; `None` of what is no torque.
+    torques: Vec<Option<Torque>>,
+    per_stage: usize,
+}
+
+impl Moments {
+    /// Those of `data` that wander as `whitening` says, of which `left` remains.
+    pub fn new(data: &Data, whitening: &Whitening, left: &[Vec<f64>]) -> Self {
+        let of_stage: Vec<(Step, Vec<usize>)> =
+            data.stages.iter().map(|stage| (step_of(stage), edges_of(stage))).collect();
+        let torque = |c: usize| {
+            let (step, edges) = &of_stage[data.place(c).0];
+            matches!(data.kind(c), Kind::Torque(_))
+                .then(|| Torque::new(whitening.channel(c), &left[c], step, edges))
+        };
+        Self { torques: (0..data.channels()).map(torque).collect(), per_stage: data.per_stage() }
+    }
+
+    /// Sets what is `left` of them.
+    pub fn set(&mut self, left: &[Vec<f64>]) {
+        let torques = self.torques.iter_mut().zip(left);
+        torques.for_each(|(torque, left)| torque.iter_mut().for_each(|torque| torque.set(left)));
+    }
+
+    /// In how many ways, each as likely as the next, a `kind` may happen at one place: from each row that says something on, and for as long as one row or as all
+    /// rows, the logarithm of its length even (Jeffreys 1961, Theory of Probability, §3.1).
+    pub fn tried(&self, kind: &EffectKind) -> usize {
+        let rows = self.torques.iter().flatten().map(Torque::count).sum::<usize>();
+        let torques = self.torques.iter().flatten().count().max(1);
+        let stages = (self.torques.len() / self.per_stage.max(1)).max(1);
+        let rows = (rows * stages / torques).max(2) as f64;
+        if kind.parameter(END).is_some() { (rows * rows.ln()) as usize } else { rows as usize }
+    }
+
+    /// The shapes of a `kind` at `joint` that begins and ends, in the windows of the recording number `index` in which it would explain most.
+    pub fn shapes(&self, data: &Data, kind: &EffectKind, joint: Option<usize>, index: usize) -> Vec<Table> {
+        if kind.parameter(END).is_none() {
+            return Vec::new();
+        }
+        let is_asked = |c: &usize| joint.is_none_or(|joint| data.kind(*c) == Kind::Torque(joint));
+        let channels = (0..self.per_stage).map(|c| index * self.per_stage + c).filter(is_asked);
+        let torques: Vec<&Torque> = channels.filter_map(|c| self.torques[c].as_ref()).collect();
+        let t = &data.stages[index].motion().t;
+        windows(&torques, MOST).into_iter().map(|[begin, end]| between(t[begin], t[end])).collect()
+    }
+}
+
+/// What a step looks like in the torques of `stage`.
+fn step_of(stage: &Stage) -> Step {
+    let treatment = &stage.ground.treatment;
+    let t = &stage.motion().t;
+    let Some(&at) = t.get(t.len() / 2) else { return Step::new(vec![1.0]) };
+    let whole: Vec<f64> = stage.whole().t.iter().map(|t| if *t >= at { 1.0 } else { 0.0 }).collect();
+    let seen = treatment.keep(&treatment.low_pass(&whole));
+    let (middle, least) = (t.len() / 2, REMEMBERED.sqrt());
+    let reach = (0..middle).rev().take_while(|row| seen[*row].abs() > least).count() + 1;
+    Step::new(seen[middle.saturating_sub(reach)..(middle + reach).min(seen.len())].to_vec())
+}
+
+/// The rows of `stage` at which something may set in or end: four in a period of its low-pass's cutoff.
+fn edges_of(stage: &Stage) -> Vec<usize> {
+    let motion = stage.motion();
+    let step = motion.stretches.first().map_or(1.0, |stretch| motion.step(stretch));
+    let every = (0.25 / stage.ground.treatment.filter().cutoff_hz() / step) as usize;
+    (0..motion.len()).step_by(every.max(1)).collect()
+}
+
+/// The shape of what begins and ends at these times.
+fn between(begin: f64, end: f64) -> Table {
+    [(BEGIN, begin), (END, end)]
+        .map(|(name, time)| (name.to_owned(), Value::from(time)))
+        .into_iter()
+        .collect()
+}

@@ -1,0 +1,33 @@
+//! The choice between the few answers that the evidence leaves: by how well each predicts the choice part of the data.
+
+use crate::data::parts::Part;
+use crate::search::moves::{Answer, Search};
+use crate::statistics::STRONG;
+
+/// Of the answers that are as good as the best by their evidence, the one under which the choice part is most probable; the system is left with its shares of
+/// discrepancy. `None` if the system is singular.
+pub(crate) fn choose(search: &mut Search) -> Option<Answer> {
+    let best = search.met.first()?.evidence;
+    let as_good: Vec<Answer> =
+        search.met.iter().filter(|answer| answer.evidence > best - STRONG).cloned().collect();
+    let mut chosen: Option<(f64, Answer)> = None;
+    for answer in as_good {
+        search.back(&answer)?;
+        let score = score(search, &answer)?;
+        if chosen.as_ref().is_none_or(|(known, _)| score > *known) {
+            chosen = Some((score, answer));
+        }
+    }
+    let (_, answer) = chosen?;
+    search.back(&answer)?;
+    Some(answer)
+}
+
+/// Log of the likelihood of the choice part under `answer`, and of its evidence: what both parts say.
+fn score(search: &Search, answer: &Answer) -> Option<f64> {
+    let fit = search.system.fit(&answer.members)?;
+    let left = search.system.left(&fit);
+    let choice = search.system.weights.on(search.system.data, &[Part::Choice]);
+    let likelihood: f64 = choice.rows.iter().zip(&left).map(|(rows, left)| rows.score(left)).sum();
+    Some(likelihood + answer.evidence)
+}

@@ -1,0 +1,194 @@
+//! The confirmation: with more of the data the findings are refined together, others are tried in the place of each, and the search goes on from the best.
+
+use crate::evidence::nameless::most_in_single_channels;
+use crate::evidence::system::all_but;
+use crate::search::moves::{Answer, Search, WORTH};
+use crate::search::tried::tried;
+use crate::statistics::MOST_ROUNDS;
+
+/// The answer that the search reaches from `members`, once nothing that it tries in the place of one finding is more probable, neither another law nor several. `None` if the
+/// system is singular.
+pub(crate) fn confirmed(
+    search: &mut Search,
+    members: Vec<usize>,
+    progress: &mut dyn FnMut(&str),
+) -> Option<Answer> {
+    let mut now = compared(search, members, progress)?;
+    while with_several(search, &mut now, progress)? {
+        while with_another(search, &mut now, progress)? {}
+    }
+    Some(now)
+}
+
+/// The answer that the search reaches from `members`, once no other law that it tries in the place of one finding is more probable. `None` if the system is singular.
+pub(crate) fn compared(
+    search: &mut Search,
+    members: Vec<usize>,
+    progress: &mut dyn FnMut(&str),
+) -> Option<Answer> {
+    let members = search.improve(members, progress)?.members;
+    let mut now = grown(search, members, progress)?;
+    while with_another(search, &mut now, progress)? {}
+    Some(now)
+}
+
+/// Puts another in the place of a member of `now`, if that makes it more probable. Whether it did; else the search is back at `now`.
+fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+    let fit = search.system.held_fit(&now.members)?;
+    let mut others = tried(search, &fit);
+    others.retain(|other| other.against < -WORTH);
+    others.sort_by(|a, b| a.against.total_cmp(&b.against));
+    for other in others {
+        progress("trying others in the place of each finding");
+        let rest = all_but(&now.members, other.place);
+        let there = grown(search, [rest, vec![other.index]].concat(), progress)?;
+        // The other members still had the numbers that suit the old finding when this one looked more probable.
+        if search.same_effects(&there.members, &now.members) {
+            *now = search.agreed(now)?;
+        } else if taken_over(search, now, there)? {
+            return Some(true);
+        }
+    }
+    Some(false)
+}
+
+/// Puts all that the search finds in the place of one member of `now`, if that makes it more probable. Whether it did; else the search is back at `now`.
+///
+/// A law that shows in several channels can stand for several laws that show in one each. No single one of these is worth the change, so that
+/// [`with_another`] does not find them. Where even shapes without a name say less than the law, several such laws can't take its place.
+fn with_several(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+    for place in 0..now.members.len() {
+        let member = now.members[place];
+        let data = search.system.data;
+        let channels = &search.system.candidate(member).channels;
+        let is_alike = |&c: &usize| data.kind(c) == data.kind(channels[0]);
+        if channels.iter().all(is_alike) {
+            continue;
+        }
+        let others = all_but(&now.members, place);
+        let system = &search.system;
+        let (with, without) = (system.held_fit(&now.members)?, system.held_fit(&others)?);
+        if most_in_single_channels(system, &system.left(&without)) < with.value - without.value {
+            continue;
+        }
+        progress("trying several in the place of one finding");
+        let laid = search.laid.clone();
+        search.leave_out(&[member]);
+        let there = grown(search, others, progress)?;
+        search.laid = laid;
+        if taken_over(search, now, there)? {
+            return Some(true);
+        }
+    }
+    Some(false)
+}
+
+/// Takes `there`, where the search stands, for `now` if it is more probable. Whether it is; else the search goes back to `now`.
+fn taken_over(search: &mut Search, now: &mut Answer, there: Answer) -> Option<bool> {
+    let is_better = there.evidence > now.evidence + WORTH;
+    *now = if is_better { there } else { search.agreed(now)? };
+    Some(is_better)
+}
+
+/// `members` in their best forms, or what the search finds from there, whichever is the most probable once its numbers agree; `None` if the system is singular.
+///
+/// Each answer gives the rows other weights, under which the search may find other effects. It ends where it meets effects for the second time.
+fn grown(search: &mut Search, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+    let mut last = search.polished(members)?;
+    let mut met = vec![last.clone()];
+    for _ in 0..MOST_ROUNDS {
+        let better = search.improve(last.members, progress)?;
+        last = search.agreed(&better)?;
+        let comes_back = met.iter().any(|known| search.same_effects(&known.members, &last.members));
+        met.push(last.clone());
+        if comes_back {
+            break;
+        }
+    }
+    let best = met.into_iter().max_by(|a, b| a.evidence.total_cmp(&b.evidence))?;
+    if search.same_effects(&best.members, &last.members) { Some(last) } else { search.agreed(&best) }
+}
+
+/// The better one of `answer` and what the search finds with the fit and the choice part together, by its evidence; `None` if the system is singular.
+pub(crate) fn searched_again(
+    search: &mut Search,
+    answer: &Answer,
+    progress: &mut dyn FnMut(&str),
+) -> Option<Answer> {
+    search.system.trust_all()?;
+    search.met.clear();
+    let again = search.run(&[], progress)?;
+    let again = compared(search, again.members, progress)?;
+    search.system.trust_all()?;
+    let known = search.settled(answer.members.clone())?;
+    let there = search.settled(again.members.clone())?;
+    let best = if there.evidence > known.evidence + WORTH { again } else { known };
+    search.agreed(&best)
+}
+
+#[cfg(test)]
+mod tests {
+    use freeplay_arm::{Arm, JointFriction, JointKind};
+
+    use super::with_several;
+    use crate::candidates::candidate::candidates;
+    use crate::data::stacked::Data;
+    use crate::data::stage::Ground;
+    use crate::data::stage::Stage;
+    use crate::data::tolerance::Tolerances;
+    use crate::data::weights::Weights;
+    use crate::evidence::system::System;
+    use crate::made::arm;
+    use crate::made::columns_along;
+    use crate::made::even;
+    use crate::made::link;
+    use crate::made::recording;
+    use crate::made::sines;
+    use crate::made::without;
+    use crate::search::moves::Search;
+    use crate::signals::motion::Settings;
+
+    /// The second joint turns as the first does, and a little more, slowly.
+    fn alike(arm: &Arm, t: f64) -> [Vec<f64>; 3] {
+        let mut motion = sines(arm, t);
+        let (sin, cos) = (0.9 * t).sin_cos();
+        for (column, more) in motion.iter_mut().zip([0.08 * sin, 0.072 * cos, -0.0648 * sin]) {
+            column[1] = column[0] + more;
+        }
+        motion
+    }
+
+    #[test]
+    fn the_frictions_of_two_joints_take_the_place_of_a_coupling() {
+        let [first, second] =
+            ["first", "second"].map(|name| link(name, JointKind::Revolute, JointFriction::default()));
+        let arm = arm(vec![first, second]);
+        let friction = |joint: usize, v: f64| [1.0, 0.8][joint] * v.signum() + [0.6, 0.9][joint] * v;
+        let made = recording(without(columns_along(alike, &arm, &even(16.0, 250.0), friction), "x"));
+        let ground = Ground::new(&arm, &made, &Settings::default()).expect("a ground");
+        let stage = Stage::new(&arm, &[], &ground).expect("a stage");
+        let data = Data::new(vec![stage], &Tolerances::default());
+        let target = data.target();
+        let (candidates, _) = candidates(&data, &mut |_| {});
+        let weights = Weights::new(&data, &target, None, &data.off, 1);
+        let system = System::new(&data, target, weights).expect("a system");
+        let mut search = Search::new(system, candidates);
+        let is_coupling = |&index: &usize| search.system.candidate(index).kind.name == "joint_coupling";
+        let coupling = search.laid.iter().copied().find(is_coupling).expect("a coupling");
+        let coupled = search.settled(vec![coupling]).expect("an answer");
+        let mut answer = coupled.clone();
+        let is_better = with_several(&mut search, &mut answer, &mut |_| {});
+        assert_eq!(is_better, Some(true), "something is more probable");
+        assert!(answer.evidence > coupled.evidence);
+        let mut found: Vec<(&str, Option<usize>)> = answer
+            .members
+            .iter()
+            .map(|&member| (search.system.candidate(member).kind.name, search.system.candidate(member).joint))
+            .collect();
+        found.sort_unstable();
+        println!("{found:?}, log of the evidence {} after {}", answer.evidence, coupled.evidence);
+        let frictions =
+            ["coulomb_friction", "viscous_friction"].map(|kind| [(kind, Some(0)), (kind, Some(1))]);
+        assert_eq!(found, frictions.concat());
+    }
+}

@@ -1,0 +1,49 @@
+//! The error of a model in one channel.
+
+use serde::Serialize;
+
+use crate::signals::channel::Kind;
+
+/// How far the model is from one channel. Numbers without a unit of their own are in the channel's unit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ChannelError {
+    /// Name of the column.
+    pub name: String,
+    /// What it measures.
+    #[serde(skip)]
+    pub kind: Kind,
+    /// `N*m`, `N`, `m` or `rad`.
+    pub unit: &'static str,
+    /// Name of the joint in the model; `None` for the tool.
+    pub joint: Option<String>,
+    /// Root of the mean square of measured minus model.
+    pub rmse: f64,
+    /// Root of the mean square of the measured signal.
+    pub rms_measured: f64,
+    /// `rmse / rms_measured`, a fraction: 1 is as bad as a model that says zero. `None` if nothing but zero was measured.
+    pub nrmse: Option<f64>,
+    /// Standard deviation of the measured signal.
+    pub std_measured: f64,
+    /// `rmse / std_measured`, a fraction: 1 is as bad as a model that says the mean. `None` if the measured signal is constant.
+    pub nrmse_std: Option<f64>,
+    /// `rmse` of the model without its nominal friction; `None` if it names none for this joint.
+    pub rmse_without_friction: Option<f64>,
+    /// Mean of measured minus model.
+    pub mean_error: f64,
+    /// Standard deviation of measured minus model: `rmse` without the constant part.
+    pub std_error: f64,
+    /// Largest amount of measured minus model.
+    pub max_error: f64,
+    /// Standard deviation of the channel's own noise behind the low-pass, by what its samples have above it; `None` of positions compared with commanded ones, which no filter touches.
+    pub noise: Option<f64>,
+    /// Time by which the measured position follows the commanded one, s; of command channels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lag_s: Option<f64>,
+}
+
+impl ChannelError {
+    /// How many times its noise the error is.
+    pub fn times_noise(&self) -> Option<f64> {
+        self.noise.filter(|noise| *noise > 0.0).map(|noise| self.rmse / noise)
+    }
+}

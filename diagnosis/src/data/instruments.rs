@@ -1,0 +1,115 @@
+//! What the instruments alone leave: recordings of the very machine of the model, moved the same way and measured as badly.
+
+use freeplay_laws::{DriveFriction, Trajectory, rigid_torques, tool_positions};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::data::noise::Noise;
+use crate::data::stage::Stage;
+use crate::random::normals;
+use crate::signals::channel::Kind;
+use crate::signals::filter::derivatives;
+
+/// Measured minus model of `stage`: the machine on the recorded motion, measured with noise, against the model on the motion that its encoders read.
+pub(crate) fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+    let motion = stage.motion();
+    let (torque, tool) = (rigid_torques(stage.arm(), motion, None), tool_positions(stage.arm(), &motion.q));
+    let (read, jumps) = misread(stage, rng);
+    let (read_torque, read_tool) =
+        (rigid_torques(stage.arm(), &read, None), tool_positions(stage.arm(), &read.q));
+    let mut left = Vec::new();
+    for (channel, noise) in stage.channels.iter().zip(&stage.ground.noises.channels) {
+        let mut rest = stage.treated(&match channel.kind {
+            Kind::Link(joint) | Kind::Position(joint) => misreading(rng, &stage.whole().q[joint], noise),
+            Kind::Torque(_) | Kind::Tool(_) => normals(rng, stage.whole().len(), noise.deviation),
+        });
+        let mut add = |truth: &[f64], model: &[f64]| {
+            rest.iter_mut().zip(truth.iter().zip(model)).for_each(|(rest, (t, m))| *rest += t - m);
+        };
+        match channel.kind {
+            Kind::Torque(joint) => {
+                add(&torque[joint], &read_torque[joint]);
+                let viscous = stage.arm().joints()[joint].friction.viscous;
+                let scaled = |v: &[f64]| v.iter().map(|v| viscous * v).collect::<Vec<_>>();
+                add(&scaled(&motion.v[joint]), &scaled(&read.v[joint]));
+                if let Some(jump) = &jumps[joint] {
+                    add(&vec![0.0; jump.len()], jump);
+                }
+            }
+            Kind::Tool(axis) => add(&tool[axis], &read_tool[axis]),
+            Kind::Link(joint) | Kind::Position(joint) => add(&motion.q[joint], &read.q[joint]),
+        }
+        left.push(rest);
+    }
+    left
+}
+
+/// Noise and rounding leave these errors in the rows of `stage`, in the torque of `joint` beside its friction. The torque has this `noise`; `seed` sets the random numbers.
+pub(crate) fn rigid_torque_error(stage: &Stage, joint: usize, noise: &Noise, seed: u64) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (read, _) = misread(stage, &mut rng);
+    let [truth, read] = [stage.motion(), &read].map(|motion| rigid_torques(stage.arm(), motion, None));
+    let mut error = stage.treated(&normals(&mut rng, stage.whole().len(), noise.deviation));
+    let torques = truth[joint].iter().zip(&read[joint]);
+    error.iter_mut().zip(torques).for_each(|(error, (truth, read))| *error += truth - read);
+    error
+}
+
+/// The motion as noisy encoders read it, and how much more dry friction the model then sees, by joint.
+fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (Trajectory, Vec<Option<Vec<f64>>>) {
+    let (mut read, whole) = (stage.motion().clone(), stage.whole());
+    let wrong = misread_whole(stage, rng);
+    let mut jumps = Vec::new();
+    for joint in 0..stage.arm().dof() {
+        let into = |column: &mut Vec<f64>, wrong: &[f64], right: &[f64]| {
+            let error: Vec<f64> = wrong.iter().zip(right).map(|(wrong, right)| wrong - right).collect();
+            column.iter_mut().zip(stage.ground.treatment.keep(&error)).for_each(|(x, e)| *x += e);
+        };
+        into(&mut read.q[joint], &wrong.q[joint], &whole.q[joint]);
+        into(&mut read.v[joint], &wrong.v[joint], &whole.v[joint]);
+        into(&mut read.a[joint], &wrong.a[joint], &whole.a[joint]);
+        let nominal = DriveFriction::nominal(stage.arm().joints()[joint].friction);
+        jumps.push((nominal.coulomb > 0.0).then(|| {
+            let jump = DriveFriction { viscous: 0.0, ..nominal };
+            let speeds = wrong.v[joint].iter().zip(&whole.v[joint]);
+            let more = speeds.map(|(wrong, right)| jump.resisting(*wrong) - jump.resisting(*right));
+            stage.treated(&more.collect::<Vec<_>>())
+        }));
+    }
+    (read, jumps)
+}
+
+/// The motion on all grid points as noisy encoders read it.
+pub(crate) fn misread_whole(stage: &Stage, rng: &mut ChaCha8Rng) -> Trajectory {
+    let (mut read, whole) = (stage.whole().clone(), stage.whole());
+    for (joint, noise) in stage.ground.noises.positions.iter().enumerate() {
+        let error = stage.ground.treatment.low_pass(&misreading(rng, &whole.q[joint], noise));
+        for stretch in &whole.stretches {
+            let error = &error[stretch.clone()];
+            let (v, a) = derivatives(error, whole.step(stretch));
+            let into = |column: &mut Vec<f64>, error: &[f64]| {
+                column[stretch.clone()].iter_mut().zip(error).for_each(|(x, e)| *x += e);
+            };
+            into(&mut read.q[joint], error);
+            into(&mut read.v[joint], &v);
+            into(&mut read.a[joint], &a);
+        }
+    }
+    read
+}
+
+/// What an encoder reads of `position` too much: its noise, and its rounding, which is no noise where the joint hardly moves.
+fn misreading(rng: &mut ChaCha8Rng, position: &[f64], noise: &Noise) -> Vec<f64> {
+    let step = noise.step;
+    if step <= 0.0 {
+        return normals(rng, position.len(), noise.deviation);
+    }
+    let beside_rounding = (noise.deviation.powi(2) - step * step / 12.0).max(0.0).sqrt();
+    let zero = 0.5 * step * (2.0 * f64::from(rng.next_u32()) / f64::from(u32::MAX) - 1.0);
+    let errors = normals(rng, position.len(), beside_rounding);
+    let read = |(position, error): (&f64, f64)| {
+        let place = (position + zero + error) / step;
+        place.round() * step - position - zero
+    };
+    position.iter().zip(errors).map(read).collect()
+}

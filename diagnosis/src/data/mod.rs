@@ -1,0 +1,16 @@
+//! Data: the rows of all recordings, the part of the data to which each belongs, how far a machine may be from its model, and how much each row counts.
+
+pub(crate) mod beside;
+pub(crate) mod columns;
+pub(crate) mod instruments;
+pub(crate) mod noise;
+pub(crate) mod nuisances;
+pub(crate) mod parts;
+pub(crate) mod rows;
+pub(crate) mod shapes;
+pub(crate) mod stacked;
+pub(crate) mod stage;
+pub(crate) mod thinning;
+pub(crate) mod tolerance;
+pub(crate) mod weights;
+pub(crate) mod whitening;

@@ -1,0 +1,69 @@
+//! The three parts of the data: the search sees the fit part, the choice between the few best answers the choice part too, and the report alone
+//! sees the test part.
+
+use crate::data::stage::Stage;
+use crate::statistics::SHARES;
+
+/// A part of the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// What the search sees.
+    Fit,
+    /// What decides between the few best answers.
+    Choice,
+    /// What the report alone sees.
+    Test,
+    /// A guard between two parts: what the low-pass smears from one into the other.
+    Guard,
+}
+
+impl Part {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Fit, Self::Choice, Self::Test, Self::Guard];
+}
+
+/// The part of each row of `stages`, and how they were parted, in words: each recording is cut in time, by rows in which anything moves, since what one motion
+/// shows another need not show.
+pub(crate) fn parts_of(stages: &[Stage], counts: &[Vec<f64>]) -> (Vec<Vec<Part>>, String) {
+    let per_stage = stages.first().map_or(0, |stage| stage.channels.len());
+    let cut_at = |index: usize| cut(&stages[index], &counts[index * per_stage..(index + 1) * per_stage]);
+    let of = if stages.len() > 1 { "each" } else { "the" };
+    let how = format!(
+        "the last 30 % of {of} recording, to which no law was fitted; it only left out laws that it contradicts"
+    );
+    ((0..stages.len()).map(cut_at).collect(), how)
+}
+
+/// The name of the file of the recording of `stage`.
+pub(crate) fn file_name(stage: &Stage) -> String {
+    let origin = &stage.ground.recording.origin;
+    origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+/// Cuts the rows of `stage` at the [`SHARES`] of its rows that count in any channel.
+fn cut(stage: &Stage, counts: &[Vec<f64>]) -> Vec<Part> {
+    let motion = stage.motion();
+    let weight = |row: usize| counts.iter().map(|counts| counts[row]).sum::<f64>();
+    let all: f64 = (0..motion.len()).map(weight).sum();
+    let mut seen = 0.0;
+    let mut parts: Vec<Part> = (0..motion.len())
+        .map(|row| {
+            seen += weight(row);
+            match seen / all.max(1.0) {
+                share if share <= SHARES[0] => Part::Fit,
+                share if share <= SHARES[1] => Part::Choice,
+                _ => Part::Test,
+            }
+        })
+        .collect();
+    // Rows on either side of a cut share what the low-pass smears.
+    let span = stage.ground.treatment.filter().settling_time();
+    let cuts: Vec<f64> =
+        (1..parts.len()).filter(|&row| parts[row] != parts[row - 1]).map(|row| motion.t[row]).collect();
+    for (part, t) in parts.iter_mut().zip(&motion.t) {
+        if cuts.iter().any(|cut| (t - cut).abs() < 0.5 * span) {
+            *part = Part::Guard;
+        }
+    }
+    parts
+}

@@ -1,0 +1,545 @@
+//! One recording made ready: its motion, what was measured, and what any effect would add to every channel.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use freeplay_arm::Arm;
+use freeplay_laws::{
+    ArmParts, Baseline, Change, Kind as EffectKind, LawError, Place, Placed, Prediction, Range, Recorded,
+    START, Start, Term, Trajectory, rigid_torques, tool_positions,
+};
+use freeplay_recording::Recording;
+use toml::Table;
+
+use crate::data::beside::Beside;
+use crate::data::columns::Answer;
+use crate::data::noise::Noises;
+use crate::data::tolerance::Nuisance;
+use crate::error::ResidualError;
+use crate::signals::begin::{InBearing, begun, between, within};
+use crate::signals::channel::{Channel, Kind};
+use crate::signals::filter::derivatives;
+use crate::signals::missing::masked;
+use crate::signals::motion::{Settings, Treatment};
+use crate::signals::residual::{Sharpening, residuals_along};
+use crate::signals::stuck::Stuck;
+use crate::statistics::Moments;
+
+/// What an effect acts on: a drive moves the arm as it is, and a sensor reads what both do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Level {
+    Arm,
+    Drive,
+    Sensor,
+}
+
+type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
+
+/// One recording under its treatment: what a [`Stage`] stands on.
+pub(crate) struct Ground<'a> {
+    /// The recording.
+    pub recording: &'a Recording,
+    /// What every column went through.
+    pub treatment: Treatment,
+    /// The motion on the kept points.
+    pub motion: Trajectory,
+    /// The motion on all grid points, for laws that jump or remember.
+    pub whole: Trajectory,
+    /// Measured, channel by channel.
+    pub channels: Vec<Channel>,
+    /// How noisy what was measured is.
+    pub noises: Noises,
+    /// Torques that are no measurement, by joint.
+    pub stuck: Vec<Option<Stuck>>,
+    /// What the low-pass on the motion takes from the model.
+    pub sharpening: Sharpening,
+    treated: Box<LowPass>,
+    as_it_is: Box<LowPass>,
+}
+
+impl<'a> Ground<'a> {
+    /// Treats `recording` for the nominal `arm`.
+    ///
+    /// # Errors
+    /// See [`ResidualError`].
+    pub fn new(arm: &Arm, recording: &'a Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        crate::signals::residual::check_joints(arm, recording)?;
+        let treatment = Treatment::new(arm, recording, settings)?;
+        let (motion, whole) = (treatment.motion(recording), treatment.whole_motion(recording));
+        let sharpening = Sharpening::of(arm, recording, &treatment, &whole);
+        let channels = residuals_along(arm, &[], recording, &treatment, &whole, &sharpening)?.channels;
+        let noises = Noises::of(recording, &treatment, &channels, &sharpening.unresolved);
+        let stuck = Stuck::of(recording, &treatment, &whole);
+        let own = treatment.clone();
+        let treated = Box::new(move |column: &[f64]| own.low_pass(column));
+        let as_it_is = Box::new(|column: &[f64]| column.to_vec());
+        Ok(Self {
+            recording,
+            treatment,
+            motion,
+            whole,
+            channels,
+            noises,
+            stuck,
+            sharpening,
+            treated,
+            as_it_is,
+        })
+    }
+
+    /// The same for a `recording` of whose torques only their number matters: those of a motion that is planned are all zero.
+    ///
+    /// # Errors
+    /// See [`ResidualError`].
+    pub fn planned(arm: &Arm, recording: &'a Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        Ok(Self { stuck: vec![None; arm.dof()], ..Self::new(arm, recording, settings)? })
+    }
+
+    /// Whether the channel that should measure `kind` is no measurement: it stays at one value, or is missing throughout.
+    pub fn is_stuck(&self, kind: Kind) -> bool {
+        let is_missing = self.channels.iter().any(|channel| channel.kind == kind && channel.is_missing());
+        is_missing || matches!(kind, Kind::Torque(joint) if self.stuck[joint].is_some())
+    }
+}
+
+/// One recording made ready, and what the model says of it.
+pub(crate) struct Stage<'a> {
+    /// What it stands on.
+    pub ground: &'a Ground<'a>,
+    /// Measured and model, channel by channel.
+    pub channels: Vec<Channel>,
+    /// The model on the kept points: for effects that are smooth.
+    smooth: Baseline<'a>,
+    /// The model on all grid points: for effects that jump.
+    rough: Baseline<'a>,
+    /// Torque and tool of the rigid arm on the kept points.
+    rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
+    /// The arm of the file, without its effects.
+    nominal: &'a Arm,
+    /// The effects that the arm file has.
+    known: Vec<&'a Placed>,
+    /// What was found, and what it acts on: other laws act on the machine that has it.
+    found: RefCell<Vec<(Level, Rc<Placed>)>>,
+    /// The model with what was found beneath a level, once it was worked out: smooth or rough.
+    beneath: RefCell<BTreeMap<(Level, bool), Rc<Baseline<'a>>>>,
+    /// The effect of the sensors on the drives. The stage computes it at the first use and forgets it when other laws are found.
+    sensors: RefCell<Option<Rc<Sensors>>>,
+}
+
+/// The effect of the sensors that were found on the torques of the drives, by channel. A channel whose sensor bends nothing holds `None`.
+struct Sensors {
+    /// The share of a small change that they let through: where a torque has reached its limit, a drive changes nothing of it.
+    through: Answer,
+    /// The part of the found drive laws' torques that the sensors cut off. The column of the bending sensor includes this part, so that its column and those of the
+    /// drives add up to the prediction of the machine with both.
+    kept: Answer,
+}
+
+impl<'a> Stage<'a> {
+    /// The stage of `arm` with the `effects` that its file knows.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if these leave no possible arm.
+    pub fn new(arm: &'a Arm, effects: &[&'a Placed], ground: &'a Ground<'a>) -> Result<Self, LawError> {
+        let smooth = Baseline::new(arm, effects, &ground.motion, &*ground.as_it_is)?;
+        let hidden = Some(&ground.sharpening.more);
+        let rough = Baseline::with_hidden(arm, effects, &ground.whole, &*ground.treated, hidden)?;
+        let mut channels = ground.channels.clone();
+        for channel in &mut channels {
+            channel.model = ground.treatment.keep(channel.kind.of(rough.prediction()));
+        }
+        let now = &smooth.scene().arm;
+        let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
+        let known = effects.to_vec();
+        let (found, beneath, sensors) = (RefCell::default(), RefCell::default(), RefCell::default());
+        Ok(Self { ground, channels, smooth, rough, rigid, nominal: arm, known, found, beneath, sensors })
+    }
+
+    /// Lets the columns of laws act on the machine with what was `found`: friction that grows with the load grows with that of a payload, a limit of a
+    /// drive clips its friction, and a delay is late with it.
+    pub fn lay_upon(&self, found: Vec<Placed>) {
+        let with_level = |placed| (self.level(&placed), Rc::new(placed));
+        self.found.replace(found.into_iter().map(with_level).collect());
+        self.beneath.take();
+        self.sensors.take();
+    }
+
+    /// The arm with the effects that change it.
+    pub fn arm(&self) -> &Arm {
+        &self.smooth.scene().arm
+    }
+
+    /// The effects that the arm file has.
+    pub fn known(&self) -> &[&'a Placed] {
+        &self.known
+    }
+
+    /// The motion on the kept points.
+    pub fn motion(&self) -> &'a Trajectory {
+        &self.ground.motion
+    }
+
+    /// The motion on all grid points.
+    pub fn whole(&self) -> &'a Trajectory {
+        &self.ground.whole
+    }
+
+    /// Torques of the rigid arm on the kept points, `[joint][point]`.
+    pub fn load(&self) -> &[Vec<f64>] {
+        &self.smooth.scene().load
+    }
+
+    /// The same on all grid points.
+    pub fn whole_load(&self) -> &[Vec<f64>] {
+        &self.rough.scene().load
+    }
+
+    /// A signal on all grid points as a measured one would come out.
+    pub fn treated(&self, whole: &[f64]) -> Vec<f64> {
+        self.ground.treatment.keep(&(self.ground.treated)(whole))
+    }
+
+    /// The model on the grid on which effects of `kind` are evaluated.
+    pub fn baseline(&self, kind: &EffectKind) -> &Baseline<'a> {
+        if kind.rough { &self.rough } else { &self.smooth }
+    }
+
+    /// Derivative with respect to time of what the model says of `kind`, per second, as a law that makes a channel late has it.
+    pub fn rate_of_change(&self, kind: Kind) -> Vec<f64> {
+        let (model, motion) = (kind.of(self.rough.prediction()), self.whole());
+        let mut rate = Vec::with_capacity(model.len());
+        for stretch in &motion.stretches {
+            rate.extend(derivatives(&model[stretch.clone()], motion.step(stretch)).0);
+        }
+        self.ground.treatment.keep(&rate)
+    }
+
+    /// What was recorded.
+    pub fn recorded(&self) -> Recorded {
+        let recording = self.ground.recording;
+        Recorded {
+            torque: recording.tau.is_some(),
+            tool: recording.tool.is_some(),
+            link: recording.q_link.iter().map(Option::is_some).collect(),
+        }
+    }
+
+    /// The answers to each term of the effect `kind` at `joint` with `shape`, beside what was found. A memory stands as the recording has it, beside what
+    /// `nuisances` can say; where it stands in a bearing is looked for from `begins` on, if that is known of a like shape, and is set there.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn terms(
+        &self,
+        (kind, joint): (&'static EffectKind, Option<usize>),
+        shape: &Table,
+        nuisances: &[Nuisance],
+        begins: &mut Option<InBearing>,
+    ) -> Result<Vec<(Term, Answer)>, LawError> {
+        let middle = self.terms_as(kind, joint, shape)?;
+        let (Some(joint), Some(start)) = (joint, kind.memory()) else { return Ok(middle) };
+        let at = |start: Start| self.terms_begun(kind, joint, shape, start).map(Some);
+        let is_open = shape.contains_key(START) && self.number_of(Kind::Torque(joint)).is_some();
+        let better = match start.range {
+            Range::Number { .. } if is_open => {
+                let beside =
+                    Beside::new(&self.channels, &self.ground.noises, &[], |kind| kind == Kind::Torque(joint));
+                between(beside.left(&middle), |place| at(Start::Between(place)), |terms| beside.left(terms))?
+            }
+            Range::Vector { .. } if self.number_of(Kind::Tool(0)).is_some() => {
+                let beside = Beside::new(&self.channels, &self.ground.noises, nuisances, |kind| {
+                    matches!(kind, Kind::Tool(_))
+                });
+                let left = |terms: &Vec<(Term, Answer)>| beside.left(terms);
+                let step = |here: &Vec<_>, nudged: [&Vec<_>; 2]| beside.step(here, nudged);
+                let from = (left(&middle), *begins);
+                within(from, |place| at(Start::Within(place)), left, step)?.map(|(place, terms)| {
+                    *begins = Some(place);
+                    terms
+                })
+            }
+            _ => None,
+        };
+        Ok(better.unwrap_or(middle))
+    }
+
+    /// The same with its memory standing at `start`.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn terms_begun(
+        &self,
+        kind: &'static EffectKind,
+        joint: usize,
+        shape: &Table,
+        start: Start,
+    ) -> Result<Vec<(Term, Answer)>, LawError> {
+        let mut begun = shape.clone();
+        begun.insert(START.to_owned(), start.said_of(&self.arm().joints()[joint]));
+        self.terms_as(kind, Some(joint), &begun)
+    }
+
+    /// The same with its memory standing as `shape` says.
+    fn terms_as(
+        &self,
+        kind: &'static EffectKind,
+        joint: Option<usize>,
+        shape: &Table,
+    ) -> Result<Vec<(Term, Answer)>, LawError> {
+        let place = Place { scene: self.baseline(kind).scene(), joint };
+        let first = kind.terms_at(&place, shape).into_iter().next();
+        let (level, bends) = match first {
+            Some(term) if !self.found.borrow().is_empty() => {
+                let placed = kind.place(&place, term.plus)?;
+                (self.level(&placed), placed.effect.bends())
+            }
+            _ => (Level::Arm, false),
+        };
+        let columns = match self.beneath(level, kind.rough)? {
+            Some(beneath) => kind.columns(&beneath, joint, shape)?,
+            None => kind.columns(self.baseline(kind), joint, shape)?,
+        };
+        let mut terms: Vec<(Term, Answer)> =
+            columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect();
+        match level {
+            Level::Drive => {
+                self.each_column(&mut terms, |sensors| &sensors.through, |x, through| x * through)?
+            }
+            Level::Sensor if bends => {
+                self.each_column(&mut terms, |sensors| &sensors.kept, |x, kept| x + kept)?
+            }
+            Level::Arm | Level::Sensor => {}
+        }
+        Ok(terms)
+    }
+
+    /// Changes every value of `terms` by the value that the sensors have there, if they bend that channel.
+    fn each_column(
+        &self,
+        terms: &mut [(Term, Answer)],
+        of: impl Fn(&Sensors) -> &Answer,
+        changed: impl Fn(f64, f64) -> f64,
+    ) -> Result<(), LawError> {
+        let sensors = self.sensors()?;
+        for (_, answer) in terms {
+            for (column, by) in answer.iter_mut().zip(of(&sensors)) {
+                let both = column.iter_mut().flatten().zip(by.iter().flatten());
+                both.for_each(|(x, by)| *x = changed(*x, *by));
+            }
+        }
+        Ok(())
+    }
+
+    /// The effect of the sensors that were found, from memory or computed now.
+    fn sensors(&self) -> Result<Rc<Sensors>, LawError> {
+        if let Some(known) = &*self.sensors.borrow() {
+            return Ok(Rc::clone(known));
+        }
+        let through = self.let_through()?;
+        let prediction = |level| -> Result<Prediction, LawError> {
+            let beneath = self.beneath(level, true)?;
+            Ok(beneath.as_deref().unwrap_or(&self.rough).prediction().clone())
+        };
+        let mut kept = vec![None; self.channels.len()];
+        if through.iter().any(Option::is_some) {
+            let (with, without) = (prediction(Level::Sensor)?, prediction(Level::Drive)?);
+            for ((kept, through), channel) in kept.iter_mut().zip(&through).zip(&self.channels) {
+                let said = difference(channel.kind.of(&with), channel.kind.of(&without));
+                let said = said.map(|said| self.ground.treatment.keep(&said));
+                *kept = said.zip(through.as_deref()).map(|(said, through)| {
+                    said.iter().zip(through).map(|(said, through)| said * (1.0 - through)).collect()
+                });
+            }
+        }
+        let sensors = Rc::new(Sensors { through, kept });
+        self.sensors.replace(Some(Rc::clone(&sensors)));
+        Ok(sensors)
+    }
+
+    /// The model with what was found beneath `level`; `None` if nothing was.
+    fn beneath(&self, level: Level, rough: bool) -> Result<Option<Rc<Baseline<'a>>>, LawError> {
+        let found = self.found.borrow();
+        let shared = |(_, placed): &(Level, Rc<Placed>)| Rc::clone(placed);
+        let more: Vec<Rc<Placed>> = found.iter().filter(|(own, _)| *own < level).map(shared).collect();
+        if more.is_empty() {
+            return Ok(None);
+        }
+        if let Some(known) = self.beneath.borrow().get(&(level, rough)) {
+            return Ok(Some(Rc::clone(known)));
+        }
+        let baseline = Rc::new(if rough { &self.rough } else { &self.smooth }.upon_shared(&more)?);
+        self.beneath.borrow_mut().insert((level, rough), Rc::clone(&baseline));
+        Ok(Some(baseline))
+    }
+
+    /// What `placed` acts on.
+    fn level(&self, placed: &Placed) -> Level {
+        let mut parts = ArmParts::of(self.arm());
+        if placed.effect.arm(&mut parts).is_ok() && !parts.are_of(self.arm()) {
+            Level::Arm
+        } else if placed.effect.measures() {
+            Level::Sensor
+        } else {
+            Level::Drive
+        }
+    }
+
+    /// What `placed` adds to each channel.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if it leaves no possible arm.
+    pub fn answer(&self, placed: &Placed) -> Result<Answer, LawError> {
+        Ok(self.answer_of(placed.kind, &self.baseline(placed.kind).change(placed)?))
+    }
+
+    /// Measured minus model with `more` effects, channel by channel: all of them at once, each acting on what the others say, as in an arm file.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
+        let left = |prediction: &Prediction, channel: &Channel| -> Vec<f64> {
+            let model = self.ground.treatment.keep(channel.kind.of(prediction));
+            let off = channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect();
+            masked(off, channel.present.as_deref())
+        };
+        let left_of = |prediction: &Prediction, kind: Kind| {
+            Some(left(prediction, &self.channels[self.number_of(kind)?]))
+        };
+        let best = begun(more, |more| self.rough.upon(more), left_of)?;
+        Ok(self.channels.iter().map(|channel| left(&best, channel)).collect())
+    }
+
+    /// Measured minus the model that has `instead` in the place of those effects for which `is_out` holds, channel by channel.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if it leaves no possible arm.
+    pub fn left_instead(
+        &self,
+        is_out: &dyn Fn(&Placed) -> bool,
+        instead: Option<&Placed>,
+    ) -> Result<Vec<Vec<f64>>, LawError> {
+        let prediction = self.rough.instead(is_out, instead)?;
+        let left = |channel: &Channel| {
+            let model = self.ground.treatment.keep(channel.kind.of(&prediction));
+            let off = channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect();
+            masked(off, channel.present.as_deref())
+        };
+        Ok(self.channels.iter().map(left).collect())
+    }
+
+    /// The share of a small change of each channel that the sensors of the machine with what was found let through, on the kept points: nothing of a torque that has
+    /// reached its limit. `None` of a channel whose sensor bends nothing.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if what was found leaves no possible arm.
+    pub fn let_through(&self) -> Result<Answer, LawError> {
+        // A change so small, beside the channel, that it moves no corner, and the quotient is right to as many figures as the change is below the channel.
+        let small = f64::EPSILON.sqrt();
+        let found = self.found.borrow();
+        let all = self.known.iter().copied().chain(found.iter().map(|(_, placed)| &**placed));
+        if !all.clone().any(|placed| placed.effect.bends()) {
+            return Ok(vec![None; self.channels.len()]);
+        }
+        let beneath = self.beneath(Level::Sensor, true)?;
+        let baseline = beneath.as_deref().unwrap_or(&self.rough);
+        let mut now = baseline.before_sensors().clone();
+        let steps: Vec<f64> =
+            now.columns().map(|column| small * Moments::of(column).rms.max(f64::MIN_POSITIVE)).collect();
+        let mut then = now.clone();
+        for (column, step) in then.columns_mut().zip(&steps) {
+            column.iter_mut().for_each(|x| *x += step);
+        }
+        for placed in all {
+            placed.effect.measure(baseline.scene(), &mut now);
+            placed.effect.measure(baseline.scene(), &mut then);
+        }
+        for ((then, now), step) in then.columns_mut().zip(now.columns()).zip(&steps) {
+            then.iter_mut().zip(now).for_each(|(then, now)| *then = (*then - now) / step);
+        }
+        let is_bent = |share: &[f64]| share.iter().any(|share| (share - 1.0).abs() > small.sqrt());
+        Ok(self.by_channel(|kind| is_bent(kind.of(&then)).then(|| self.treated(kind.of(&then)))))
+    }
+
+    fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {
+        self.by_channel(|channel| {
+            let column = match channel {
+                Kind::Torque(joint) => change.torque.written(joint),
+                Kind::Tool(axis) => change.tool.written(axis),
+                Kind::Link(joint) => change.link.written(joint),
+                Kind::Position(_) => None,
+            };
+            let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
+            Some(if kind.rough { self.ground.treatment.keep(column) } else { column.to_vec() })
+        })
+    }
+
+    /// What the rigid arm `arm` says more than the present one, with the links `shift` off.
+    pub fn rigid_answer(&self, arm: &Arm, shift: Option<&[Vec<f64>]>) -> Answer {
+        let motion = self.motion();
+        let torque = rigid_torques(arm, motion, shift);
+        let moved: Vec<Vec<f64>> = match shift {
+            Some(shift) => motion.q.iter().zip(shift).map(|(q, s)| sum(q, s)).collect(),
+            None => motion.q.clone(),
+        };
+        let tool = tool_positions(arm, &moved);
+        self.by_channel(|kind| match kind {
+            Kind::Torque(joint) => difference(&torque[joint], &self.rigid.0[joint]),
+            Kind::Tool(axis) => difference(&tool[axis], &self.rigid.1[axis]),
+            Kind::Link(_) | Kind::Position(_) => None,
+        })
+    }
+
+    /// For each of `arms`: the change of every channel if the machine has that arm in the place of its own. The smooth laws of the model and those that were found
+    /// act on that arm; without any, the arm is rigid. Laws that jump take no part: a slightly different arm shifts only the instant of a jump.
+    pub fn answers_of(&self, arms: &[Arm]) -> Vec<Answer> {
+        let found = self.found.borrow();
+        // The arms have already what the model's laws change of an arm.
+        let known = self.known.iter().filter(|placed| self.level(placed) != Level::Arm).copied();
+        let all = known.chain(found.iter().map(|(_, placed)| &**placed));
+        let smooth: Vec<&Placed> = all.filter(|placed| !placed.kind.rough).collect();
+        let now =
+            if smooth.is_empty() { None } else { self.predicted(self.arm(), &smooth, self.motion()).ok() };
+        let beside = |arm: &Arm| {
+            let (now, then) = (now.as_ref()?, self.predicted(arm, &smooth, self.motion()).ok()?);
+            Some(self.by_channel(|kind| difference(kind.of(&then), kind.of(now))))
+        };
+        arms.iter().map(|arm| beside(arm).unwrap_or_else(|| self.rigid_answer(arm, None))).collect()
+    }
+
+    /// The prediction for `arm` with `effects` along `motion`, without the low-pass.
+    fn predicted(&self, arm: &Arm, effects: &[&Placed], motion: &Trajectory) -> Result<Prediction, LawError> {
+        Ok(Baseline::new(arm, effects, motion, &*self.ground.as_it_is)?.prediction().clone())
+    }
+
+    /// The torques of the model with `more` effects along `motion`, on all grid points and without the low-pass, `[joint][point]`.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn raw_torques(&self, more: &[Placed], motion: &Trajectory) -> Result<Vec<Vec<f64>>, LawError> {
+        let effects: Vec<&Placed> = self.known.iter().copied().chain(more).collect();
+        let model = self.predicted(self.nominal, &effects, motion)?;
+        let joints = 0..self.nominal.dof();
+        Ok(joints.map(|joint| Kind::Torque(joint).of(&model).to_vec()).collect())
+    }
+
+    /// The number of the channel that measures `kind`.
+    pub fn number_of(&self, kind: Kind) -> Option<usize> {
+        self.channels.iter().position(|channel| channel.kind == kind)
+    }
+
+    /// One column for each channel by its kind.
+    pub fn by_channel(&self, column: impl Fn(Kind) -> Option<Vec<f64>>) -> Answer {
+        self.channels.iter().map(|channel| column(channel.kind)).collect()
+    }
+}
+
+fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + b).collect()
+}
+
+/// `a − b`; `None` if they are the same.
+fn difference(a: &[f64], b: &[f64]) -> Option<Vec<f64>> {
+    let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+    difference.iter().any(|&x| x != 0.0).then_some(difference)
+}

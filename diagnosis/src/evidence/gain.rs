@@ -1,0 +1,81 @@
+//! How much of the error is gone, with its interval.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::data::stacked::Data;
+use crate::statistics::{blocks as blocks_of, bootstrap};
+
+/// A gain with its interval: the share of the error that is gone, 1 − after/before.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Gain {
+    /// The share.
+    pub value: f64,
+    /// Its 95 % interval.
+    pub ci95: [f64; 2],
+}
+
+/// Errors of the same rows before and after something.
+pub(crate) struct Compared<'c> {
+    /// Errors before, by channel.
+    pub before: &'c [Vec<f64>],
+    /// Errors after.
+    pub after: &'c [Vec<f64>],
+    /// The weight of each row, by channel: zero of those that are not looked at.
+    pub weights: &'c [Vec<f64>],
+}
+
+impl Compared<'_> {
+    /// Weighed squares before and after, block by block.
+    fn blocks(&self, data: &Data, channels: &[usize]) -> Vec<[f64; 2]> {
+        let mut blocks = Vec::new();
+        for &channel in channels {
+            for (stretch, step) in data.stretches(channel) {
+                for rows in blocks_of(stretch, step) {
+                    let square = |errors: &[Vec<f64>]| -> f64 {
+                        let weights = &self.weights[channel][rows.clone()];
+                        errors[channel][rows.clone()].iter().zip(weights).map(|(x, w)| w * x * x).sum()
+                    };
+                    let sums = [square(self.before), square(self.after)];
+                    if sums[0] > 0.0 || sums[1] > 0.0 {
+                        blocks.push(sums);
+                    }
+                }
+            }
+        }
+        blocks
+    }
+
+    /// 1 − |after|/|before| over `channels`, with the interval of a [`bootstrap`] of blocks; `None` where no row is looked at.
+    pub fn gain(&self, data: &Data, channels: &[usize], seed: u64) -> Option<Gain> {
+        let blocks = self.blocks(data, channels);
+        let share = |sums: [f64; 2]| if sums[0] > 0.0 { 1.0 - (sums[1] / sums[0]).sqrt() } else { 0.0 };
+        let sum = |pick: &mut dyn Iterator<Item = usize>| {
+            pick.fold([0.0, 0.0], |sum, k| [sum[0] + blocks[k][0], sum[1] + blocks[k][1]])
+        };
+        if blocks.is_empty() {
+            return None;
+        }
+        let value = share(sum(&mut (0..blocks.len())));
+        if blocks.len() < 2 {
+            return Some(Gain { value, ci95: [f64::NEG_INFINITY, f64::INFINITY] });
+        }
+        Some(Gain { value, ci95: bootstrap(blocks.len(), seed, |picked| share(sum(picked))) })
+    }
+
+    /// Squares that are gone over `channels`, and the names of these, most first.
+    pub fn removed(&self, data: &Data, channels: &[usize]) -> (f64, Vec<String>) {
+        let mut by_channel: BTreeMap<usize, f64> = BTreeMap::new();
+        for &c in channels {
+            let square = |errors: &[Vec<f64>]| -> f64 {
+                errors[c].iter().zip(&self.weights[c]).map(|(x, w)| w * x * x).sum()
+            };
+            *by_channel.entry(c % data.per_stage()).or_default() += square(self.before) - square(self.after);
+        }
+        let sum = by_channel.values().sum();
+        let mut order: Vec<(usize, f64)> = by_channel.into_iter().collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        (sum, order.into_iter().map(|(c, _)| data.stages[0].channels[c].name.clone()).collect())
+    }
+}

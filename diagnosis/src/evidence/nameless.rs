@@ -1,0 +1,102 @@
+//! What has no name: shapes of the motion that explain what the findings leave, asked for last.
+
+use crate::data::columns::sum_of;
+use crate::data::parts::Part;
+use crate::data::shapes::{CommonShapes, Knots, Shapes};
+use crate::data::stacked::Data;
+use crate::data::weights::{LEAST_SHARE, USUAL_SHARE, Weights};
+use crate::evidence::gain::Compared;
+use crate::evidence::system::{Fit, System};
+use crate::signals::channel::Kind;
+use crate::statistics::{Moments, half_width, is_told};
+
+/// Whether more is missing than `fit` names in the rows that `weights` weigh: laws are off by a share of a torque that is unusual for this machine, or something
+/// is left of a pose in which no finding shows.
+///
+/// What was found holds to the usual share of what it says, too. Where parts come apart and meet again, the laws don't say what that does to the torques.
+pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> bool {
+    let data = system.data;
+    let left = system.left(fit);
+    let members = || fit.members.iter().map(|&member| system.candidate(member));
+    let shows = |c: usize| members().any(|candidate| candidate.channels.contains(&c));
+    let shakes = members().any(|candidate| candidate.kind.shakes);
+    let is_torque = |c: usize| matches!(data.kind(c), Kind::Torque(_));
+    let unusual = half_width();
+    let signal = sum_of(system.columns(&fit.members).zip(fit.beta.iter().copied()), &left);
+    let said = |c: usize| Moments::of(&signal[c]).rms / system.weights.rows[c].scale.max(f64::MIN_POSITIVE);
+    let heard = (0..data.channels()).filter(|&c| weights.rows[c].effective() > 0.0);
+    let off = heard.map(|c| (c, weights.rows[c].best(&left[c], 0.0).0.max(LEAST_SHARE)));
+    let (torques, poses): (Vec<_>, Vec<_>) = off.partition(|(c, _)| is_torque(*c));
+    let all: f64 = torques.iter().map(|(_, share)| share.ln()).sum();
+    let is_unusual = |&(c, share): &(usize, f64)| {
+        let usual = ((all - share.ln() + USUAL_SHARE.ln()) / torques.len() as f64).exp();
+        is_told(weights.rows[c].beyond(&left[c], unusual * usual.hypot(USUAL_SHARE * said(c))))
+    };
+    let is_left = |&(c, _): &(usize, f64)| is_told(weights.rows[c].beyond(&left[c], unusual * USUAL_SHARE));
+    !shakes && torques.iter().any(is_unusual) || poses.iter().any(|pose| is_left(pose) && !shows(pose.0))
+}
+
+/// The most by which laws that show in one channel each can raise the log of the evidence where so much is `left`: half of the weighed squares that shapes without a name, which cost
+/// nothing here, take away in each channel.
+pub(crate) fn most_in_single_channels(system: &System, left: &[Vec<f64>]) -> f64 {
+    let data = system.data;
+    let knots = data.stages.first().map(Knots::of).unwrap_or_default();
+    let beside = |(c, left): (usize, &Vec<f64>)| Shapes::new(data, c, &data.heard(c), &knots).left(left);
+    let after: Vec<Vec<f64>> = left.iter().enumerate().map(beside).collect();
+    let compared = Compared { before: left, after: &after, weights: &system.weights.by_row() };
+    let channels: Vec<usize> = (0..data.channels()).collect();
+    0.5 * compared.removed(data, &channels).0
+}
+
+/// A range of positions of a joint.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JointRange {
+    /// Index of the joint.
+    pub joint: usize,
+    /// Least and greatest position, rad or m.
+    pub range: [f64; 2],
+}
+
+impl JointRange {
+    /// True if both ranges belong to the same joint and overlap.
+    pub fn meets(&self, other: &Self) -> bool {
+        self.joint == other.joint && self.range[0] <= other.range[1] && other.range[0] <= self.range[1]
+    }
+}
+
+/// Shapes without a name in all torques, on all rows that are heard.
+pub(crate) struct NamelessTorques(Vec<CommonShapes>);
+
+impl NamelessTorques {
+    /// Those of `data`. At each of `places`, if it is one, shapes of its own may act.
+    pub fn new(data: &Data, places: &[Option<JointRange>]) -> Self {
+        let mut knots = data.stages.first().map(Knots::of).unwrap_or_default();
+        for (number, place) in places.iter().enumerate() {
+            place.iter().for_each(|place| knots[place.joint].add_place(number, place.range));
+        }
+        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &data.heard)).collect();
+        let torques = (0..data.per_stage()).filter(|&c| matches!(data.kind(c), Kind::Torque(_)));
+        Self(torques.map(|c| CommonShapes::new(data, data.alike(c), &masks, &knots)).collect())
+    }
+
+    /// Log of the probability of what is `left` of the torques beside such shapes, those of `places` among them.
+    pub fn evidence(&self, left: &[Vec<f64>], places: &[usize]) -> f64 {
+        self.0.iter().map(|shapes| shapes.evidence(left, places)).sum()
+    }
+}
+
+/// What shapes without a name, fitted to the fit and the choice part of `residual`, say of every row.
+pub(crate) fn said(system: &System, residual: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let data = system.data;
+    let knots = data.stages.first().map(Knots::of).unwrap_or_default();
+    let masks: Vec<Vec<f64>> =
+        (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice])).collect();
+    let mut said: Vec<Vec<f64>> = residual.iter().map(|rows| vec![0.0; rows.len()]).collect();
+    for c in 0..data.per_stage() {
+        let shapes = CommonShapes::new(data, data.alike(c), &masks, &knots);
+        for (channel, rows) in shapes.said(data, residual, &knots) {
+            said[channel] = rows;
+        }
+    }
+    said
+}

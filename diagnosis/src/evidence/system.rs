@@ -1,0 +1,697 @@
+//! The linear model under the weights of its rows: y = Nη + Σ Zβ + ε, with η ~ N(0, Λ) eliminated.
+//!
+//! With W the weights and K = NᵀWN + Λ⁻¹, what a block Z of columns explains beside the tolerances is in G = ZᵀWZ − ZᵀWN K⁻¹ NᵀWZ and
+//! h = ZᵀWy − ZᵀWN K⁻¹ NᵀWy: small matrices, whatever the number of rows. The evidence of a set of blocks is in closed form in these.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use freeplay_arm::Arm;
+use freeplay_laws::Placed;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use crate::candidates::candidate::Candidate;
+use crate::data::columns::{Column, add, dot};
+use crate::data::stacked::Data;
+use crate::data::tolerance::even;
+use crate::data::weights::Weights;
+use crate::data::whitening::Whitening;
+use crate::evidence::block::{Block, Channel, Products, Weighed, half_log_determinant, own, weighed};
+use crate::evidence::bvls::bounded;
+use crate::statistics::blocks as blocks_of;
+
+/// Precision with which a tolerance is held at an edge, and a coefficient at its usual value: far above what any recording says, far below what rounding spoils.
+const STIFF: f64 = 1e9;
+
+/// Size of a law before it is fitted, as a share of its channel: it may be as large as the channel or nothing, and halfway favours neither.
+const HALF: f64 = 0.5;
+
+/// The answer to the question what a set of blocks explains.
+#[derive(Clone, Debug)]
+pub(crate) struct Fit {
+    /// The numbers of the blocks.
+    pub members: Vec<usize>,
+    /// Their coefficients, stacked.
+    pub beta: DVector<f64>,
+    /// The log of the evidence but for what the same weights make the same.
+    pub value: f64,
+    /// What of it is not the sum of squares: volumes and prior odds.
+    pub log_prior: f64,
+    /// The normal matrix of the coefficients: the inverse of their covariance.
+    pub normal: DMatrix<f64>,
+    /// The coefficients of the tolerances, where these are held inside them.
+    eta: Option<DVector<f64>>,
+}
+
+/// What one block more would explain.
+#[derive(Clone, Debug)]
+pub(crate) struct Gain {
+    /// By how much the log of the evidence rises, prior odds included.
+    pub value: f64,
+    /// What of it is the fall of half the weighed squares.
+    pub explained: f64,
+    /// The block's coefficients.
+    pub beta: DVector<f64>,
+    /// Whether they are inside their bounds without being held there.
+    pub is_inside: bool,
+}
+
+/// The system.
+pub(crate) struct System<'d, 'a> {
+    pub data: &'d Data<'a>,
+    pub weights: Weights,
+    pub target: Vec<Vec<f64>>,
+    whitening: Option<Whitening>,
+    tolerances: Vec<Column>,
+    precision: Vec<f64>,
+    channels: Vec<Channel>,
+    /// The channels as they were before their weights moved the last time.
+    before: Vec<Option<Channel>>,
+    /// How often the weights of any channel moved.
+    versions: u64,
+    factor: Cholesky<f64, Dyn>,
+    /// K and NᵀWy with no tolerance held at an edge.
+    free: (DMatrix<f64>, DVector<f64>),
+    /// L⁻¹NᵀWy.
+    whitened_target: DVector<f64>,
+    /// Half the log of the determinant of K with no tolerance held at an edge.
+    log_volume: f64,
+    /// The tolerances that are held at an edge of their width, where a set of blocks would have them beyond it.
+    pins: Vec<Option<f64>>,
+    blocks: Vec<Block>,
+    /// ZᵢᵀWZⱼ by the numbers of the later and the earlier block.
+    crosses: RefCell<BTreeMap<(usize, usize), Cross>>,
+}
+
+/// Products of two blocks over the channels that both show in.
+#[derive(Debug)]
+struct Cross {
+    by_channel: Vec<(usize, Weighed<DMatrix<f64>>)>,
+    sum: Weighed<DMatrix<f64>>,
+}
+
+impl<'d, 'a> System<'d, 'a> {
+    /// The system of the rows of `data` that are heard, under `weights`; `None` if the tolerances are singular.
+    pub fn new(data: &'d Data<'a>, target: Vec<Vec<f64>>, weights: Weights) -> Option<Self> {
+        Self::over(data, target, weights, None)
+    }
+
+    /// The same of rows of which each says something new by `whitening`, all columns with them.
+    pub fn white(
+        data: &'d Data<'a>,
+        target: &[Vec<f64>],
+        weights: Weights,
+        whitening: Whitening,
+    ) -> Option<Self> {
+        let target = target.iter().enumerate().map(|(c, rows)| whitening.channel(c).rows(rows)).collect();
+        Self::over(data, target, weights, Some(whitening))
+    }
+
+    fn over(
+        data: &'d Data<'a>,
+        target: Vec<Vec<f64>>,
+        weights: Weights,
+        whitening: Option<Whitening>,
+    ) -> Option<Self> {
+        let (mut tolerances, precision) = data.tolerances();
+        if let Some(whitening) = &whitening {
+            tolerances.iter_mut().for_each(|column| *column = whitening.column(column));
+        }
+        let channels: Vec<Channel> = (0..data.channels())
+            .map(|c| Channel::new(c, &tolerances, &target, (0, weights.rows[c].weights())))
+            .collect();
+        let pins = vec![None; precision.len()];
+        let free = normal_equations(&channels, &precision);
+        let (factor, whitened_target) = eliminated(&free, &pins)?;
+        let (before, blocks, crosses) = (vec![None; channels.len()], Vec::new(), RefCell::default());
+        let log_volume = half_log_determinant(&factor);
+        Some(Self {
+            log_volume,
+            data,
+            weights,
+            target,
+            whitening,
+            tolerances,
+            precision,
+            channels,
+            before,
+            versions: 0,
+            factor,
+            free,
+            whitened_target,
+            pins,
+            blocks,
+            crosses,
+        })
+    }
+
+    /// The candidate of the block number `index`.
+    pub fn candidate(&self, index: usize) -> &Candidate {
+        &self.blocks[index].candidate
+    }
+
+    /// Takes `candidate` into the system, and gives its number; `None` if the rows show nothing of it.
+    pub fn take(&mut self, candidate: Candidate) -> Option<usize> {
+        let block = self.block(candidate)?;
+        self.blocks.push(block);
+        Some(self.blocks.len() - 1)
+    }
+
+    /// Forgets the block number `index`, if it is the last.
+    pub fn forget(&mut self, index: usize) {
+        if index + 1 == self.blocks.len() {
+            self.blocks.pop();
+            self.crosses.borrow_mut().split_off(&(index, 0));
+        }
+    }
+
+    fn block(&self, mut candidate: Candidate) -> Option<Block> {
+        if let Some(whitening) = &self.whitening {
+            candidate.columns = Rc::new(candidate.columns.iter().map(|c| whitening.column(c)).collect());
+        }
+        let size = candidate.size();
+        let (channels, mut precision) = if candidate.kind.happens() {
+            self.precision_of_its_own_size(&candidate)?
+        } else {
+            self.precision_of_a_channel(&candidate)?
+        };
+        for k in 0..size {
+            if precision[(k, k)] <= 0.0 {
+                return None;
+            }
+            precision[(k, k)] *= 1.0 + 1e-9;
+        }
+        if candidate.usual().is_some() {
+            precision = DMatrix::from_diagonal_element(size, size, STIFF);
+        }
+        let log_prior = half_log_determinant(&Cholesky::new(precision.clone())?)
+            + candidate.kind.occurs.odds().ln()
+            - (candidate.forms as f64).ln();
+        Some(Block::new(candidate, channels, precision, log_prior))
+    }
+
+    /// The channels in which `candidate` shows, and the precision of a prior under which it says half of what they measure.
+    fn precision_of_a_channel(&self, candidate: &Candidate) -> Option<(Vec<usize>, DMatrix<f64>)> {
+        let mut precision = DMatrix::zeros(candidate.size(), candidate.size());
+        let (mut channels, mut count) = (Vec::new(), 0.0);
+        for c in self.weighed(candidate) {
+            let mask = self.data.heard(c);
+            let plain = own(&candidate.columns, c, &mask);
+            let scale = HALF * self.weights.rows[c].scale;
+            if scale > 0.0 && plain.diagonal().iter().any(|x| *x > 0.0) {
+                precision += plain / (scale * scale);
+                count += mask.iter().sum::<f64>();
+                channels.push(c);
+            }
+        }
+        (count > 0.0).then(|| (channels, precision / count))
+    }
+
+    /// The same under which it is as large as the rows have it: no machine suggests how large something is that happens (local empirical Bayes, Hansen & Yu 2001, J. Am. Stat.
+    /// Assoc. 96:746). The prior says as much as all rows where they say nothing of it.
+    fn precision_of_its_own_size(&self, candidate: &Candidate) -> Option<(Vec<usize>, DMatrix<f64>)> {
+        let size = candidate.size();
+        let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
+        let mut channels = Vec::new();
+        for c in self.weighed(candidate) {
+            let of_channel = self.channels[c].of(&candidate.columns, c);
+            if of_channel.own.diagonal().iter().any(|x| *x > 0.0) {
+                right += of_channel.target;
+                normal += of_channel.own;
+                channels.push(c);
+            }
+        }
+        let explained = right.dot(&Cholesky::new(normal.clone())?.solve(&right));
+        let larger = (explained / size as f64 - 1.0).max(1.0);
+        Some((channels, normal / larger))
+    }
+
+    /// The channels of `candidate` that have rows with a weight.
+    fn weighed<'c>(&'c self, candidate: &'c Candidate) -> impl Iterator<Item = usize> + 'c {
+        candidate.channels.iter().copied().filter(|&c| !self.channels[c].span.is_empty())
+    }
+
+    /// What the block number `index` explains beside the tolerances.
+    fn products(&self, index: usize) -> &Products {
+        let block = &self.blocks[index];
+        block.products(&self.channels, self.tolerances.len(), &self.factor, &self.whitened_target)
+    }
+
+    /// ZᵢᵀWZⱼ less what goes through the tolerances.
+    fn cross(&self, i: usize, j: usize) -> DMatrix<f64> {
+        if i > j {
+            return self.cross(j, i).transpose();
+        }
+        let through = self.products(i).whitened.tr_mul(&self.products(j).whitened);
+        let mut crosses = self.crosses.borrow_mut();
+        let Cross { by_channel, sum } = crosses.entry((j, i)).or_insert_with(|| self.shared_channels(i, j));
+        let blank = || DMatrix::zeros(self.candidate(i).size(), self.candidate(j).size());
+        let parts = || {
+            by_channel.iter_mut().fold(blank(), |sum, (c, part)| {
+                sum + part.get(self.channels[*c].version, || self.cross_in(*c, i, j))
+            })
+        };
+        sum.get(self.versions, parts) - through
+    }
+
+    /// The channels in which the blocks `i` and `j` both show, without their products.
+    fn shared_channels(&self, i: usize, j: usize) -> Cross {
+        let (left, right) = (self.candidate(i), self.candidate(j));
+        let shared = left.channels.iter().filter(|c| right.channels.contains(c));
+        Cross { by_channel: shared.map(|&c| (c, Weighed::default())).collect(), sum: Weighed::default() }
+    }
+
+    /// ZᵢᵀWZⱼ in the channel number `c`.
+    fn cross_in(&self, c: usize, i: usize, j: usize) -> DMatrix<f64> {
+        let (left, right) = (self.candidate(i), self.candidate(j));
+        let mut cross = DMatrix::zeros(left.size(), right.size());
+        let Channel { weights, span, .. } = &self.channels[c];
+        for (b, column) in right.columns.iter().enumerate() {
+            let Some(column) = &column[c] else { continue };
+            let weighed = weighed(&column[span.clone()], &weights[span.clone()]);
+            for (a, other) in left.columns.iter().enumerate() {
+                if let Some(other) = &other[c] {
+                    cross[(a, b)] = dot(&other[span.clone()], &weighed);
+                }
+            }
+        }
+        cross
+    }
+
+    /// What `members` explain together; `None` if they are singular.
+    pub fn fit(&self, members: &[usize]) -> Option<Fit> {
+        let sizes: Vec<usize> = members.iter().map(|&i| self.candidate(i).size()).collect();
+        let all: usize = sizes.iter().sum();
+        let (mut normal, mut right) = (DMatrix::zeros(all, all), DVector::zeros(all));
+        let (mut limits, mut log_prior, mut log_off_mean, mut at) = (Vec::new(), 0.0, 0.0, 0);
+        for (k, &i) in members.iter().enumerate() {
+            let (block, products) = (&self.blocks[i], self.products(i));
+            normal.view_mut((at, at), (sizes[k], sizes[k])).copy_from(&products.normal);
+            right.rows_mut(at, sizes[k]).copy_from(&products.right);
+            let mut before = 0;
+            for (l, &j) in members[..k].iter().enumerate() {
+                let cross = self.cross(j, i);
+                normal.view_mut((before, at), (sizes[l], sizes[k])).copy_from(&cross);
+                normal.view_mut((at, before), (sizes[k], sizes[l])).copy_from(&cross.transpose());
+                before += sizes[l];
+            }
+            limits.extend(block.candidate.limits());
+            log_prior += block.log_prior;
+            log_off_mean += block.log_off_mean;
+            at += sizes[k];
+        }
+        let volume = log_determinant(&normal)?;
+        let beta = bounded(&normal, &right, &limits)?;
+        let log_prior = log_prior - 0.5 * volume;
+        let value = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) + log_prior - log_off_mean;
+        Some(Fit { members: members.to_vec(), beta, value, log_prior, normal, eta: None })
+    }
+
+    /// The same with every tolerance held inside its width: what is said of a machine of this data sheet. Its value is to be compared with those of other held
+    /// fits.
+    pub fn held_fit(&self, members: &[usize]) -> Option<Fit> {
+        self.held_within(members, &self.widths(members))
+    }
+
+    /// The width of each tolerance beside `members`, in standard deviations: none of one that a member says, no end of one that no prior binds.
+    fn widths(&self, members: &[usize]) -> Vec<[f64; 2]> {
+        let width = |(precision, is_named): (&f64, bool)| match (*precision < 1.0, is_named) {
+            (true, _) => [f64::NEG_INFINITY, f64::INFINITY],
+            (false, true) => [0.0, 0.0],
+            // Half the width of an even spread of deviation one.
+            (false, false) => [-1.0 / even(), 1.0 / even()],
+        };
+        self.precision.iter().zip(self.named_by(members)).map(width).collect()
+    }
+
+    /// [`System::held_fit`] with the tolerances inside `widths`.
+    fn held_within(&self, members: &[usize], widths: &[[f64; 2]]) -> Option<Fit> {
+        let fit = self.fit(members)?;
+        let (n, m) = (self.precision.len(), fit.beta.len());
+        let (mut normal, mut right) = (DMatrix::zeros(n + m, n + m), DVector::zeros(n + m));
+        normal.view_mut((0, 0), (n, n)).copy_from(&self.free.0);
+        right.rows_mut(0, n).copy_from(&self.free.1);
+        let mut whitened = DMatrix::zeros(n, m);
+        let mut limits = widths.to_vec();
+        let mut at = 0;
+        for &member in members {
+            let (block, products) = (&self.blocks[member], self.products(member));
+            let size = block.candidate.size();
+            normal.view_mut((0, n + at), (n, size)).copy_from(&products.through);
+            normal.view_mut((n + at, 0), (size, n)).copy_from(&products.through.transpose());
+            whitened.columns_mut(at, size).copy_from(&products.whitened);
+            let whole = &products.right + products.whitened.tr_mul(&self.whitened_target);
+            right.rows_mut(n + at, size).copy_from(&whole);
+            limits.extend(block.candidate.limits());
+            at += size;
+        }
+        normal.view_mut((n, n), (m, m)).copy_from(&(&fit.normal + whitened.tr_mul(&whitened)));
+        let solved = bounded(&normal, &right, &limits)?;
+        let log_off_mean: f64 = members.iter().map(|&member| self.blocks[member].log_off_mean).sum();
+        let value =
+            right.dot(&solved) - 0.5 * solved.dot(&(&normal * &solved)) + fit.log_prior - log_off_mean;
+        Some(Fit {
+            value,
+            beta: solved.rows(n, m).into_owned(),
+            eta: Some(solved.rows(0, n).into_owned()),
+            ..fit
+        })
+    }
+
+    /// Holds the tolerances that `fit` would have beyond an edge of their width at that edge; whether any was taken up or let go.
+    pub fn pin(&mut self, fit: &Fit) -> Option<bool> {
+        let widths = self.widths(&fit.members);
+        let held = self.held_within(&fit.members, &widths)?.eta?;
+        // Without a width the edge is zero; without an end no tolerance is at it.
+        let edge = |(eta, [_, most]): (&f64, &[f64; 2])| {
+            (eta.abs() >= most * (1.0 - 1e-9)).then(|| most.copysign(*eta))
+        };
+        let pins: Vec<Option<f64>> = held.iter().zip(&widths).map(edge).collect();
+        let moved = pins != self.pins;
+        if moved {
+            self.pins = pins;
+            self.eliminate_anew()?;
+        }
+        Some(moved)
+    }
+
+    /// Which tolerances say what one of `members` says, whatever its coefficients: what has a name is no tolerance any more.
+    fn named_by(&self, members: &[usize]) -> Vec<bool> {
+        /// Share of a column's square that another says for both to be the same: what is left, a tenth of the deviation, no recording tells from noise beside a
+        /// tolerance.
+        const SAME: f64 = 0.99;
+        let squares: Vec<f64> = (0..self.precision.len())
+            .map(|k| {
+                let shown = self.channels.iter().flat_map(|channel| {
+                    let place = channel.tolerances.iter().position(|(index, _)| *index == k);
+                    place.map(|place| channel.gram[(place, place)])
+                });
+                shown.sum()
+            })
+            .collect();
+        let mut named = vec![false; self.precision.len()];
+        for &member in members {
+            let products = self.products(member);
+            let precision = &self.blocks[member].precision;
+            let own = &products.normal - precision + products.whitened.tr_mul(&products.whitened);
+            let Some(factor) = Cholesky::new(own) else { continue };
+            for (k, square) in squares.iter().enumerate() {
+                let cross = products.through.row(k).transpose();
+                let said = cross.dot(&factor.solve(&cross));
+                named[k] |= *square > 0.0 && said > SAME * square;
+            }
+        }
+        named
+    }
+
+    /// Lets all tolerances go.
+    pub fn unpin(&mut self) -> Option<()> {
+        self.pins.fill(None);
+        self.eliminate_anew()
+    }
+
+    /// The normal matrix of the coefficients of `members` with every tolerance as wide as the data sheet says, one that a member says included: what the data tell is
+    /// the sum of both.
+    pub fn normal_beside_all(&mut self, members: &[usize]) -> Option<DMatrix<f64>> {
+        let pins = self.pins.clone();
+        self.unpin()?;
+        let normal = self.fit(members).map(|fit| fit.normal);
+        self.pins = pins;
+        self.eliminate_anew()?;
+        normal
+    }
+
+    /// What each of `candidates` would explain more beside the members of `fit`.
+    pub fn gains(&self, fit: &Fit, candidates: &[usize]) -> Vec<Option<Gain>> {
+        let factor = Cholesky::new(fit.normal.clone());
+        let gain = |&index: &usize| {
+            let (block, products) = (&self.blocks[index], self.products(index));
+            let size = block.candidate.size();
+            let mut cross = DMatrix::zeros(fit.beta.len(), size);
+            let mut at = 0;
+            for &member in &fit.members {
+                let of_member = self.cross(member, index);
+                cross.view_mut((at, 0), of_member.shape()).copy_from(&of_member);
+                at += of_member.nrows();
+            }
+            let right = &products.right - cross.tr_mul(&fit.beta);
+            if let Some(factor) = &factor {
+                factor.l_dirty().solve_lower_triangular_mut(&mut cross);
+            }
+            let normal = &products.normal - cross.tr_mul(&cross);
+            let volume = log_determinant(&normal)?;
+            let limits = block.candidate.limits();
+            let beta = bounded(&normal, &right, &limits)?;
+            let explained = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) - block.log_off_mean;
+            let is_inside = beta.iter().zip(&limits).all(|(x, [least, most])| least < x && x < most);
+            Some(Gain { value: explained - 0.5 * volume + block.log_prior, explained, beta, is_inside })
+        };
+        candidates.iter().map(gain).collect()
+    }
+
+    /// The weighed squares that the tolerances leave.
+    pub fn square_left(&self) -> f64 {
+        let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
+        squares - self.whitened_target.norm_squared()
+    }
+
+    /// The log of the evidence but for what no weight changes: what all sets under the same weights share.
+    pub fn shared(&self) -> f64 {
+        let volumes: f64 = self.weights.rows.iter().map(crate::data::weights::Rows::log_volume).sum();
+        let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
+        let stiff: f64 = self.pins.iter().flatten().map(|edge| STIFF * edge * edge).sum();
+        volumes - 0.5 * (squares + stiff) + 0.5 * self.whitened_target.norm_squared() - self.log_volume
+    }
+
+    /// The coefficients of the tolerances beside `fit`.
+    pub fn tolerances_beside(&self, fit: &Fit) -> DVector<f64> {
+        if let Some(held) = &fit.eta {
+            return held.clone();
+        }
+        let (mut right, mut at) = (self.whitened_target.clone(), 0);
+        for &member in &fit.members {
+            let size = self.candidate(member).size();
+            right -= &self.products(member).whitened * fit.beta.rows(at, size);
+            at += size;
+        }
+        let upper = self.factor.l().transpose();
+        upper.solve_upper_triangular(&right).unwrap_or(right)
+    }
+
+    /// What `fit` leaves of every row of the data, of all parts.
+    pub fn left(&self, fit: &Fit) -> Vec<Vec<f64>> {
+        let mut left = self.target.clone();
+        for (column, eta) in self.tolerances.iter().zip(self.tolerances_beside(fit).iter()) {
+            add(&mut left, column, -eta);
+        }
+        for (column, beta) in self.columns(&fit.members).zip(fit.beta.iter()) {
+            add(&mut left, column, -beta);
+        }
+        left
+    }
+
+    /// What each block of neighbouring rows pulls at the coefficients of `fit`, the tolerances eliminated: ZᵀW(what is left) of the block.
+    pub fn pulls(&self, fit: &Fit) -> Vec<DVector<f64>> {
+        let left = self.left(fit);
+        // The columns beside the tolerances, Z − N K⁻¹NᵀWZ, channel by channel.
+        let upper = self.factor.l().transpose();
+        let through: Vec<DMatrix<f64>> = fit
+            .members
+            .iter()
+            .filter_map(|&member| upper.solve_upper_triangular(&self.products(member).whitened))
+            .collect();
+        let mut blocks: BTreeMap<(usize, usize), DVector<f64>> = BTreeMap::new();
+        for (c, channel) in
+            self.channels.iter().enumerate().filter(|(_, channel)| !channel.tolerances.is_empty())
+        {
+            let mut columns = Vec::new();
+            for (&member, through) in fit.members.iter().zip(&through) {
+                for (k, column) in self.candidate(member).columns.iter().enumerate() {
+                    let mut own = column[c].clone().unwrap_or_else(|| vec![0.0; left[c].len()]);
+                    for (index, _) in &channel.tolerances {
+                        if let Some(tolerance) = &self.tolerances[*index][c] {
+                            let share = through[(*index, k)];
+                            own.iter_mut().zip(tolerance).for_each(|(x, t)| *x -= share * t);
+                        }
+                    }
+                    columns.push(own);
+                }
+            }
+            let (stage, _) = self.data.place(c);
+            for (stretch, step) in self.data.stretches(c) {
+                for rows in blocks_of(stretch, step) {
+                    let pull =
+                        blocks.entry((stage, rows.start)).or_insert_with(|| DVector::zeros(columns.len()));
+                    for (k, column) in columns.iter().enumerate() {
+                        pull[k] += rows
+                            .clone()
+                            .map(|row| column[row] * channel.weights[row] * left[c][row])
+                            .sum::<f64>();
+                    }
+                }
+            }
+        }
+        blocks.into_values().collect()
+    }
+
+    /// `rows` less what the tolerances with the coefficients `eta` say, those aside that no prior binds.
+    pub fn without_tolerances(&self, rows: &mut [Vec<f64>], eta: &DVector<f64>) {
+        let bound = self.tolerances.iter().zip(&self.precision).zip(eta.iter());
+        bound
+            .filter(|((_, precision), _)| **precision >= 1.0)
+            .for_each(|((column, _), eta)| add(rows, column, -eta));
+    }
+
+    /// The columns of `members`, in the order of their coefficients.
+    pub fn columns<'s>(&'s self, members: &'s [usize]) -> impl Iterator<Item = &'s Column> {
+        members.iter().flat_map(|&member| self.candidate(member).columns.iter())
+    }
+
+    /// The members of `fit` on `arm` that an arm file can say, those aside that `may` refuses.
+    pub fn placed(&self, fit: &Fit, arm: &Arm, may: impl Fn(&Candidate) -> bool) -> Vec<Placed> {
+        let members = fit.members.iter().map(|&member| self.candidate(member)).enumerate();
+        let wanted = members.filter(|(_, candidate)| may(candidate));
+        wanted.filter_map(|(place, candidate)| candidate.placed(arm, self.coefficients(fit, place))).collect()
+    }
+
+    /// The members of `fit` on `arm` in the recording number `stage` that an arm file can say, their journals where they begin there.
+    pub fn placed_in(&self, fit: &Fit, arm: &Arm, stage: usize) -> Vec<Placed> {
+        let placed = |(place, &member): (usize, &usize)| {
+            self.candidate(member).placed_in(arm, self.coefficients(fit, place), stage)
+        };
+        fit.members.iter().enumerate().filter_map(placed).collect()
+    }
+
+    /// The coefficients of the member number `place` of `fit`.
+    pub fn coefficients<'f>(&self, fit: &'f Fit, place: usize) -> &'f [f64] {
+        let at: usize = fit.members[..place].iter().map(|&member| self.candidate(member).size()).sum();
+        &fit.beta.as_slice()[at..at + self.candidate(fit.members[place]).size()]
+    }
+
+    /// Follows the shares of discrepancy to what `fit` leaves; whether any moved. `None` if that makes the tolerances singular.
+    pub fn follow(&mut self, fit: &Fit) -> Option<bool> {
+        let left = self.left(fit);
+        let moved: Vec<usize> = (0..self.channels.len())
+            .filter(|&c| {
+                let taken = self.taken(fit, c);
+                self.weights.rows[c].follow(&left[c], taken)
+            })
+            .collect();
+        self.weigh_anew(&moved)?;
+        Some(!moved.is_empty())
+    }
+
+    /// Believes each row by what `fit` leaves of it: see [`crate::data::weights::Rows::distrust`]. `None` if that makes the tolerances singular.
+    pub fn distrust(&mut self, fit: &Fit) -> Option<()> {
+        let left = self.left(fit);
+        let heard: Vec<usize> =
+            (0..self.channels.len()).filter(|&c| self.weights.rows[c].effective() > 0.0).collect();
+        heard.iter().for_each(|&c| self.weights.rows[c].distrust(&left[c]));
+        self.weigh_anew(&heard)
+    }
+
+    /// Believes every row alike. `None` if that makes the tolerances singular.
+    pub fn trust_all(&mut self) -> Option<()> {
+        self.weights.rows.iter_mut().for_each(crate::data::weights::Rows::trust_all);
+        self.weigh_anew(&(0..self.channels.len()).collect::<Vec<_>>())
+    }
+
+    /// Sets the shares of discrepancy to those of `weights`.
+    pub fn set_shares(&mut self, shares: &[f64]) -> Option<()> {
+        let moved: Vec<usize> =
+            (0..self.channels.len()).filter(|&c| self.weights.rows[c].share != shares[c]).collect();
+        moved.iter().for_each(|&c| self.weights.rows[c].share = shares[c]);
+        self.weigh_anew(&moved)
+    }
+
+    /// By how much the evidence of `fit` would rise, were the shares of discrepancy its own.
+    pub fn to_gain(&self, fit: &Fit) -> f64 {
+        let left = self.left(fit);
+        (0..self.channels.len()).map(|c| self.weights.rows[c].to_gain(&left[c], self.taken(fit, c))).sum()
+    }
+
+    /// Number of coefficients of `fit` that show in the channel number `c`.
+    fn taken(&self, fit: &Fit, c: usize) -> f64 {
+        let members = fit.members.iter().map(|&member| &self.blocks[member].candidate);
+        members
+            .filter(|candidate| candidate.channels.contains(&c))
+            .map(|candidate| candidate.size() as f64)
+            .sum()
+    }
+
+    /// The share of discrepancy of each channel.
+    pub fn shares(&self) -> Vec<f64> {
+        self.weights.rows.iter().map(|rows| rows.share).collect()
+    }
+
+    /// Weighs the rows of the channels `moved` anew.
+    fn weigh_anew(&mut self, moved: &[usize]) -> Option<()> {
+        if moved.is_empty() {
+            return Some(());
+        }
+        self.versions += 1;
+        for &c in moved {
+            let weights = self.weights.rows[c].weights();
+            let is_back = self.before[c].as_ref().is_some_and(|before| before.weights == weights);
+            let now = match self.before[c].take().filter(|_| is_back) {
+                Some(before) => before,
+                None => Channel::new(c, &self.tolerances, &self.target, (self.versions, weights)),
+            };
+            self.before[c] = Some(std::mem::replace(&mut self.channels[c], now));
+        }
+        self.free = normal_equations(&self.channels, &self.precision);
+        self.log_volume = half_log_determinant(&Cholesky::new(self.free.0.clone())?);
+        self.eliminate_anew()
+    }
+
+    /// Eliminates the tolerances anew.
+    fn eliminate_anew(&mut self) -> Option<()> {
+        (self.factor, self.whitened_target) = eliminated(&self.free, &self.pins)?;
+        self.blocks.iter_mut().for_each(Block::forget);
+        Some(())
+    }
+}
+
+/// `members` without the one at `place`.
+pub(crate) fn all_but(members: &[usize], place: usize) -> Vec<usize> {
+    [&members[..place], &members[place + 1..]].concat()
+}
+
+/// K and NᵀWy.
+fn normal_equations(channels: &[Channel], precision: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
+    let n = precision.len();
+    let mut normal = DMatrix::from_diagonal(&DVector::from_column_slice(precision));
+    let mut right = DVector::zeros(n);
+    for channel in channels {
+        for (i, (a, _)) in channel.tolerances.iter().enumerate() {
+            right[*a] += channel.against[i];
+            for (j, (b, _)) in channel.tolerances.iter().enumerate() {
+                normal[(*a, *b)] += channel.gram[(i, j)];
+            }
+        }
+    }
+    // A zero of a link encoder without a row would be singular.
+    (0..n).for_each(|k| normal[(k, k)] += f64::MIN_POSITIVE);
+    (normal, right)
+}
+
+/// The factor of K, and L⁻¹NᵀWy, with the tolerances that `pins` holds at an edge.
+fn eliminated(
+    free: &(DMatrix<f64>, DVector<f64>),
+    pins: &[Option<f64>],
+) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
+    let (mut normal, mut right) = free.clone();
+    for (k, edge) in pins.iter().enumerate().filter_map(|(k, pin)| Some((k, (*pin)?))) {
+        normal[(k, k)] += STIFF;
+        right[k] += STIFF * edge;
+    }
+    let factor = Cholesky::new(normal)?;
+    factor.l_dirty().solve_lower_triangular_mut(&mut right);
+    Some((factor, right))
+}
+
+/// The log of the determinant of a positive definite matrix; `None` if it is none.
+fn log_determinant(matrix: &DMatrix<f64>) -> Option<f64> {
+    Some(2.0 * half_log_determinant(&Cholesky::new(matrix.clone())?))
+}

@@ -1,0 +1,326 @@
+//! What happened at a time beside the laws that were found: searched among rows as they differ from their past, and weighed there.
+
+use freeplay_laws::kinds;
+
+use crate::candidates::candidate::{Candidate, at_place, places};
+use crate::candidates::moments::{END, MOST, Moments, window};
+use crate::data::columns::{add_all, less, sum_of};
+use crate::data::stacked::Data;
+use crate::data::weights::Weights;
+use crate::data::whitening::Whitening;
+use crate::evidence::gain::Compared;
+use crate::evidence::nameless::{JointRange, NamelessTorques};
+use crate::evidence::system::{System, all_but};
+use crate::evidence::tails;
+use crate::findings::alternatives::instead;
+use crate::findings::event::Event;
+use crate::findings::interval::{holds_nothing, parameters};
+use crate::report::diagnosis::Alternative;
+use crate::search::moves::Search;
+use crate::search::tried::LISTED;
+use crate::statistics::{STRONG, is_told};
+
+/// The events in the rows that are heard. The laws that were found leave `left` of these rows. An event has to be more probable than none, and no law of `lasting` may say the same. Rows are
+/// taken as they differ from their past, so that a push is not counted as if it were as slow as what else is left. The evidence is that of the diagnosis. `None` if the system is
+/// singular.
+pub(crate) fn happenings(
+    data: &Data,
+    left: &[Vec<f64>],
+    lasting: &[Candidate],
+    sizes: &Weights,
+    seed: u64,
+) -> Option<Vec<Event>> {
+    // What was found wanders no more: the second time rows are as white as what it leaves.
+    let (search, members) = found_among(data, left, &sizes.whitening(data, left), Vec::new())?;
+    if members.is_empty() {
+        return Some(Vec::new());
+    }
+    let known = search.candidates(&members);
+    let known = known.into_iter().filter_map(|one| one.reformed(data, one.form.clone())).collect();
+    let rest = less(left, &said(&search, &members, left)?);
+    let whitening = sizes.whitening(data, &rest);
+    let (mut search, members) = found_among(data, left, &whitening, known)?;
+    let members = beside_laws(&mut search, members, lasting)?;
+    let odds = odds(data, &mut search, &members, &whitening.least())?;
+    let rest = less(left, &said(&search, &members, left)?);
+    let fit = search.system.fit(&members)?;
+    let parameters = parameters(&mut search.system, &fit, seed);
+    let weights = sizes.by_row();
+    let log_priors = log_priors(&search, &members)?;
+    let mut events = Vec::new();
+    for (place, (parameters, (log_odds, alternatives))) in parameters.into_iter().zip(odds).enumerate() {
+        let candidate = search.system.candidate(members[place]);
+        let candidate = candidate.reformed(data, candidate.form.clone())?;
+        let beta = search.system.coefficients(&fit, place).to_vec();
+        let mut before = rest.clone();
+        add_all(&mut before, candidate.columns.iter().zip(beta.iter().copied()));
+        let compared = Compared { before: &before, after: &rest, weights: &weights };
+        events.push(Event {
+            gain: compared.gain(data, &candidate.channels, seed)?,
+            removed: compared.removed(data, &candidate.channels),
+            log_prior: log_priors[place],
+            log_odds,
+            alternatives,
+            candidate,
+            beta,
+            parameters,
+        });
+    }
+    events.retain(|event| !holds_nothing(&event.candidate, &event.parameters));
+    Some(events)
+}
+
+/// The search for events in rows that `whitening` makes independent, of which so much is `left`, and the numbers of the events that it found, the `known` ones among them. `None` if the
+/// system is singular.
+fn found_among<'d, 'a>(
+    data: &'d Data<'a>,
+    left: &[Vec<f64>],
+    whitening: &Whitening,
+    known: Vec<Candidate>,
+) -> Option<(Search<'d, 'a>, Vec<usize>)> {
+    let mut moments = Moments::new(data, whitening, left);
+    let system = System::white(data, left, Weights::white(data, whitening), whitening.clone())?;
+    let mut search = Search::new(system, Vec::new());
+    let known = known.into_iter().filter_map(|one| search.system.take(one)).collect();
+    let members = one_by_one(data, &mut search, known, left, &mut moments)?;
+    let members = told(data, &search, members, &whitening.least())?;
+    let members = beside_shapes(data, &search, members, left)?;
+    Some((search, members))
+}
+
+/// For each of `members`, the part of its log odds that the rows don't bring: the odds before the data, and the volume. `None` if the system is singular.
+fn log_priors(search: &Search, members: &[usize]) -> Option<Vec<f64>> {
+    let all = search.system.fit(members)?.log_prior;
+    let of = |place: usize| Some(all - search.system.fit(&all_but(members, place))?.log_prior);
+    (0..members.len()).map(of).collect()
+}
+
+/// The log odds for each of `members`, and what else each may be. `None` if the system is singular.
+fn odds(
+    data: &Data,
+    search: &mut Search,
+    members: &[usize],
+    least: &[f64],
+) -> Option<Vec<(f64, Vec<Alternative>)>> {
+    let all = probability(data, search, members, least)?;
+    let mut odds = Vec::new();
+    for place in 0..members.len() {
+        let others = all_but(members, place);
+        let log_odds = all - probability(data, search, &others, least)?;
+        let mut alternatives = Vec::new();
+        for other in at_the_same_time(data, search, members[place]) {
+            let with = [&others[..], &[other]].concat();
+            let against = all - probability(data, search, &with, least)?;
+            let [named, other] = [members[place], other].map(|index| search.system.candidate(index));
+            alternatives.push(instead(data.arm(), named, other, against));
+        }
+        alternatives.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
+        alternatives.truncate(LISTED);
+        odds.push((log_odds, alternatives));
+    }
+    Some(odds)
+}
+
+/// `members` and what else happens, as long as it makes what is `left` of the rows more probable. What is found says where the next one is.
+fn one_by_one(
+    data: &Data,
+    search: &mut Search,
+    members: Vec<usize>,
+    left: &[Vec<f64>],
+    moments: &mut Moments,
+) -> Option<Vec<usize>> {
+    let mut now = search.settled(members)?;
+    while now.members.len() < MOST * data.stages.len() {
+        moments.set(&less(left, &said(search, &now.members, left)?));
+        search.laid.clear();
+        for kind in kinds().filter(|kind| kind.happens()) {
+            for joint in places(kind, data.arm()) {
+                let Ok((found, _)) = at_place(data, kind, joint, Some(moments)) else { continue };
+                let inside = found.into_iter().filter(|one| is_inside(data, one));
+                let taken: Vec<usize> = inside.filter_map(|one| search.system.take(one)).collect();
+                search.laid.extend(taken);
+            }
+        }
+        let Some(better) = search.added(&now)? else { break };
+        now = better;
+    }
+    let mut members = now.members;
+    for place in 0..members.len() {
+        // An edge that is a row off leaves what looks like another push.
+        let member = members.remove(place);
+        let better = search.refined(&members, member)?;
+        let fit = search.system.fit(&members)?;
+        let value = |search: &Search, index: usize| {
+            let gain = search.system.gains(&fit, &[index]).pop().flatten().filter(|gain| gain.is_inside);
+            gain.map_or(f64::NEG_INFINITY, |gain| gain.value)
+        };
+        let all = at_the_same_time(data, search, better).into_iter().chain([better]);
+        let best = all.max_by(|a, b| value(search, *a).total_cmp(&value(search, *b)))?;
+        let best = if best == better { best } else { search.refined(&members, best)? };
+        members.insert(place, best);
+    }
+    Some(search.improve(members, &mut |_| {})?.members)
+}
+
+/// What else may happen from the same beginning to the same end as `member`.
+fn at_the_same_time(data: &Data, search: &mut Search, member: usize) -> Vec<usize> {
+    let own = search.system.candidate(member).clone();
+    if window(&own.form.shape).is_none() {
+        return Vec::new();
+    }
+    let mut all = Vec::new();
+    for kind in kinds().filter(|kind| kind.happens() && kind.parameter(END).is_some()) {
+        for joint in places(kind, data.arm()) {
+            let other = Candidate::new(data, kind, joint, own.form.clone()).ok().flatten();
+            let other = other.filter(|other| !other.same_effect(&own)).map(|other| other.one_of(own.forms));
+            all.extend(other.and_then(|other| search.system.take(other)));
+        }
+    }
+    all
+}
+
+/// Those of `members` that are sure: without any of them the rows are less probable even if they have heavier tails. A law that is off in some places is off in
+/// more of them than something happens.
+fn told(data: &Data, search: &Search, mut members: Vec<usize>, least: &[f64]) -> Option<Vec<usize>> {
+    loop {
+        let all = probability(data, search, &members, least)?;
+        let mut odds = Vec::new();
+        for place in 0..members.len() {
+            let others = all_but(&members, place);
+            let is_inside = is_inside(data, search.system.candidate(members[place]));
+            let of_one =
+                if is_inside { all - probability(data, search, &others, least)? } else { f64::NEG_INFINITY };
+            odds.push((members[place], of_one));
+        }
+        let unsure = odds.iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|unsure| !is_told(unsure.1));
+        let Some(&(unsure, _)) = unsure else { return Some(members) };
+        members.retain(|member| *member != unsure);
+    }
+}
+
+/// Log of the probability of white rows beside `members`, their tails as heavy as makes them most probable, where the instruments leave `least` of each channel.
+fn probability(data: &Data, search: &Search, members: &[usize], least: &[f64]) -> Option<f64> {
+    let fit = search.system.fit(members)?;
+    let left = search.system.left(&fit);
+    let of_channel = |c: usize| {
+        let weights = search.system.weights.rows[c].weights();
+        let heard = left[c].iter().zip(weights).filter(|(_, weight)| *weight > 0.0);
+        let heard: Vec<f64> = heard.map(|(x, _)| *x).collect();
+        tails::log_likelihood(&heard, least[c])
+    };
+    Some((0..data.channels()).map(of_channel).sum::<f64>() + fit.log_prior)
+}
+
+/// Those of `members` that tell beside shapes of the motion without a name: what goes with the motion does not happen at a time, whether it has a name or not. `None` if the
+/// system is singular.
+fn beside_shapes(data: &Data, search: &Search, members: Vec<usize>, left: &[Vec<f64>]) -> Option<Vec<usize>> {
+    let places: Vec<Option<JointRange>> =
+        members.iter().map(|&member| joint_range(data, search.system.candidate(member))).collect();
+    let shapes = NamelessTorques::new(data, &places);
+    let evidence = |events: &[usize], places: &[usize]| {
+        let named: Vec<usize> = events.iter().map(|&event| members[event]).collect();
+        Some(shapes.evidence(&less(left, &said(search, &named, left)?), places))
+    };
+    let mut events: Vec<usize> = (0..members.len()).collect();
+    let mut all = evidence(&events, &[])?;
+    // Pieces of one shape go together.
+    if evidence(&[], &[])? >= all {
+        return Some(Vec::new());
+    }
+    while !events.is_empty() {
+        let without = |place: usize| {
+            let others = all_but(&events, place);
+            Some((evidence(&others, &[])?, others))
+        };
+        let of_others = (0..events.len()).map(without).collect::<Option<Vec<_>>>()?;
+        let best = of_others.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((of_others, others)) = best.filter(|best| best.0 >= all) else { break };
+        (all, events) = (of_others, others);
+    }
+    let priors = log_priors(search, &members)?;
+    let value = |events: &[usize], places: &[usize]| {
+        let priors: f64 = events.iter().chain(places).map(|&one| priors[one]).sum();
+        Some(evidence(events, places)? + priors)
+    };
+    let events = beside_places(events, &places, value)?;
+    Some(events.into_iter().map(|event| members[event]).collect())
+}
+
+/// Those of `events` that no place of a joint explains: where a joint meets the same torque whenever it comes to a place, nothing happens at a time, whether that has a
+/// name or not. An event shows the place of its number among `places`. `value` is the log of the probability of events and places, each place as probable before the
+/// data as the event that shows it. A joint that comes to a place but once tells neither from the other: the event stays unless the place is the better one by the odds of a name.
+/// `None` if `value` is.
+fn beside_places(
+    mut events: Vec<usize>,
+    places: &[Option<JointRange>],
+    value: impl Fn(&[usize], &[usize]) -> Option<f64>,
+) -> Option<Vec<usize>> {
+    let mut taken: Vec<usize> = Vec::new();
+    let mut now = value(&events, &taken)?;
+    loop {
+        let mut best: Option<(f64, Vec<usize>, Vec<usize>)> = None;
+        for &place in &events {
+            let Some(range) = places[place] else { continue };
+            let is_elsewhere = |event: &usize| !places[*event].is_some_and(|other| range.meets(&other));
+            let others: Vec<usize> = events.iter().copied().filter(is_elsewhere).collect();
+            let with = [&taken[..], &[place]].concat();
+            let there = value(&others, &with)?;
+            if there > best.as_ref().map_or(now + STRONG, |best| best.0) {
+                best = Some((there, others, with));
+            }
+        }
+        let Some(better) = best else { return Some(events) };
+        (now, events, taken) = better;
+    }
+}
+
+/// Where the joint on which `candidate` acts is while it acts; `None` if it acts on no single joint or does not end.
+fn joint_range(data: &Data, candidate: &Candidate) -> Option<JointRange> {
+    let (joint, [begin, end]) = (candidate.joint?, window(&candidate.form.shape)?);
+    let motion = data.stages[candidate.form.only.unwrap_or(0)].motion();
+    let during = motion.t.iter().zip(&motion.q[joint]).filter(|(t, _)| (begin..=end).contains(*t));
+    let range = during
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], (_, q)| [least.min(*q), most.max(*q)]);
+    (range[0] <= range[1]).then_some(JointRange { joint, range })
+}
+
+/// Those of `members` that no law of `lasting` makes needless: pieces of a law look like pushes, and rows of which each says something new tell of laws that are too small to be
+/// named. `None` if the system is singular.
+fn beside_laws(search: &mut Search, members: Vec<usize>, lasting: &[Candidate]) -> Option<Vec<usize>> {
+    if members.is_empty() {
+        return Some(members);
+    }
+    search.laid = lasting.iter().filter_map(|law| search.system.take(law.clone())).collect();
+    let mut now = search.settled(members)?;
+    while let Some(better) = search.exchanged_whole(&now)? {
+        now = better;
+    }
+    now.members.retain(|&member| search.system.candidate(member).kind.happens());
+    Some(now.members)
+}
+
+/// Whether what happens in the form of `candidate` begins after its recording does, and ends before, if it ends at all: what is there from the first sample on may have been
+/// there for ever. What lasts for less than half a period of the low-pass's cutoff is the edge of something else (Shannon 1949).
+fn is_inside(data: &Data, candidate: &Candidate) -> bool {
+    let stage = &data.stages[candidate.form.only.unwrap_or(0)];
+    let t = &stage.motion().t;
+    let (Some([begin, end]), Some(first), Some(last)) = (window(&candidate.form.shape), t.first(), t.last())
+    else {
+        return true;
+    };
+    let edge = 0.5 / stage.ground.treatment.filter().cutoff_hz();
+    begin > first + edge && end < last - edge && end - begin > edge
+}
+
+/// What `members` say of every row, as it is.
+fn said(search: &Search, members: &[usize], rows: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+    let system = &search.system;
+    let fit = system.fit(members)?;
+    let mut columns = Vec::new();
+    for (place, &member) in members.iter().enumerate() {
+        let candidate = system.candidate(member);
+        let raw = candidate.reformed(system.data, candidate.form.clone())?;
+        columns.extend(raw.columns.iter().cloned().zip(system.coefficients(&fit, place).to_vec()));
+    }
+    Some(sum_of(columns.iter().map(|(column, x)| (column, *x)), rows))
+}

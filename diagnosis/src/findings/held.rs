@@ -1,0 +1,124 @@
+//! Joints that something holds: each was told to move and stands.
+//!
+//! No motion tells what holds such a joint, and its torque tells nothing of any other law. It tells how much dry friction there is at least: Coulomb's
+//! friction of a joint that stands is any torque between −F and F, so that F is no less than the greatest torque beyond what the rigid arm takes.
+
+use std::collections::BTreeMap;
+
+use freeplay_arm::EffectTable;
+use freeplay_laws::{Kind as EffectKind, LawError, Placed, holding};
+use toml::Value;
+
+use crate::data::instruments::rigid_torque_error;
+use crate::data::parts::Part;
+use crate::data::rows::is_held;
+use crate::data::stacked::Data;
+use crate::data::stage::Stage;
+use crate::evidence::gain::Compared;
+use crate::report::diagnosis::{Effect, Evidence, Parameter};
+use crate::report::words;
+use crate::signals::channel::Kind;
+use crate::statistics::Moments;
+
+/// The dry friction of each joint that something holds in all recordings, beside the effects `found`: the effect and its table. The shares of these effects are squares over those of the noise.
+///
+/// # Errors
+/// See [`LawError`].
+pub(crate) fn held(data: &Data, found: &[Placed], seed: u64) -> Result<Vec<(EffectTable, Effect)>, LawError> {
+    let joints = 0..data.arm().dof();
+    let joints: Vec<usize> =
+        joints.filter(|&joint| data.stages.iter().all(|stage| is_held(stage, joint))).collect();
+    if joints.is_empty() {
+        return Ok(Vec::new());
+    }
+    let found: Vec<&Placed> = found.iter().collect();
+    let mut left = Vec::new();
+    for stage in &data.stages {
+        left.extend(stage.left_with(&found)?);
+    }
+    let channel = |joint| data.stages[0].number_of(Kind::Torque(joint));
+    let of_joints = joints.into_iter().filter_map(|joint| Some((joint, channel(joint)?)));
+    Ok(of_joints.filter_map(|at| of_joint(data, at, &left, seed)).collect())
+}
+
+/// The dry friction of one such joint. Its torque is the channel number `of_stage` of each recording, and so much is `left` of every row.
+fn of_joint(
+    data: &Data,
+    (joint, of_stage): (usize, usize),
+    left: &[Vec<f64>],
+    seed: u64,
+) -> Option<(EffectTable, Effect)> {
+    let (arm, channels) = (data.arm(), data.alike(of_stage));
+    let nominal = arm.joints()[joint].friction.coulomb;
+    let blank = || vec![Vec::new(); left.len()];
+    let (mut before, mut on_test, mut most, mut misread) = (blank(), blank(), 0.0_f64, Vec::new());
+    for &c in &channels {
+        let (number, _) = data.place(c);
+        let (stage, parts) = (&data.stages[number], &data.parts[number]);
+        before[c] = without_friction(stage, of_stage, &left[c]);
+        on_test[c] = parts.iter().map(|part| f64::from(u8::from(*part == Part::Test))).collect();
+        let seen = before[c].iter().zip(parts).filter(|(_, part)| **part != Part::Test);
+        most = seen.fold(most, |most, (beyond, _)| most.max(beyond.abs()));
+        misread.extend(rigid_torque_error(stage, joint, &stage.ground.noises.channels[of_stage], seed));
+    }
+    // Of many rows, the one with the greatest torque is the one that was read most badly, too.
+    let worst = misread.iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
+    let (least, noise) = (most - worst - nominal, Moments::of(&misread).rms);
+    if least <= worst {
+        return None;
+    }
+    let holds = nominal + least;
+    let held = |rows: &Vec<f64>| rows.iter().map(|beyond| beyond - beyond.clamp(-holds, holds)).collect();
+    let after: Vec<Vec<f64>> = before.iter().map(held).collect();
+    let compared = Compared { before: &before, after: &after, weights: &on_test };
+    let (squares, names) = compared.removed(data, &channels);
+    let log_odds = 0.5 * (least / noise).powi(2);
+    let table = holding(&arm.joints()[joint].name, least);
+    let kind = freeplay_laws::kind(&table.kind)?;
+    let parameters = at_least(kind, &table, data, joint);
+    let phrase = words::phrase(kind, &parameters);
+    let effect = Effect {
+        kind: kind.name,
+        joint: table.joint.clone(),
+        statement: format!(
+            "{} The joint was told to move and stands; a brake or something in its way holds it as well.",
+            words::statement(&phrase, table.joint.as_deref())
+        ),
+        parameters,
+        equation: kind.equation,
+        source: kind.source,
+        evidence: Evidence {
+            log_odds,
+            odds: words::odds(log_odds),
+            share: squares / (noise * noise),
+            held_out_gain: compared.gain(data, &channels, seed)?,
+            held_out: true,
+            channels: names,
+        },
+        phrase,
+    };
+    Some((table, effect))
+}
+
+/// The rows `left` of the torque with the number `channel` of `stage`, as a model without friction of its joint leaves them.
+fn without_friction(stage: &Stage, channel: usize, left: &[f64]) -> Vec<f64> {
+    match &stage.channels[channel].friction {
+        Some(friction) => left.iter().zip(friction).map(|(left, friction)| left + friction).collect(),
+        None => left.to_vec(),
+    }
+}
+
+/// The numbers of `table`, each the least that it can be.
+fn at_least(
+    kind: &'static EffectKind,
+    table: &EffectTable,
+    data: &Data,
+    joint: usize,
+) -> BTreeMap<String, Parameter> {
+    let parameter = |(name, value): (&String, &Value)| {
+        let unit = kind.unit(name, Some(&data.arm().joints()[joint])).to_owned();
+        let ci95 = Some([value.as_float()?, f64::MAX]);
+        Some((name.clone(), Parameter { value: value.clone(), unit, ci95 }))
+    };
+    table.parameters.iter().filter_map(parameter).collect()
+}

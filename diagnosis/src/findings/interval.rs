@@ -1,0 +1,200 @@
+//! Parameters of what was named, and how sure they are: the posterior of the coefficients, and the profile of the evidence over the numbers of a shape.
+
+use std::collections::BTreeMap;
+
+use freeplay_laws::{Range, Role};
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use toml::{Table, Value};
+
+use crate::candidates::candidate::Candidate;
+use crate::data::columns::sum_of;
+use crate::evidence::system::{Fit, System};
+use crate::random::normal;
+use crate::report::diagnosis::Parameter;
+use crate::statistics::DRAWS;
+
+/// Steps of a shape's number, as [`Candidate::moved`] counts them, between which the curvature of the evidence is taken: two either way tell a curve from
+/// noise.
+const STEPS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
+/// Greatest standard deviation in such steps: beyond, the motion does not tell the number.
+const VAGUE: f64 = 1.0;
+
+/// How sure a number of a shape is.
+struct Loose {
+    /// Its name.
+    name: String,
+    /// Its standard deviation, as [`Candidate::moved`] counts.
+    deviation: f64,
+    /// By how much the coefficients change with it.
+    pull: DVector<f64>,
+}
+
+/// The parameters of each member of `fit`, with intervals of 95 %.
+pub(crate) fn parameters(system: &mut System, fit: &Fit, seed: u64) -> Vec<BTreeMap<String, Parameter>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let factor = Cholesky::new(covariance(system, fit)).map(|factor| factor.l());
+    let draws: Vec<DVector<f64>> = (0..DRAWS)
+        .map(|_| {
+            let white = DVector::from_fn(fit.beta.len(), |_, _| normal(&mut rng));
+            factor.as_ref().map_or_else(|| fit.beta.clone(), |lower| &fit.beta + lower * white)
+        })
+        .collect();
+    let mut at = 0;
+    let mut all = Vec::new();
+    for place in 0..fit.members.len() {
+        let size = system.candidate(fit.members[place]).size();
+        let own: Vec<DVector<f64>> = draws.iter().map(|draw| draw.rows(at, size).into_owned()).collect();
+        all.push(of_member(system, fit, place, own, &mut rng));
+        at += size;
+    }
+    all
+}
+
+/// The parameters of the member number `place` of `fit`, of whose coefficients `draws` are at hand.
+fn of_member(
+    system: &mut System,
+    fit: &Fit,
+    place: usize,
+    draws: Vec<DVector<f64>>,
+    rng: &mut ChaCha8Rng,
+) -> BTreeMap<String, Parameter> {
+    let loose = loose(system, fit, place);
+    let candidate = system.candidate(fit.members[place]);
+    let limits = candidate.limits();
+    let drawn: Vec<Table> = draws
+        .into_iter()
+        .map(|mut beta| {
+            let mut along = Vec::new();
+            for number in &loose {
+                let by = number.deviation * normal(rng);
+                along.push((number.name.as_str(), by));
+                beta.axpy(by, &number.pull, 1.0);
+            }
+            let form = candidate.moved(system.data, &along, 1.0);
+            beta.iter_mut().zip(&limits).for_each(|(x, [least, most])| *x = x.clamp(*least, *most));
+            candidate.kind.compose(&form.shape, &candidate.of_all(beta.as_slice()))
+        })
+        .collect();
+    let interval = |name: &str| {
+        let mut values: Vec<f64> =
+            drawn.iter().filter_map(|table| table.get(name).and_then(Value::as_float)).collect();
+        values.sort_by(f64::total_cmp);
+        let (first, last) = (values.first()?, values.last()?);
+        (first < last).then(|| [values[values.len() / 40], values[values.len() - 1 - values.len() / 40]])
+    };
+    let joint = candidate.joint.map(|joint| &system.data.arm().joints()[joint]);
+    let table = candidate.parameters(system.coefficients(fit, place));
+    let parameter = |(name, value): (&String, &Value)| {
+        let parameter = Parameter {
+            value: value.clone(),
+            unit: candidate.kind.unit(name, joint).to_owned(),
+            ci95: interval(name).filter(|_| !candidate.kind.takes_as_given(name)),
+        };
+        (name.clone(), parameter)
+    };
+    table.iter().map(parameter).collect()
+}
+
+/// How sure the numbers in the shape of the member number `place` are, by the curvature of the profile of the evidence (Venzon & Moolgavkar 1988, Appl. Stat.
+/// 37:87); nothing of numbers that the motion does not tell.
+fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
+    let member = fit.members[place];
+    let mut others = fit.members.clone();
+    others.remove(place);
+    let Some(without) = system.fit(&others) else { return Vec::new() };
+    let Some(best) = system.gains(&without, &[member]).pop().flatten() else { return Vec::new() };
+    let mut all = Vec::new();
+    for name in system.candidate(member).numbers() {
+        // The evidence falls by half of (step/deviation)².
+        let (mut over, mut under, mut square) = (0.0, 0.0, 0.0);
+        let mut pull = DVector::zeros(best.beta.len());
+        for step in STEPS {
+            let form = system.candidate(member).moved(system.data, &[(&name, 1.0)], step);
+            let Some(other) = system.candidate(member).reformed(system.data, form) else { continue };
+            let Some(at) = system.take(other) else { continue };
+            let gain = system.gains(&without, &[at]).pop().flatten();
+            system.forget(at);
+            let Some(gain) = gain else { continue };
+            over += step.powi(4);
+            under += 2.0 * (best.value - gain.value) * step.powi(2);
+            square += step.powi(2);
+            pull += step * (gain.beta - &best.beta);
+        }
+        let deviation = (over / under).sqrt();
+        if deviation.is_finite() && square > 0.0 {
+            all.push(Loose { name, deviation: deviation.min(VAGUE), pull: pull / square });
+        }
+    }
+    all
+}
+
+/// The covariance of the coefficients of `fit`: that of the posterior, or, where blocks of neighbouring rows pull the coefficients about by more, what
+/// these say (Huber 1967; White 1982, Econometrica 50:1): laws that are off are off the same way for a while. To it comes what the tolerances hide: friction of
+/// 15 beside a nominal 10 ± 5 % is not known better than to 0.5; and what no row shows: see [`coherent`].
+fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
+    let n = fit.beta.len();
+    let Some(factor) = Cholesky::new(fit.normal.clone()) else { return DMatrix::identity(n, n) };
+    let posterior = factor.inverse();
+    let mut scores = DMatrix::zeros(n, n);
+    for pull in system.pulls(fit) {
+        scores += &pull * pull.transpose();
+    }
+    let sandwich = &posterior * scores * &posterior;
+    // Each coefficient is as unsure as the less sure of the two says, alike in their correlation.
+    let wider = DVector::from_fn(n, |k, _| (sandwich[(k, k)] / posterior[(k, k)]).max(1.0).sqrt());
+    let beside_all = system.normal_beside_all(&fit.members).and_then(Cholesky::new);
+    let hidden = beside_all.map_or_else(|| DMatrix::zeros(n, n), |factor| factor.inverse() - &posterior);
+    let coherent = coherent(system, fit);
+    DMatrix::from_fn(n, n, |i, j| posterior[(i, j)] * wider[i] * wider[j] + hidden[(i, j)] + coherent[(i, j)])
+}
+
+/// The covariance that the discrepancy gives to the coefficients of `fit` without leaving a trace in the rows. A law is off by a share s of its size. The part of this error
+/// that differs in shape from the law stays in the rows, where s is taken from. The part that has the shape of the law changes the coefficients, and no row shows it; it is
+/// taken to be as large. The same holds of the course of a law that may take several.
+fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(fit.beta.len(), fit.beta.len());
+    let weights = system.weights.by_row();
+    let mut at = 0;
+    for (place, &member) in fit.members.iter().enumerate() {
+        let beta = DVector::from_column_slice(system.coefficients(fit, place));
+        let columns = system.candidate(member).columns.iter().zip(beta.iter().copied());
+        let says = sum_of(columns, &weights);
+        let (mut off, mut said) = (0.0, 0.0);
+        let is_open = system.candidate(member).is_open;
+        for (c, ((rows, weights), says)) in system.weights.rows.iter().zip(&weights).zip(&says).enumerate() {
+            let square: f64 = weights.iter().zip(says).map(|(weight, x)| weight * x * x).sum();
+            off += rows.share.powi(2) * square;
+            if is_open && square > 0.0 {
+                let noise = system.weights.noise[c % system.data.per_stage()];
+                off += weights
+                    .iter()
+                    .zip(rows.squares_off(noise))
+                    .map(|(weight, off)| weight * off)
+                    .sum::<f64>();
+            }
+            said += square;
+        }
+        if said > 0.0 {
+            all.view_mut((at, at), (beta.len(), beta.len()))
+                .copy_from(&(&beta * beta.transpose() * (off / said)));
+        }
+        at += beta.len();
+    }
+    all
+}
+
+/// Whether the interval of every number of `candidate` holds the value at which it changes nothing.
+pub(crate) fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String, Parameter>) -> bool {
+    let nothing = candidate.parameters(&vec![0.0; candidate.size()]);
+    let told = parameters.iter().filter_map(|(name, parameter)| {
+        let is_linear =
+            matches!(candidate.kind.parameter(name)?.range, Range::Number { role: Role::Linear, .. });
+        let neutral = nothing.get(name)?.as_float()?;
+        let [low, high] = parameter.ci95.filter(|_| is_linear)?;
+        Some(low <= neutral && neutral <= high)
+    });
+    let told: Vec<bool> = told.collect();
+    !told.is_empty() && told.into_iter().all(|holds| holds)
+}

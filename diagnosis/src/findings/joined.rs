@@ -1,0 +1,130 @@
+//! A finding of a kind that the given model has already at the same place: one effect in the place of both.
+//!
+//! What both say together is known: the model with the finding behind it. The one effect is that whose parameters say the same of the recorded motion, by Gauss
+//! and Newton's least squares over the coefficients of the law's terms, with the shape of either. Friction adds up, the masses of a link multiply, springs in
+//! series add their compliances: no law has to say which.
+
+use freeplay_arm::EffectTable;
+use freeplay_laws::{LawError, Placed};
+use nalgebra::{DMatrix, DVector};
+use toml::Table;
+
+use crate::candidates::candidate::Candidate;
+use crate::data::columns::{dot, less};
+use crate::data::stacked::Data;
+use crate::statistics::MOST_ROUNDS;
+
+/// Share of a coefficient by which it is moved for a derivative, and the amount where it is zero, in the step of its term: laws are nearly linear in their coefficients,
+/// and what such a move changes stands far above rounding.
+const NUDGE: f64 = 1e-3;
+
+/// The table that says what `given` and `candidate` with `coefficients` of its shown terms say together; `None` if none says nine tenths of it, as where a machine
+/// can't have both.
+pub(crate) fn joined(
+    data: &Data,
+    given: &EffectTable,
+    candidate: &Candidate,
+    coefficients: &[f64],
+) -> Option<EffectTable> {
+    candidate.placed(data.arm(), coefficients)?;
+    let both = data.left_with(|_| candidate.placed(data.arm(), coefficients).into_iter().collect()).ok()?;
+    let neither = left_instead(data, given, None).ok()?;
+    let whole: Vec<f64> = weighed(data, &less(&neither, &both));
+    let of_given: Table = candidate
+        .form
+        .shape
+        .iter()
+        .map(|(name, value)| (name.clone(), given.parameters.get(name).unwrap_or(value).clone()))
+        .collect();
+    let start = candidate.of_all(coefficients);
+    let tried = [candidate.form.shape.clone(), of_given].into_iter().filter_map(|shape| {
+        let table = |x: &[f64]| EffectTable {
+            parameters: candidate.kind.compose(&shape, x),
+            ..candidate.table(data.arm(), coefficients)
+        };
+        let said = |x: &[f64]| -> Option<Vec<f64>> {
+            let placed = Placed::new(&table(x), data.arm()).ok()?;
+            Some(weighed(data, &less(&neither, &left_instead(data, given, Some(&placed)).ok()?)))
+        };
+        let x = solved(&said, &whole, start.clone(), &scales(candidate))?;
+        Some((off(&said(&x)?, &whole), table(&x)))
+    });
+    let (off, table) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (off < 0.01 * dot(&whole, &whole)).then_some(table)
+}
+
+/// One step of each coefficient, in its own unit.
+fn scales(candidate: &Candidate) -> Vec<f64> {
+    let mut scales =
+        candidate.of_all(&candidate.terms.iter().map(|term| 1.0 / term.weight).collect::<Vec<_>>());
+    scales.iter_mut().filter(|scale| **scale == 0.0).for_each(|scale| *scale = 1.0);
+    scales
+}
+
+/// The coefficients with which `said` is nearest to `whole`, from `x` on.
+fn solved(
+    said: &dyn Fn(&[f64]) -> Option<Vec<f64>>,
+    whole: &[f64],
+    mut x: Vec<f64>,
+    scales: &[f64],
+) -> Option<Vec<f64>> {
+    for _ in 0..MOST_ROUNDS {
+        let here = said(&x)?;
+        let mut columns = Vec::with_capacity(x.len());
+        for (k, scale) in scales.iter().enumerate() {
+            let step = NUDGE * if x[k] == 0.0 { *scale } else { x[k].abs() };
+            let mut nudged = x.clone();
+            nudged[k] += step;
+            let there = said(&nudged)?;
+            columns.push(
+                there.iter().zip(&here).map(|(there, here)| (there - here) / step).collect::<Vec<f64>>(),
+            );
+        }
+        let missing: Vec<f64> = whole.iter().zip(&here).map(|(whole, here)| whole - here).collect();
+        let n = x.len();
+        let mut normal = DMatrix::from_fn(n, n, |i, j| dot(&columns[i], &columns[j]));
+        // A term that this motion does not show stays as it is.
+        (0..n).for_each(|k| normal[(k, k)] = normal[(k, k)] * (1.0 + 1e-12) + f64::MIN_POSITIVE);
+        let right = DVector::from_fn(n, |k, _| dot(&columns[k], &missing));
+        let step = normal.cholesky()?.solve(&right);
+        x.iter_mut().zip(step.iter()).for_each(|(x, step)| *x += step);
+        if x.iter().zip(step.iter()).all(|(x, step)| step.abs() <= f64::EPSILON.sqrt() * x.abs()) {
+            break;
+        }
+    }
+    Some(x)
+}
+
+/// Measured minus the model that has `instead` in the place of `given`.
+fn left_instead(
+    data: &Data,
+    given: &EffectTable,
+    instead: Option<&Placed>,
+) -> Result<Vec<Vec<f64>>, LawError> {
+    let joint = given.joint.as_ref().and_then(|name| data.arm().joint_index(name));
+    let is_given = |placed: &Placed| placed.kind.name == given.kind && placed.joint == joint;
+    let mut left = Vec::new();
+    for stage in &data.stages {
+        left.extend(stage.left_instead(&is_given, instead)?);
+    }
+    for (channel, rows) in left.iter_mut().enumerate() {
+        data.count(channel, rows);
+    }
+    Ok(left)
+}
+
+/// All rows in one column, each channel by its own size, so that torques and poses count alike.
+fn weighed(data: &Data, rows: &[Vec<f64>]) -> Vec<f64> {
+    let of_channel = |(c, rows): (usize, &Vec<f64>)| {
+        let (stage, channel) = data.place(c);
+        let measured = &data.stages[stage].channels[channel].measured;
+        let size = dot(measured, measured).sqrt().max(f64::MIN_POSITIVE);
+        rows.iter().map(move |x| x / size).collect::<Vec<f64>>()
+    };
+    rows.iter().enumerate().flat_map(of_channel).collect()
+}
+
+/// Square of the distance of two columns.
+fn off(one: &[f64], other: &[f64]) -> f64 {
+    one.iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum()
+}

@@ -1,0 +1,13 @@
+//! Findings: what the test part of the data bears out, with its intervals, its alternatives and its errors.
+
+pub(crate) mod alternatives;
+pub(crate) mod conclude;
+pub(crate) mod event;
+pub(crate) mod happenings;
+pub(crate) mod held;
+pub(crate) mod interval;
+pub(crate) mod joined;
+pub(crate) mod locate;
+pub(crate) mod passage;
+pub(crate) mod quality;
+pub(crate) mod variables;

@@ -1,0 +1,164 @@
+//! What a recording is good for, before anything is fitted.
+
+use crate::data::noise::Noise;
+use crate::data::parts::{Part, file_name};
+use crate::data::rows::{is_held, rests};
+use crate::data::stacked::Data;
+use crate::data::stage::Stage;
+use crate::error::ENOUGH_S;
+use crate::signals::channel::{Channel, Kind};
+use crate::signals::missing::only;
+use crate::signals::rest::STILL;
+use crate::signals::stuck::Stuck;
+use crate::statistics::{Moments, SHARES, UNMOVED, span};
+
+/// Least length of what a fit rests on, s: one motion of an arm takes about a second, and a fit needs one each way.
+const LEAST_S: f64 = 2.0;
+
+/// What makes these recordings useless for any finding: one sentence and what to do; `None` if they are not.
+pub(crate) fn lack(data: &Data) -> Option<String> {
+    let lasts = |part: Part| -> f64 {
+        let of_stage = |(index, parts): (usize, &Vec<Part>)| -> f64 {
+            let motion = data.stages[index].motion();
+            let step = motion.stretches.first().map_or(0.0, |stretch| motion.step(stretch));
+            parts.iter().filter(|own| **own == part).count() as f64 * step
+        };
+        data.parts.iter().enumerate().map(of_stage).sum()
+    };
+    let [fit, choice, test] = [Part::Fit, Part::Choice, Part::Test].map(lasts);
+    if fit < LEAST_S || choice + test < 0.25 * LEAST_S {
+        let names: Vec<String> = data.stages.iter().map(file_name).collect();
+        let whole: f64 = data
+            .stages
+            .iter()
+            .map(|stage| {
+                stage.ground.recording.t.last().unwrap_or(&0.0)
+                    - stage.ground.recording.t.first().unwrap_or(&0.0)
+            })
+            .sum();
+        return Some(format!(
+            "{}: too short: it lasts {whole:.1} s, of which {fit:.1} s are left to fit, {choice:.1} s to choose by and {test:.1} s to test, after the ends that \
+             the low-pass needs; record at least {:.0} s of motion without a long rest",
+            names.join(" and "),
+            needed(data)
+        ));
+    }
+    let moves = |joint: usize| {
+        data.stages.iter().any(|stage| {
+            let q = &stage.motion().q[joint];
+            let (least, most) =
+                q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), q| (l.min(*q), m.max(*q)));
+            most - least > STILL
+        })
+    };
+    if !(0..data.arm().dof()).any(moves) {
+        return Some("no joint moves; record a motion of the joints in question".to_owned());
+    }
+    let is_silent = |stage: &Stage| stage.channels.iter().all(|channel| stage.ground.is_stuck(channel.kind));
+    if data.stages.iter().all(is_silent) {
+        return Some(
+            "every torque stays at one value while its joint moves, and nothing else was recorded beside the motion; record measured torques \
+             or currents times the torque constant, or the tool's position"
+                .to_owned(),
+        );
+    }
+    None
+}
+
+/// Length of a recording whose fit part lasts [`LEAST_S`] under the low-pass of `data`, s: the low-pass takes its settling time at both ends and around both cuts.
+fn needed(data: &Data) -> f64 {
+    let settles = data.stages.iter().map(|stage| stage.ground.treatment.filter().settling_time());
+    (LEAST_S / SHARES[0] + 4.0 * settles.fold(0.0, f64::max)).max(ENOUGH_S).ceil()
+}
+
+/// What a reader should know of the recordings: noise, rounding, standing joints, torques that are stuck.
+pub(crate) fn notes(data: &Data) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (number, stage) in data.stages.iter().enumerate() {
+        let (mut stuck, mut rounded, mut partly) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, (channel, noise)) in stage.channels.iter().zip(&stage.ground.noises.channels).enumerate()
+        {
+            if let Some(words) = no_measurement(stage, channel) {
+                stuck.push(words);
+                continue;
+            }
+            if channel.is_missing() {
+                continue;
+            }
+            let spread = Moments::of(&channel.measured).std;
+            if spread <= 1e-9 * Moments::of(&channel.measured).rms || spread == 0.0 {
+                notes.push(format!("{} is constant: nothing is to be seen in it", channel.name));
+            }
+            if is_coarse(noise, spread) {
+                rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
+            }
+            notes.extend(told_to_move(stage, channel).or_else(|| rest(stage, channel, noise)));
+            let kept = &data.counts[number * data.per_stage() + index];
+            let measured = only(kept, channel.present.as_deref());
+            let left_out = 1.0 - measured.iter().sum::<f64>() / measured.len().max(1) as f64;
+            if let (Kind::Torque(joint), true) = (channel.kind, left_out > 0.02) {
+                partly.push(format!("{:.0} % of {}", 100.0 * left_out, stage.arm().joints()[joint].name));
+            }
+        }
+        if !stuck.is_empty() {
+            notes.push(format!("no measurement of a torque, and left out: {}", stuck.join(", ")));
+        }
+        if !partly.is_empty() {
+            notes.push(format!(
+                "these rows of a torque do not count: {}; where a joint stands still, dry friction may hold any part of it, and where it jerks, the samples \
+                 say too little",
+                partly.join(", ")
+            ));
+        }
+        if !rounded.is_empty() {
+            notes.push(format!("rounded coarsely: {}", rounded.join(", ")));
+        }
+    }
+    notes
+}
+
+/// Where a `channel` of `stage` that is no measurement is stuck; `None` of one that is a measurement.
+fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
+    let Kind::Torque(joint) = channel.kind else { return None };
+    let Stuck { at, share } = stage.ground.stuck[joint]?;
+    Some(format!(
+        "{} stays at {at} {} in {:.0} % of the rows in which {} moves",
+        channel.name,
+        channel.unit,
+        100.0 * share,
+        stage.arm().joints()[joint].name
+    ))
+}
+
+/// The note that something holds the joint of a torque.
+fn told_to_move(stage: &Stage, channel: &Channel) -> Option<String> {
+    let Kind::Torque(joint) = channel.kind else { return None };
+    is_held(stage, joint).then(|| {
+        format!(
+            "{} was told to move and stands throughout; a brake or something in its way holds a joint as dry friction does",
+            stage.arm().joints()[joint].name
+        )
+    })
+}
+
+/// A torque changes beyond what the model needs to hold its joint, and the joint stands throughout: the note says how much must hold it at least.
+fn rest(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
+    let Kind::Torque(joint) = channel.kind else { return None };
+    let residual = channel.residual();
+    let residual = only(&residual, channel.present.as_deref());
+    let beyond = 0.5 * span(&residual);
+    (rests(stage, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
+        format!(
+            "{} stands still throughout, while {} changes by ± {beyond:.3} {} beyond what the model needs to hold it: dry friction of at least that may hold it, \
+             a brake, or something in its way; a motion in which it turns tells which",
+            stage.arm().joints()[joint].name,
+            channel.name,
+            channel.unit
+        )
+    })
+}
+
+/// Rounding that is a tenth of the signal's spread.
+fn is_coarse(noise: &Noise, spread: f64) -> bool {
+    noise.step > 0.1 * spread && spread > 0.0
+}

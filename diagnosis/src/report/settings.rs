@@ -1,0 +1,53 @@
+//! What a diagnosis is asked, and why it has no answer.
+
+use freeplay_laws::LawError;
+use thiserror::Error;
+
+use crate::data::tolerance::Tolerances;
+use crate::error::ResidualError;
+use crate::signals::motion::Settings;
+
+/// What a user may choose of a diagnosis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiagnoseSettings {
+    /// The treatment of recordings.
+    pub treatment: Settings,
+    /// How far a machine may be from its model without that being a finding.
+    pub tolerances: Tolerances,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+impl Default for DiagnoseSettings {
+    fn default() -> Self {
+        Self { treatment: Settings::default(), tolerances: Tolerances::default(), seed: 1 }
+    }
+}
+
+/// Why there is no diagnosis.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum DiagnoseError {
+    /// No recording.
+    #[error("no recording: give at least one")]
+    NoRecording,
+    /// The recordings don't hold the same columns.
+    #[error("{first} and {other} hold different columns; diagnose them one by one, or record the same")]
+    DifferentColumns {
+        /// The first recording.
+        first: String,
+        /// One that differs.
+        other: String,
+    },
+    /// Model and recording can't be compared.
+    #[error(transparent)]
+    Residual(#[from] ResidualError),
+    /// The effects of the model can't be taken.
+    #[error("the model's effects: {0}")]
+    Law(#[from] LawError),
+    /// The numbers of this recording are beyond double precision.
+    #[error(
+        "the fit of the model's tolerances to this recording is singular; are q in rad (or m), tau in N*m and t in s?"
+    )]
+    Singular,
+}

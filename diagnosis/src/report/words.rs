@@ -1,0 +1,308 @@
+//! Findings in plain words, with units.
+
+use std::collections::BTreeMap;
+
+use freeplay_arm::{Arm, EffectTable};
+use freeplay_laws::{Kind as EffectKind, kind};
+use toml::Value;
+
+use crate::report::diagnosis::{Alternative, Effect, Map, Parameter};
+use crate::search::tried::LISTED;
+use crate::statistics::STRONG;
+
+/// How a sentence begins that says what would tell one effect from another.
+pub const TO_TELL: &str = "to tell";
+
+/// The odds of a finding in words, from their natural logarithm (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773).
+pub(crate) fn odds(log_odds: f64) -> &'static str {
+    match log_odds {
+        x if x < STRONG => "possible",
+        // "Very strong" (Kass & Raftery).
+        x if x < 150.0_f64.ln() => "probable",
+        _ => "as good as sure",
+    }
+}
+
+/// Why an alternative is not named, from the natural logarithm of the odds against it.
+pub(crate) fn odds_against(log_odds: f64) -> String {
+    /// Odds that say more than a person asks for: a number with five digits is read as certainty.
+    const MANY: f64 = 1e4;
+    if log_odds < 0.0 {
+        return "it says the same of this motion".to_owned();
+    }
+    match log_odds.exp() {
+        odds if odds > MANY => "it was tried in this place and leaves far more of the error".to_owned(),
+        odds => format!("it was tried in this place; the odds against it are {odds:.0} to 1"),
+    }
+}
+
+/// A number with three figures.
+fn brief(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let size = value.abs();
+    if !(1e-3..1e5).contains(&size) {
+        return format!("{value:.2e}");
+    }
+    let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
+    format!("{value:.decimals$}")
+}
+
+/// Factor and name of the unit in which people read a `value` in `unit`: mm, mrad, ms.
+fn unit_for(value: f64, unit: &str) -> (f64, String) {
+    match unit {
+        "m" if value.abs() < 0.1 => (1e3, " mm".to_owned()),
+        "rad" if value.abs() < 0.1 => (1e3, " mrad".to_owned()),
+        "s" if value.abs() < 0.1 => (1e3, " ms".to_owned()),
+        "1" | "" => (1.0, String::new()),
+        "1/rev" => (1.0, " times a turn".to_owned()),
+        "1/m" => (1.0, " times a metre".to_owned()),
+        other => (1.0, format!(" {}", other.replace('*', "·").replace("^2", "²"))),
+    }
+}
+
+/// `value ± half`: the half width with two figures, the value to the same place.
+fn uncertain(value: f64, half: f64) -> String {
+    if !(half > 0.0 && half.is_finite()) {
+        return brief(value);
+    }
+    if !(1e-4..1e6).contains(&half) {
+        return format!("{value:.2e} ± {half:.1e}");
+    }
+    let place = half.log10().floor() as i32 - 1;
+    let (step, decimals) = (10f64.powi(place.max(0)), (-place).max(0) as usize);
+    let written = |x: f64| {
+        if place > 0 { format!("{:.0}", (x / step).round() * step) } else { format!("{x:.decimals$}") }
+    };
+    format!("{} ± {}", written(value), written(half))
+}
+
+/// The value of a parameter as people write it: `9.1 ± 0.3 N·m`.
+fn value(parameter: &Parameter) -> String {
+    if let Some(vector) = parameter.value.as_array() {
+        let numbers: Vec<f64> = vector.iter().filter_map(toml::Value::as_float).collect();
+        let most = numbers.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let (scale, unit) = unit_for(most, &parameter.unit);
+        let numbers: Vec<String> = numbers.into_iter().map(|x| brief(x * scale)).collect();
+        return format!("({}){unit}", numbers.join(", "));
+    }
+    let Some(value) = parameter.value.as_float() else {
+        return parameter.value.to_string().trim_matches('"').to_owned();
+    };
+    let (scale, unit) = unit_for(value, &parameter.unit);
+    match parameter.ci95 {
+        Some(_) if parameter.is_least() => format!("at least {}{unit}", brief(value * scale)),
+        Some([low, high]) => format!("{}{unit}", uncertain(value * scale, 0.5 * (high - low) * scale)),
+        None => format!("{}{unit}", brief(value * scale)),
+    }
+}
+
+/// What the model leaves out, with its numbers: `Coulomb friction of 9.1 ± 0.3 N·m`. Numbers that the kind's own words don't have follow if they were
+/// identified.
+pub(crate) fn phrase(kind: &EffectKind, parameters: &BTreeMap<String, Parameter>) -> String {
+    let (mut words, mut further) = (without_optional(kind.words, parameters), Vec::new());
+    for (name, parameter) in parameters {
+        let place = format!("{{{name}}}");
+        if words.contains(&place) {
+            words = words.replace(&place, &value(parameter));
+        } else if parameter.ci95.is_some() {
+            further.push(format!("{} {}", name.replace('_', " "), value(parameter)));
+        }
+    }
+    if !further.is_empty() {
+        words = format!("{words} ({})", further.join(", "));
+    }
+    if is_less(kind, parameters) { format!("{words}, which is less than the model has") } else { words }
+}
+
+/// `words` with what is in brackets as far as `parameters` has its number.
+fn without_optional(words: &str, parameters: &BTreeMap<String, Parameter>) -> String {
+    let Some((before, (optional, after))) =
+        words.split_once('[').and_then(|(before, rest)| Some((before, rest.split_once(']')?)))
+    else {
+        return words.to_owned();
+    };
+    let is_known = parameters.keys().any(|name| optional.contains(&format!("{{{name}}}")));
+    format!("{before}{}{after}", if is_known { optional } else { "" })
+}
+
+/// Whether what is extra to the model's own is below zero, all of it.
+fn is_less(kind: &EffectKind, parameters: &BTreeMap<String, Parameter>) -> bool {
+    let is_extra =
+        |name: &String| kind.parameter(name).is_some_and(|parameter| parameter.meaning.contains("extra to"));
+    let mut extra = parameters.iter().filter(|(name, _)| is_extra(name)).peekable();
+    extra.peek().is_some() && extra.all(|(_, parameter)| parameter.value.as_float().is_some_and(|x| x < 0.0))
+}
+
+/// Where an effect sits: `joint_1`, `joint elbow`. A name that says that it is a joint is not called one twice.
+fn called(joint: &str) -> String {
+    if joint.to_lowercase().contains("joint") { joint.to_owned() } else { format!("joint {joint}") }
+}
+
+/// The same behind a kind.
+pub(crate) fn site(joint: Option<&str>) -> String {
+    joint.map_or_else(|| "of the whole arm".to_owned(), |joint| format!("of {}", called(joint)))
+}
+
+/// The same behind what is missing; nothing for the whole arm.
+fn on(joint: Option<&str>) -> String {
+    joint.map_or_else(String::new, |joint| format!(" on {}", called(joint)))
+}
+
+/// `words` as a list: `a, b and c`.
+fn listed(words: &[String]) -> String {
+    match words {
+        [all @ .., last] if !all.is_empty() => format!("{} and {last}", all.join(", ")),
+        _ => words.join(""),
+    }
+}
+
+/// One sentence on the effect that `phrase` says.
+pub(crate) fn statement(phrase: &str, joint: Option<&str>) -> String {
+    format!("The model leaves out {phrase}{}.", on(joint))
+}
+
+/// One sentence: that the model has the effect as `given`, and what that and the finding are together on `arm`.
+pub(crate) fn with_given(given: &EffectTable, both: &EffectTable, arm: &Arm) -> String {
+    let in_words = |table: &EffectTable| {
+        let kind = kind(&table.kind)?;
+        let joint = table.joint.as_ref().and_then(|name| arm.joint_index(name)).map(|at| &arm.joints()[at]);
+        let parameter = |(name, value): (&String, &Value)| {
+            let unit = kind.unit(name, joint).to_owned();
+            (name.clone(), Parameter { value: value.clone(), unit, ci95: None })
+        };
+        Some(phrase(kind, &table.parameters.iter().map(parameter).collect()))
+    };
+    match (in_words(given), in_words(both)) {
+        (Some(given), Some(both)) => format!(" The model has {given} already; both together are {both}."),
+        _ => String::new(),
+    }
+}
+
+/// One sentence on all effects: with their numbers if they are few, else by kind and place.
+pub(crate) fn left_out(effects: &[&Effect]) -> String {
+    let known = |effect: &Effect| kind(effect.kind).map_or(effect.kind, |kind| kind.title).to_owned();
+    if effects.len() <= LISTED {
+        let with_numbers = |effect: &Effect| format!("{}{}", effect.phrase, on(effect.joint.as_deref()));
+        let all: Vec<String> = effects.iter().copied().map(with_numbers).collect();
+        return format!("The model leaves out {}.", listed(&all));
+    }
+    let mut kinds: Vec<(String, Vec<String>)> = Vec::new();
+    for effect in effects {
+        let (title, joint) = (known(effect), effect.joint.as_deref().map(called));
+        match kinds.iter_mut().find(|(known, _)| *known == title) {
+            Some((_, joints)) => joints.extend(joint),
+            None => kinds.push((title, joint.into_iter().collect())),
+        }
+    }
+    let words = |(title, joints): (String, Vec<String>)| {
+        if joints.is_empty() { title } else { format!("{title} on {}", listed(&joints)) }
+    };
+    let all: Vec<String> = kinds.into_iter().map(words).collect();
+    format!("The model leaves out {} effects: {}.", effects.len(), all.join("; "))
+}
+
+/// The kind and place of the effect in whose place `other` was weighed, and of `other` where that is another place.
+fn pair(other: &Alternative) -> [String; 2] {
+    let titled = |name: &str| kind(name).map_or(name, |kind| kind.title).to_owned();
+    let (instead, place) = other.instead_of.split_once(' ').unwrap_or((&other.instead_of, ""));
+    let here = site(other.joint.as_deref());
+    let other = titled(other.kind);
+    // Many kinds have an "of" of their own: "coupling of two joints at joint_3".
+    let at = |place: &str| match place.strip_prefix("of ") {
+        Some(joint) if joint != "the whole arm" => format!(" at {joint}"),
+        _ => format!(" {place}"),
+    };
+    let there = if place == here { String::new() } else { at(&here) };
+    [titled(instead) + &at(place), other + &there]
+}
+
+/// What this motion leaves open, in one sentence; empty where it leaves nothing open.
+pub(crate) fn open(alternatives: &[Alternative]) -> String {
+    let open = alternatives.iter().filter(|other| other.indistinguishable).map(pair);
+    let pairs: Vec<String> = open.map(|[named, other]| format!("{named} is {other}")).collect();
+    match pairs.len() {
+        0 => String::new(),
+        1..LISTED => format!(" Not told by this motion: whether {}.", pairs.join(", or whether ")),
+        many => format!(" This motion leaves {many} of these open: other laws say the same of it."),
+    }
+}
+
+/// What would tell `other` from the effect in whose place it was weighed.
+pub(crate) fn to_tell(other: &Alternative) -> String {
+    let [named, rival] = pair(other);
+    format!("{TO_TELL} {named} from {rival}: {}", other.what_would_separate)
+}
+
+/// Where in the motion a residual is, by its strongest map.
+pub(crate) fn when(map: Option<&Map>) -> String {
+    let Some(map) = map else { return "in no part of the motion more than in another".to_owned() };
+    let percent = 100.0 * map.explained;
+    if map.variable == "time" {
+        let strongest =
+            (0..map.mean.len()).max_by(|&a, &b| map.mean[a].abs().total_cmp(&map.mean[b].abs())).unwrap_or(0);
+        return format!(
+            "it changes with time (explains {percent:.0} %), strongest near t = {} s",
+            brief(map.at[strongest])
+        );
+    }
+    format!("it follows the {} (explains {percent:.0} %)", map.variable)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::{on, phrase, uncertain};
+    use crate::report::diagnosis::Parameter;
+
+    fn parameters(all: &[(&str, f64, &str, f64)]) -> BTreeMap<String, Parameter> {
+        let of = |&(name, value, unit, half): &(&str, f64, &str, f64)| {
+            let ci95 = Some([value - half, value + half]);
+            (name.to_owned(), Parameter { value: value.into(), unit: unit.to_owned(), ci95 })
+        };
+        all.iter().map(of).collect()
+    }
+
+    #[test]
+    fn a_number_ends_where_its_half_width_does() {
+        let cases = [
+            (376.2, 75.9, "376 ± 76"),
+            (1941.3, 315.0, "1940 ± 320"),
+            (3.052, 0.62, "3.05 ± 0.62"),
+            (0.0042, 0.0001, "0.00420 ± 0.00010"),
+            (5.6e8, 2.0e7, "5.60e8 ± 2.0e7"),
+            (-12.0, 0.0, "-12.0"),
+        ];
+        for (value, half, words) in cases {
+            assert_eq!(uncertain(value, half), words);
+        }
+    }
+
+    #[test]
+    fn findings_read_as_sentences() {
+        let kind = |name: &str| freeplay_laws::kind(name).expect("a kind");
+        let gap = [("gap", 0.00418, "m", 9e-5), ("friction", 13_230.0, "N", 170.0)];
+        assert_eq!(
+            phrase(kind("backlash"), &parameters(&gap)),
+            "a gap of 4.180 ± 0.090 mm in the gear (friction 13230 ± 170 N)"
+        );
+        let mut heavier = parameters(&[("scale", 0.8, "1", 0.02)]);
+        assert_eq!(phrase(kind("link_mass"), &heavier), "a link 0.800 ± 0.020 times as heavy");
+        let shift = Parameter { value: vec![0.04, -0.06, 0.05].into(), unit: "m".into(), ci95: None };
+        heavier.insert("com_shift".to_owned(), shift);
+        assert_eq!(
+            phrase(kind("link_mass"), &heavier),
+            "a link 0.800 ± 0.020 times as heavy, its centre of mass off by (40.0, -60.0, 50.0) mm"
+        );
+        assert_eq!(
+            phrase(kind("viscous_friction"), &parameters(&[("viscous", -0.88, "N*m*s/rad", 0.08)])),
+            "viscous friction of -0.880 ± 0.080 N·m·s/rad, which is less than the model has"
+        );
+        assert_eq!(
+            (on(Some("elbow")), on(Some("joint_1"))),
+            (" on joint elbow".into(), " on joint_1".into())
+        );
+    }
+}

@@ -1,0 +1,69 @@
+//! What is tried in the place of each finding.
+
+use std::collections::BTreeMap;
+
+use crate::evidence::system::{Fit, all_but};
+use crate::search::moves::Search;
+
+/// Most things of a kind that are listed at once, as alternatives of a finding, findings in a sentence, or channels of a picture: a reader keeps so many in
+/// mind, and tables hold the rest.
+pub(crate) const LISTED: usize = 3;
+
+/// Another effect in the place of a finding.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tried {
+    /// The finding's place among the members.
+    pub place: usize,
+    /// The number of the block that was put in its place.
+    pub index: usize,
+    /// The log of the evidence falls by this much; negative: it rises.
+    pub against: f64,
+}
+
+/// The most probable others in the place of each member of `fit`: each was put there, in the form that explains most, beside the other members.
+pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
+    let mut all = Vec::new();
+    // The search may have come to rest with other tolerances at an edge.
+    if search.system.pin(fit).is_none() {
+        return all;
+    }
+    for (place, &member) in fit.members.iter().enumerate() {
+        let others = all_but(&fit.members, place);
+        let (Some(without), Some(own)) = (search.system.fit(&others), search.system.held_fit(&fit.members))
+        else {
+            continue;
+        };
+        for index in nearest(search, &without, member) {
+            let Some(index) = search.refined(&others, index) else { continue };
+            let instead: Vec<usize> = others.iter().copied().chain([index]).collect();
+            let Some(there) = search.system.held_fit(&instead) else { continue };
+            all.push(Tried { place, index, against: own.value - there.value });
+        }
+    }
+    all
+}
+
+/// The best forms of other effects that show where `member` does, most probable first.
+fn nearest(search: &Search, without: &Fit, member: usize) -> Vec<usize> {
+    let system = &search.system;
+    let named = system.candidate(member);
+    let may = |&index: &usize| {
+        let other = system.candidate(index);
+        let is_taken = without.members.iter().any(|&known| system.candidate(known).excludes(other));
+        !is_taken && !other.same_effect(named) && other.meets(named) && !other.contains(named)
+    };
+    let candidates: Vec<usize> = search.laid.iter().copied().filter(may).collect();
+    let gains = system.gains(without, &candidates);
+    let mut best: BTreeMap<(&str, Option<usize>), (f64, usize)> = BTreeMap::new();
+    for (&index, gain) in candidates.iter().zip(&gains) {
+        let Some(gain) = gain.as_ref().filter(|gain| gain.is_inside) else { continue };
+        let other = system.candidate(index);
+        let entry = best.entry((other.kind.name, other.joint)).or_insert((gain.value, index));
+        if gain.value > entry.0 {
+            *entry = (gain.value, index);
+        }
+    }
+    let mut order: Vec<(f64, usize)> = best.into_values().collect();
+    order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    order.into_iter().take(LISTED).map(|(_, index)| index).collect()
+}

@@ -1,0 +1,376 @@
+//! The one treatment that every column of a recording gets, and the motion that comes of it.
+
+use std::ops::Range;
+
+use freeplay_arm::Arm;
+use freeplay_laws::Trajectory;
+use freeplay_recording::Recording;
+
+use crate::error::ResidualError;
+use crate::signals::cutoff::cutoff_for;
+use crate::signals::filter::{LowPass, derivatives, mean_over_band};
+use crate::signals::grid::{Grid, Stretch};
+use crate::signals::missing::only;
+use crate::statistics::Quantile;
+
+/// Share of the sampling rate that the default cutoff is: a period of it then has thirty samples, over which the noise of two derivatives averages out.
+const CUTOFF_SHARE: f64 = 0.03;
+/// Least default cutoff, Hz: the motion of an arm is below.
+pub(crate) const LEAST_CUTOFF: f64 = 10.0;
+/// Greatest default cutoff, Hz: the structure of an arm resonates from about there on.
+const GREATEST_CUTOFF: f64 = 40.0;
+/// Ratio of the fine cutoff to the cutoff: at three times it the gain of the coarse low-pass is below 10⁻³, so that the fine one shows all that passes it.
+const FINE_CUTOFF_RATIO: f64 = 3.0;
+/// Most of the sampling rate that a cutoff may be: at one half, that of Nyquist, a digital low-pass has no band left to fall in.
+const MAX_CUTOFF_SHARE: f64 = 0.4;
+/// Least number of points kept per period of the cutoff: twice what Shannon (1949) asks for, as the low-pass still lets half of the signal through there.
+const POINTS_PER_PERIOD: f64 = 4.0;
+/// Most of a stretch that is left out at either end: three quarters of a short one remain, whatever the low-pass would ask for.
+pub(crate) const GREATEST_TRIM: f64 = 0.125;
+
+/// What a user may choose; `None` is the rule.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Settings {
+    /// Cutoff of the low-pass, Hz. The rule: [`default_cutoff_hz`], or up to two octaves lower where the noise of the motion would make torque
+    /// that was not measured.
+    pub lowpass_hz: Option<f64>,
+    /// Time left out at both ends of every stretch, s. The rule: five periods of the cutoff, in which the filter's memory
+    /// of the end fades to 10⁻⁵; an eighth of the stretch at most.
+    pub trim_s: Option<f64>,
+}
+
+/// The cutoff for a recording of `rate_hz` samples a second, Hz: 3 % of the rate, but 10 Hz at least (an arm's motion is
+/// below), 40 Hz at most (its structure resonates from about there on), and never above a quarter of the rate.
+pub fn default_cutoff_hz(rate_hz: f64) -> f64 {
+    (CUTOFF_SHARE * rate_hz).clamp(LEAST_CUTOFF, GREATEST_CUTOFF).min(rate_hz / 4.0)
+}
+
+/// The treatment: the uniform grid, the zero-phase low-pass, the ends left out, the decimation. The same for every
+/// column, measured or modelled, so that what it takes away is missing on both sides.
+#[derive(Debug, Clone)]
+pub struct Treatment {
+    pub(crate) grid: Grid,
+    pub(crate) filter: LowPass,
+    pub(crate) fine: LowPass,
+    pub(crate) every: usize,
+    pub(crate) notes: Vec<String>,
+}
+
+impl Treatment {
+    /// The treatment of a `recording` of `arm`.
+    ///
+    /// # Errors
+    /// [`ResidualError::Stamps`], [`ResidualError::Cutoff`], [`ResidualError::Trim`], and [`ResidualError::TooShort`] if no stretch
+    /// lasts four periods of the cutoff.
+    pub fn new(arm: &Arm, recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        Self::judged_by(arm, recording, settings, usize::MAX)
+    }
+
+    /// The treatment of a `recording` of `arm`, of which no more than about `most` rows are looked at for what is decided of all of it.
+    ///
+    /// # Errors
+    /// See [`Treatment::new`].
+    pub(crate) fn judged_by(
+        arm: &Arm,
+        recording: &Recording,
+        settings: &Settings,
+        most: usize,
+    ) -> Result<Self, ResidualError> {
+        if let Some(trim_s) = settings.trim_s.filter(|trim| !(*trim >= 0.0 && trim.is_finite())) {
+            return Err(ResidualError::Trim { trim_s });
+        }
+        let grid = Grid::judged_by(recording, most)?;
+        let mut treatment = Self::on(grid.clone(), recording, settings)?;
+        if settings.lowpass_hz.is_some() {
+            return Ok(treatment);
+        }
+        let usual_hz = treatment.filter.cutoff_hz();
+        let lower_hz = cutoff_for(arm, recording, &treatment.sample(recording, most));
+        // What is too short for a lower cutoff keeps the usual one.
+        if lower_hz < usual_hz
+            && let Ok(lower) =
+                Self::on(grid, recording, &Settings { lowpass_hz: Some(lower_hz), ..*settings })
+        {
+            treatment = lower;
+            treatment.notes.push(format!(
+                "low-pass at {lower_hz:.1} Hz instead of {usual_hz:.1} Hz: above it the recorded positions hold more noise than motion (--lowpass sets another)"
+            ));
+        }
+        Ok(treatment)
+    }
+
+    /// The treatment of `recording` on its `grid` without a look at what is in it.
+    fn on(grid: Grid, recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        let rate_hz = grid.rate_hz();
+        let cutoff_hz = settings.lowpass_hz.unwrap_or_else(|| default_cutoff_hz(rate_hz));
+        let filter = LowPass::new(rate_hz, cutoff_hz)?;
+        let fine = LowPass::new(
+            rate_hz,
+            (FINE_CUTOFF_RATIO * cutoff_hz).min(MAX_CUTOFF_SHARE * rate_hz).max(cutoff_hz),
+        )?;
+        let every = ((rate_hz / (POINTS_PER_PERIOD * cutoff_hz) + 1e-6) as usize).max(1);
+        let mut treatment = Self { grid, filter, fine, every, notes: Vec::new() };
+        treatment.drop_short_stretches(recording, settings.trim_s)?;
+        treatment.leave_ends_out(settings.trim_s);
+        Ok(treatment)
+    }
+
+    fn drop_short_stretches(
+        &mut self,
+        recording: &Recording,
+        trim_s: Option<f64>,
+    ) -> Result<(), ResidualError> {
+        let step = self.grid.step;
+        let needed_s = self.filter.settling_time().max(2.0 * trim_s.unwrap_or(0.0) + 2.0 * step);
+        let lasts = |stretch: &Stretch| (stretch.len - 1) as f64 * step;
+        let longest_s = self.grid.stretches.iter().map(lasts).fold(0.0, f64::max);
+        let all = self.grid.stretches.len();
+        self.grid.stretches.retain(|stretch| lasts(stretch) >= needed_s);
+        let kept = self.grid.stretches.len();
+        if kept == 0 {
+            let (origin, cutoff_hz) = (recording.origin.clone(), self.filter.cutoff_hz());
+            return Err(ResidualError::TooShort { origin, longest_s, needed_s, cutoff_hz });
+        }
+        if all > 1 {
+            let dropped = all - kept;
+            self.notes.push(format!(
+                "the time stamps have {} gap(s); each stretch between them is filtered by itself{}",
+                all - 1,
+                if dropped > 0 { format!(", {dropped} too short to be used") } else { String::new() }
+            ));
+        }
+        if !self.grid.is_even() {
+            let (off, rate_hz) = (self.grid.jitter, self.grid.rate_hz());
+            let done = if self.grid.is_steadied {
+                format!(
+                    "the positions are smoother without that, so that the samples are taken as even, at {rate_hz:.4} Hz"
+                )
+            } else {
+                format!("columns are interpolated to {rate_hz:.4} Hz")
+            };
+            self.notes.push(format!("the time stamps are uneven (up to {off:.2} of a step off): {done}"));
+        }
+        Ok(())
+    }
+
+    /// Keeps of every stretch what is farther from its ends than `trim_s`, or by the rule.
+    fn leave_ends_out(&mut self, trim_s: Option<f64>) {
+        let (step, settling_s) = (self.grid.step, self.filter.settling_time());
+        for stretch in &mut self.grid.stretches {
+            let most_s = GREATEST_TRIM * (stretch.len - 1) as f64 * step;
+            let trim = (trim_s.unwrap_or(settling_s.min(most_s)) / step + 1e-6) as usize;
+            stretch.keep = trim..stretch.len - trim;
+        }
+    }
+
+    /// The low-pass.
+    pub fn filter(&self) -> &LowPass {
+        &self.filter
+    }
+
+    /// Rate of the grid before decimation, Hz.
+    pub fn rate_hz(&self) -> f64 {
+        self.grid.rate_hz()
+    }
+
+    /// One of how many grid points is kept.
+    pub fn every(&self) -> usize {
+        self.every
+    }
+
+    /// What was met on the way, one sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Grid points of `stretch` that are kept.
+    fn kept(&self, stretch: &Stretch) -> impl Iterator<Item = usize> {
+        stretch.keep.clone().step_by(self.every)
+    }
+
+    /// Times of the kept points, s.
+    pub fn times(&self) -> Vec<f64> {
+        let times =
+            |s: &Stretch| self.kept(s).map(|k| s.start + k as f64 * self.grid.step).collect::<Vec<_>>();
+        self.grid.stretches.iter().flat_map(times).collect()
+    }
+
+    /// The stretches without gaps, as ranges of kept points.
+    pub fn stretches(&self) -> Vec<Range<usize>> {
+        let mut begin = 0;
+        let range = |stretch: &Stretch| {
+            let end = begin + self.kept(stretch).count();
+            std::mem::replace(&mut begin, end)..end
+        };
+        self.grid.stretches.iter().map(range).collect()
+    }
+
+    /// `column` of `recording` on the kept points, not filtered.
+    pub fn unfiltered(&self, recording: &Recording, column: &[f64]) -> Vec<f64> {
+        let mut out = Vec::new();
+        for stretch in &self.grid.stretches {
+            let raw = self.grid.resample(stretch, recording, column);
+            out.extend(self.kept(stretch).map(|k| raw[k]));
+        }
+        out
+    }
+
+    /// `column` of `recording`, treated.
+    pub fn smooth(&self, recording: &Recording, column: &[f64]) -> Vec<f64> {
+        let mut out = Vec::new();
+        for stretch in &self.grid.stretches {
+            let smooth = self.filter.apply(&self.grid.resample(stretch, recording, column));
+            out.extend(self.kept(stretch).map(|k| smooth[k]));
+        }
+        out
+    }
+
+    /// `column` treated, with its first and second derivative with respect to time.
+    pub fn smooth_with_derivatives(&self, recording: &Recording, column: &[f64]) -> [Vec<f64>; 3] {
+        let mut out = [const { Vec::new() }; 3];
+        for stretch in &self.grid.stretches {
+            let smooth = self.filter.apply(&self.grid.resample(stretch, recording, column));
+            let (first, second) = derivatives(&smooth, self.grid.step);
+            for (out, whole) in out.iter_mut().zip([smooth, first, second]) {
+                out.extend(self.kept(stretch).map(|k| whole[k]));
+            }
+        }
+        out
+    }
+
+    /// The smoothed motion on every grid point of the recording, nothing left out: where laws that jump are evaluated, before
+    /// [`Treatment::low_pass`] and [`Treatment::keep`].
+    pub fn whole_motion(&self, recording: &Recording) -> Trajectory {
+        self.motion_through(&self.filter, recording)
+    }
+
+    /// The motion on every grid point, smoothed less: for what is not linear in it and then passes [`Treatment::low_pass`]. The torque of a
+    /// smoothed motion is not the smoothed torque.
+    pub fn fine_motion(&self, recording: &Recording) -> Trajectory {
+        self.motion_through(&self.fine, recording)
+    }
+
+    /// The same of positions that are read with `noise`, by joint and grid point.
+    pub(crate) fn fine_motion_with(&self, recording: &Recording, noise: &[Vec<f64>]) -> Trajectory {
+        self.motion_of(&self.fine, recording, Some(noise))
+    }
+
+    fn motion_through(&self, filter: &LowPass, recording: &Recording) -> Trajectory {
+        self.motion_of(filter, recording, None)
+    }
+
+    /// The motion of the recorded positions, with `noise` by joint and grid point added where there is any.
+    fn motion_of(&self, filter: &LowPass, recording: &Recording, noise: Option<&[Vec<f64>]>) -> Trajectory {
+        let mut whole = Trajectory::default();
+        let mut begin = 0;
+        for stretch in &self.grid.stretches {
+            whole.t.extend((0..stretch.len).map(|k| stretch.start + k as f64 * self.grid.step));
+            whole.stretches.push(begin..begin + stretch.len);
+            begin += stretch.len;
+        }
+        for (number, column) in recording.q.iter().enumerate() {
+            let mut joint = [const { Vec::new() }; 3];
+            for (stretch, points) in self.grid.stretches.iter().zip(&whole.stretches) {
+                let mut read = self.grid.resample(stretch, recording, column);
+                if let Some(noise) = noise {
+                    read.to_mut()
+                        .iter_mut()
+                        .zip(&noise[number][points.clone()])
+                        .for_each(|(q, noise)| *q += noise);
+                }
+                let smooth = filter.apply(&read);
+                let (first, second) = derivatives(&smooth, self.grid.step);
+                joint.iter_mut().zip([smooth, first, second]).for_each(|(out, part)| out.extend(part));
+            }
+            let [q, v, a] = joint;
+            whole.q.push(q);
+            whole.v.push(v);
+            whole.a.push(a);
+        }
+        whole
+    }
+
+    /// One column of `recording` on every grid point, not filtered.
+    pub fn whole_column(&self, recording: &Recording, column: &[f64]) -> Vec<f64> {
+        let stretches = self.grid.stretches.iter();
+        stretches.flat_map(|s| self.grid.resample(s, recording, column).into_owned()).collect()
+    }
+
+    /// The low-pass on one column of the points of [`Treatment::whole_motion`], stretch by stretch.
+    pub fn low_pass(&self, column: &[f64]) -> Vec<f64> {
+        self.through(&self.filter, column)
+    }
+
+    /// `filter` on one column of the points of [`Treatment::whole_motion`], stretch by stretch.
+    pub(crate) fn through(&self, filter: &LowPass, column: &[f64]) -> Vec<f64> {
+        let mut out = Vec::with_capacity(column.len());
+        for stretch in &self.grid.stretches {
+            out.extend(filter.apply(&column[out.len()..out.len() + stretch.len]));
+        }
+        out
+    }
+
+    /// Standard deviation of white noise that has in the octave above the cutoff what `column`, on all grid points, has there.
+    ///
+    /// By a `quantile` of its size where it is `present`: what jumps now and then is no noise (Hampel 1974).
+    pub(crate) fn deviation_above(
+        &self,
+        column: &[f64],
+        present: Option<&[bool]>,
+        quantile: Quantile,
+    ) -> f64 {
+        let (rate_hz, cutoff_hz) = (self.rate_hz(), self.filter.cutoff_hz());
+        let Ok(wider) = LowPass::new(rate_hz, (2.0 * cutoff_hz).min(MAX_CUTOFF_SHARE * rate_hz)) else {
+            return 0.0;
+        };
+        let mut band = Vec::with_capacity(column.len());
+        for stretch in &self.grid.stretches {
+            let part = &column[band.len()..band.len() + stretch.len];
+            band.extend(
+                wider
+                    .apply(part)
+                    .iter()
+                    .zip(self.filter.apply(part))
+                    .map(|(wide, narrow)| (wide - narrow).abs()),
+            );
+        }
+        let mut band = only(&band, present).into_owned();
+        let place = (quantile.below() * band.len() as f64) as usize;
+        if band.is_empty() {
+            return 0.0;
+        }
+        let size = *band.select_nth_unstable_by(place, f64::total_cmp).1;
+        size / quantile.of_normal() / share_between(&self.filter, &wider, rate_hz).sqrt()
+    }
+
+    /// The kept points of one column of the points of [`Treatment::whole_motion`].
+    pub fn keep(&self, column: &[f64]) -> Vec<f64> {
+        let mut begin = 0;
+        let mut out = Vec::new();
+        for stretch in &self.grid.stretches {
+            out.extend(self.kept(stretch).map(|k| column[begin + k]));
+            begin += stretch.len;
+        }
+        out
+    }
+
+    /// The motion that `recording` holds on the kept points.
+    ///
+    /// Velocity and acceleration are derivatives of the position, also where the recording has velocities: a recorded velocity has
+    /// gone through a filter of the drive's own, whose delay would show up as viscous friction or inertia that the arm does not have.
+    pub fn motion(&self, recording: &Recording) -> Trajectory {
+        let mut motion = Trajectory { t: self.times(), stretches: self.stretches(), ..Trajectory::default() };
+        for column in &recording.q {
+            let [q, v, a] = self.smooth_with_derivatives(recording, column);
+            motion.q.push(q);
+            motion.v.push(v);
+            motion.a.push(a);
+        }
+        motion
+    }
+}
+
+/// Share of the power of white noise that `wide` lets through and `narrow` does not, by their gains' closed form.
+fn share_between(narrow: &LowPass, wide: &LowPass, rate_hz: f64) -> f64 {
+    mean_over_band(rate_hz, |f| (wide.gain(f) - narrow.gain(f)).powi(2))
+}
