@@ -166,6 +166,12 @@ pub(crate) fn encoder_noise(q: &[f64]) -> f64 {
     white_noise(q).max(if step.is_finite() { step } else { 0.0 })
 }
 
+/// Mean square of a `column` about its mean.
+pub(crate) fn variance(column: &[f64]) -> f64 {
+    let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
+    column.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / column.len().max(1) as f64
+}
+
 #[cfg(test)]
 mod tests {
     use super::{Quantile, bootstrap, half_width, normal_quantile};

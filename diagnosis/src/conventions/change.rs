@@ -219,3 +219,30 @@ pub(crate) fn reading(arm: &Arm, changes: &[Change]) -> Reading {
     }
     reading
 }
+
+/// Physics that could hide or feign a fault of the reading.
+pub(crate) fn physics(joints: usize) -> Vec<Change> {
+    let mut all = vec![Physics::Payload];
+    for joint in 0..joints {
+        all.extend([
+            Physics::Rotor(joint),
+            Physics::Spring(joint),
+            Physics::Drag(joint),
+            Physics::Link(joint),
+            Physics::LoadFriction(joint),
+        ]);
+        all.extend((joint > 0).then(|| Physics::Coupling(joint, joint - 1)));
+        all.extend((joint + 1 < joints).then_some(Physics::Coupling(joint, joint + 1)));
+    }
+    all.into_iter().map(Change::Beside).collect()
+}
+
+/// The groups of channels that a clock offset can part.
+pub(crate) fn groups(has_torques: bool, has_tool: bool) -> Vec<Late> {
+    match (has_torques, has_tool) {
+        (true, true) => vec![Late::Torque, Late::Tool, Late::Both],
+        (true, false) => vec![Late::Torque],
+        (false, true) => vec![Late::Tool],
+        (false, false) => Vec::new(),
+    }
+}

@@ -7,10 +7,12 @@ use super::change::{Change, reading};
 use super::finding::{Certainty, Setup, SetupFinding};
 use super::kinds;
 use super::kinds::Told;
-use super::problem::{FLOOR, GEOMETRY, Links, Outcome};
+use super::outcome::Outcome;
+use super::problem::{FLOOR, GEOMETRY, Links};
 use super::reading::Reading;
 use super::samples::Samples;
 use super::search::{MEMORY, Search};
+use crate::conventions::outcome::SPOKEN;
 use crate::statistics::STRONG;
 
 /// Changes with how sure each is.
@@ -21,9 +23,6 @@ type Rivals = Vec<(Change, String)>;
 /// Least odds of a change that is mended without a question, its price and its prior odds taken off: a wrong reading spoils all that follows, so that
 /// one in a thousand may be wrong, not one in twenty.
 const OVERWHELMING: f64 = 1000.0;
-/// Share of a channel's variance that the rigid arm has to make for the channel to speak of its reading: with less, friction decides how it looks. A fault
-/// leaves more than this of some channel.
-pub(super) const SPOKEN: f64 = 0.1;
 
 /// Whether `recording` and `arm` speak of the same arm, in the same units, signs, order and on the same clock.
 pub fn examine(arm: &Arm, recording: &Recording) -> Setup {

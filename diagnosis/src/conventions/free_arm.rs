@@ -7,13 +7,9 @@
 use freeplay_arm::Arm;
 use nalgebra::{DMatrix, DVector};
 
-use super::along::Along;
-use super::along::dot;
-use super::along::weighed;
+use super::along::{Along, dot, weighed};
 use super::bodies::PARAMETERS;
-use super::normal::Channel;
-use super::normal::Cleared;
-use super::normal::ROUNDS;
+use super::normal::{Channel, Cleared, ROUNDS};
 
 /// A torque channel.
 pub(super) struct Target<'t> {

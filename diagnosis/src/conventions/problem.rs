@@ -15,18 +15,14 @@ use std::rc::Rc;
 use freeplay_arm::Arm;
 use nalgebra::Vector3;
 
-use super::along::Along;
-use super::along::dot;
-use super::change::COMMON;
-use super::change::Change;
-use super::change::RARE;
-use super::change::reading;
-use super::free_arm;
-use super::kinds;
-use super::reading::PositionReading;
-use super::reading::Reading;
+use super::along::{Along, dot};
+use super::change::{COMMON, Change, RARE, reading};
+use super::reading::{PositionReading, Reading};
 use super::samples::Samples;
 use super::torques::Torques;
+use super::{free_arm, kinds};
+use crate::conventions::outcome::Outcome;
+use crate::statistics::variance;
 
 /// What real arms are off their laws by: 5 % of a torque's standard deviation leaves 0.25 % of its variance.
 pub(crate) const FLOOR: f64 = 0.05;
@@ -69,36 +65,6 @@ pub(super) struct Measured {
     /// Sum of squares, and mean square about the mean.
     pub square: f64,
     pub variance: f64,
-}
-
-/// What a set of changes is worth.
-#[derive(Clone)]
-pub(crate) struct Outcome {
-    pub changes: Vec<Change>,
-    /// ln p(S), up to a constant.
-    pub evidence: f64,
-    /// What the channels put into it, in the order of `left`; 0 where there is none.
-    pub likelihood: Vec<f64>,
-    /// Mean square of what is left of each channel over its size: the torques by joint (NaN where none), then the tool.
-    pub left: Vec<f64>,
-    /// The size of each channel: variance of what was recorded, with the gravity that the reading adds to it.
-    pub sizes: Vec<f64>,
-    /// Variance of what the rigid arm asks for over that of what was recorded, in the same order: a channel of friction alone shows
-    /// nothing of how it is to be read.
-    pub spoken: Vec<f64>,
-    /// Gravity, m/s².
-    pub gravity: Vector3<f64>,
-    /// Measured torque over the model's, by joint.
-    pub scale: Vec<f64>,
-    /// The recorded channel of each, in the order of `likelihood`: the torques by column, then the tool.
-    pub sources: Vec<usize>,
-}
-
-impl Outcome {
-    /// What its changes cost: fitted numbers and prior odds.
-    pub fn price(&self) -> f64 {
-        self.likelihood.iter().sum::<f64>() - self.evidence
-    }
 }
 
 impl<'a> Problem<'a> {
@@ -369,12 +335,6 @@ fn key(reading: &Reading) -> Vec<u64> {
 
 fn mean_square(column: &[f64]) -> f64 {
     column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64
-}
-
-/// About the mean.
-pub(crate) fn variance(column: &[f64]) -> f64 {
-    let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
-    column.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / column.len().max(1) as f64
 }
 
 #[cfg(test)]

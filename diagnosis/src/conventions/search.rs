@@ -2,11 +2,11 @@
 
 use freeplay_arm::Arm;
 
-use super::change::{Change, Late, Physics};
-use super::examine::SPOKEN;
+use super::change::Change;
 use super::kinds;
 use super::kinds::Ask;
-use super::problem::{FLOOR, Outcome, Problem};
+use super::outcome::{Outcome, SPOKEN};
+use super::problem::{FLOOR, Problem};
 use crate::statistics::STRONG;
 
 /// Rows of the screening: more than the numbers of any reading, and a quarter of all, so that a screening takes a quarter of the time.
@@ -339,31 +339,4 @@ fn golden(about: f64, width: f64, value: impl Fn(f64) -> f64) -> f64 {
         }
     }
     0.5 * (low + high)
-}
-
-/// Physics that could hide or feign a fault of the reading.
-pub(crate) fn physics(joints: usize) -> Vec<Change> {
-    let mut all = vec![Physics::Payload];
-    for joint in 0..joints {
-        all.extend([
-            Physics::Rotor(joint),
-            Physics::Spring(joint),
-            Physics::Drag(joint),
-            Physics::Link(joint),
-            Physics::LoadFriction(joint),
-        ]);
-        all.extend((joint > 0).then(|| Physics::Coupling(joint, joint - 1)));
-        all.extend((joint + 1 < joints).then_some(Physics::Coupling(joint, joint + 1)));
-    }
-    all.into_iter().map(Change::Beside).collect()
-}
-
-/// The groups of channels that a clock offset can part.
-pub(crate) fn groups(has_torques: bool, has_tool: bool) -> Vec<Late> {
-    match (has_torques, has_tool) {
-        (true, true) => vec![Late::Torque, Late::Tool, Late::Both],
-        (true, false) => vec![Late::Torque],
-        (false, true) => vec![Late::Tool],
-        (false, false) => Vec::new(),
-    }
 }

@@ -5,9 +5,7 @@ use freeplay_recording::Recording;
 
 use super::change::Late;
 use super::examine::examine;
-use super::finding::Certainty;
-use super::finding::Setup;
-use super::finding::SetupFinding;
+use super::finding::{Certainty, Setup, SetupFinding};
 use super::kinds::clock_offset;
 use super::reading::Reading;
 

@@ -4,20 +4,13 @@ use std::rc::Rc;
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::along::Along;
-use super::along::Column;
-use super::along::LOADS;
-use super::along::dot;
-use super::change::Change;
-use super::change::Physics;
+use super::along::{Along, Column, LOADS, dot};
+use super::change::{Change, Physics};
 use super::free_arm::Target;
-use super::normal::Channel;
-use super::normal::Fit;
-use super::normal::fit;
-use super::problem::Measured;
-use super::problem::Problem;
-use super::problem::variance;
+use super::normal::{Channel, Fit, fit};
+use super::problem::{Measured, Problem};
 use super::reading::Reading;
+use crate::statistics::variance;
 
 /// Rotors up to this many times the inertia that their joint moves: behind a gear of 160, a rotor weighs about as much as a light arm.
 const MOST_ROTOR: f64 = 4.0;

@@ -4,10 +4,8 @@ use freeplay_arm::Arm;
 use freeplay_servo::{Fitted, JointServo, Noise, Problem, Quantity, ServoArm, Track, Unknown, each};
 
 use super::findings::named_from;
-use super::limits::add_limits;
-use super::limits::lost;
-use super::parts::WINDOW;
-use super::parts::problem;
+use super::limits::{add_limits, lost};
+use super::parts::{WINDOW, problem};
 use super::recorded::Recorded;
 
 /// Shares of the lag that begin as delay: a quick servo behind a slow line, a slow one behind a quick line, and between.

@@ -5,8 +5,7 @@ use std::ops::Range;
 use freeplay_recording::Recording;
 use freeplay_servo::{Problem, Sight, Track};
 
-use super::tracks::longest_gap;
-use super::tracks::rollout_step;
+use super::tracks::{longest_gap, rollout_step};
 
 /// Longest window of a rollout, s: many times the lag of a servo, so that little is lost to its beginning, and short enough that a window that goes
 /// wrong is one of many.

@@ -4,14 +4,10 @@
 use freeplay_servo::{Fitted, Noise, Problem, ServoArm, Track, Unknown, each, golden};
 
 use super::alone::by_joint;
-use super::changes::Change;
-use super::changes::Given;
+use super::changes::{Change, Given};
 use super::findings::named_from;
 use super::limits::lost;
-use super::recorded::Found;
-use super::recorded::Recorded;
-use super::recorded::is_same;
-use super::recorded::stop;
+use super::recorded::{Found, Recorded, is_same, stop};
 
 /// Causes that are fitted before the best of them is taken, for each way in which they are ranked: the first may rank first by chance, and a fit takes far
 /// longer than a rank.

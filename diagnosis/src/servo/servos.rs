@@ -5,9 +5,7 @@ use freeplay_servo::{Fitted, Problem, ServoArm, Track, Unknown, servos as begin_
 use super::alone::alone;
 use super::burdens::add_burden;
 use super::limits::add_limits;
-use super::recorded::Found;
-use super::recorded::Recorded;
-use super::recorded::is_same;
+use super::recorded::{Found, Recorded, is_same};
 use super::rotors::add_rotors;
 
 /// Fits the servos of all joints that move, and all else that the recordings tell.

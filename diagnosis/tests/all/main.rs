@@ -14,6 +14,7 @@ mod missing;
 mod notes;
 mod plain_recordings;
 mod real_recordings;
+mod rooms;
 mod servos;
 mod servos_beside_torque;
 mod set_up;

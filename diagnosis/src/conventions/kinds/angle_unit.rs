@@ -7,13 +7,10 @@ use std::f64::consts::PI;
 
 use freeplay_arm::{Arm, JointKind};
 
-use super::super::change::Change;
-use super::super::change::reading;
-use super::super::finding::Certainty;
-use super::super::finding::SetupFinding;
-use super::super::problem::variance;
-use super::Ask;
-use super::Told;
+use super::super::change::{Change, reading};
+use super::super::finding::{Certainty, SetupFinding};
+use super::{Ask, Told};
+use crate::statistics::variance;
 
 /// A joint goes beyond its limits by this factor: no overshoot, another unit. Limits of speed are placeholders in many files.
 const BEYOND: f64 = 2.0;

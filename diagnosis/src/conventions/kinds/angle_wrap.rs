@@ -6,8 +6,7 @@
 use freeplay_arm::{Arm, JointKind};
 use freeplay_recording::{Recording, unwrapped};
 
-use super::super::finding::Certainty;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 use super::listed;
 
 /// Words and remedy, for each joint of `arm` whose position jumps.

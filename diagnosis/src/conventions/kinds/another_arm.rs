@@ -3,10 +3,8 @@
 //! It asks, when every other question is answered, whether most channels still have most of their variance unexplained, and whether links of
 //! any inertia explain more than the reading that was found, with the model's links as they stand on a data sheet.
 
-use super::super::examine::SPOKEN;
-use super::super::finding::Certainty;
-use super::super::finding::SetupFinding;
-use super::super::problem::Outcome;
+use super::super::finding::{Certainty, SetupFinding};
+use super::super::outcome::{Outcome, SPOKEN};
 
 /// Share of a channel's variance beyond which the channel is not explained: more than half of its deviation is left then, √0.3.
 pub(crate) const UNEXPLAINED: f64 = 0.3;

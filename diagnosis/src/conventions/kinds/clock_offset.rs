@@ -3,13 +3,9 @@
 //! It asks by how much the torques, the tool, or both are late against the positions, up to half a second. The hypothesis shifts
 //! them. What a position loop could live with is the catalogue's `time_delay`.
 
-use super::super::change::Change;
-use super::super::change::Late;
-use super::super::finding::Certainty;
-use super::super::finding::SetupFinding;
-use super::super::search::groups;
-use super::Ask;
-use super::Told;
+use super::super::change::{Change, Late, groups};
+use super::super::finding::{Certainty, SetupFinding};
+use super::{Ask, Told};
 
 /// Delays up to here are the catalogue's, s: with more, no position loop of 3.5 Hz would hold (60 degrees of its phase).
 pub(crate) const LEAST: f64 = 0.048;

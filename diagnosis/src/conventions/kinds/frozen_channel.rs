@@ -6,8 +6,7 @@
 use freeplay_arm::Arm;
 use freeplay_recording::Recording;
 
-use super::super::finding::Certainty;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 
 /// Range from which on a joint moves for sure, rad (m), or its speed, rad/s (m/s): about a degree, above the noise of a velocity at rest.
 const MOVES: f64 = 0.02;

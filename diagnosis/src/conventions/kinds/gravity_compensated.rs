@@ -4,8 +4,7 @@
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
-use super::Ask;
-use super::Told;
+use super::{Ask, Told};
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {

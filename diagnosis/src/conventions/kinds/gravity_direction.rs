@@ -8,10 +8,8 @@ use nalgebra::Vector3;
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
-use super::super::problem::Outcome;
-use super::Ask;
-use super::Told;
-use super::brief;
+use super::super::outcome::Outcome;
+use super::{Ask, Told, brief};
 
 /// A base that leans by no more than this is the catalogue's, rad: mountings are turned by 30 degrees and more.
 pub(crate) const LEAST: f64 = 0.44;

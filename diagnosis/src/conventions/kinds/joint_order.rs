@@ -5,9 +5,7 @@
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
-use super::Ask;
-use super::Told;
-use super::listed;
+use super::{Ask, Told, listed};
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {

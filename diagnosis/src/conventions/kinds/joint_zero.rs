@@ -6,6 +6,7 @@
 use std::f64::consts::PI;
 
 use freeplay_arm::JointKind;
+
 /// An encoder's zero that is off by no more than this is the catalogue's, rad.
 pub(crate) use freeplay_laws::catalogue::MOST_ENCODER_OFFSET as LEAST;
 

@@ -20,11 +20,9 @@ pub(crate) mod torque_unit;
 
 use freeplay_arm::Arm;
 
-use super::change::Change;
-use super::finding::Certainty;
-use super::finding::SetupFinding;
-use super::problem::Outcome;
-use super::search::physics;
+use super::change::{Change, physics};
+use super::finding::{Certainty, SetupFinding};
+use super::outcome::Outcome;
 
 /// What a kind may look at before it asks.
 pub(crate) struct Ask<'a> {

@@ -4,8 +4,7 @@
 
 use freeplay_recording::Recording;
 
-use super::super::finding::Certainty;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 use super::super::samples::SPACING;
 
 /// A recording with longer steps shows nothing of how an arm moves, s: its times are no seconds.

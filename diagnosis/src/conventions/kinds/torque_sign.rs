@@ -3,11 +3,8 @@
 //! It asks for every joint. The hypothesis turns the sign of the torque.
 
 use super::super::change::Change;
-use super::super::finding::Certainty;
-use super::super::finding::SetupFinding;
-use super::Ask;
-use super::Told;
-use super::listed;
+use super::super::finding::{Certainty, SetupFinding};
+use super::{Ask, Told, listed};
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {

@@ -4,13 +4,9 @@
 //! hypothesis divides by it. A constant near one is the catalogue's `torque_gain`.
 
 use super::super::change::Change;
-use super::super::finding::Certainty;
-use super::super::finding::SetupFinding;
-use super::super::problem::Outcome;
-use super::Ask;
-use super::Told;
-use super::brief;
-use super::listed;
+use super::super::finding::{Certainty, SetupFinding};
+use super::super::outcome::Outcome;
+use super::{Ask, Told, brief, listed};
 
 /// Between a half and two, a wrong gain or mass explains a scale; no unit does.
 const NEAR: f64 = 2.0;

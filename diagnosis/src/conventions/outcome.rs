@@ -1,0 +1,39 @@
+//! What a reading of a recording is worth.
+
+use nalgebra::Vector3;
+
+use super::change::Change;
+
+/// Share of a channel's variance that the rigid arm has to make for the channel to speak of its reading: with less, friction decides how it looks. A fault
+/// leaves more than this of some channel.
+pub(crate) const SPOKEN: f64 = 0.1;
+
+/// What a set of changes is worth.
+#[derive(Clone)]
+pub(crate) struct Outcome {
+    pub changes: Vec<Change>,
+    /// ln p(S), up to a constant.
+    pub evidence: f64,
+    /// What the channels put into it, in the order of `left`; 0 where there is none.
+    pub likelihood: Vec<f64>,
+    /// Mean square of what is left of each channel over its size: the torques by joint (NaN where none), then the tool.
+    pub left: Vec<f64>,
+    /// The size of each channel: variance of what was recorded, with the gravity that the reading adds to it.
+    pub sizes: Vec<f64>,
+    /// Variance of what the rigid arm asks for over that of what was recorded, in the same order: a channel of friction alone shows
+    /// nothing of how it is to be read.
+    pub spoken: Vec<f64>,
+    /// Gravity, m/s².
+    pub gravity: Vector3<f64>,
+    /// Measured torque over the model's, by joint.
+    pub scale: Vec<f64>,
+    /// The recorded channel of each, in the order of `likelihood`: the torques by column, then the tool.
+    pub sources: Vec<usize>,
+}
+
+impl Outcome {
+    /// What its changes cost: fitted numbers and prior odds.
+    pub fn price(&self) -> f64 {
+        self.likelihood.iter().sum::<f64>() - self.evidence
+    }
+}
