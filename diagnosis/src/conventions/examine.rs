@@ -318,7 +318,7 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::super::change::Change;
-    use super::super::problem::Outcome;
+    use super::super::outcome::Outcome;
     use super::speaking;
 
     /// A torque unit that leaves the rigid arm nothing to say in its channel is taken back before the others are judged.

@@ -187,7 +187,7 @@ mod tests {
 
     use super::is_shared;
     use crate::conventions::change::Change;
-    use crate::conventions::problem::Outcome;
+    use crate::conventions::outcome::Outcome;
 
     /// A unit that no other joint has is a number of its own, however it was found.
     #[test]
