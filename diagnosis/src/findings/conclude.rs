@@ -213,7 +213,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             mapping: None,
             model,
         };
-        word(&mut diagnosis);
+        words::word(&mut diagnosis);
         Ok(Some(diagnosis))
     }
 
@@ -679,43 +679,4 @@ fn add_to(model: &mut ArmFile, tables: Vec<EffectTable>) {
             None => model.effects.push(table),
         }
     }
-}
-
-/// Whether the catalogue has the kind of `effect`.
-fn is_catalogued(effect: &Effect) -> bool {
-    kind(effect.kind).is_some_and(Kind::is_catalogued)
-}
-
-/// Puts the verdict into words.
-fn word(diagnosis: &mut Diagnosis) {
-    let left_out = words::left_out(&diagnosis.along_the_arm());
-    diagnosis.statement = match diagnosis.verdict {
-        Verdict::NothingMissing => {
-            "The recording agrees with the model inside its tolerances. Nothing is missing that this motion could show.".to_owned()
-        }
-        Verdict::Named => left_out,
-        Verdict::OneOf => left_out + &words::open(&diagnosis.alternatives),
-        Verdict::Unknown => unknown(&diagnosis.along_the_arm()),
-        Verdict::InsufficientData | Verdict::Setup => diagnosis.statement.clone(),
-    };
-    if diagnosis.verdict == Verdict::OneOf {
-        let undecided = diagnosis.alternatives.iter().filter(|a| a.indistinguishable);
-        diagnosis.next = undecided.map(words::to_tell).collect();
-        diagnosis.next.dedup();
-    }
-}
-
-/// What is said where more is missing than has a name: that, what it looks like, and what has a name.
-fn unknown(effects: &[&Effect]) -> String {
-    let (named, nameless): (Vec<&Effect>, Vec<&Effect>) =
-        effects.iter().copied().partition(|effect| is_catalogued(effect));
-    let mut words =
-        "Something is missing from the model that no effect of the catalogue says well enough.".to_owned();
-    for like in nameless {
-        words.push_str(&format!(" It looks like this: {}", like.statement));
-    }
-    if !named.is_empty() {
-        words.push_str(&format!(" Part of it has a name. {}", words::left_out(&named)));
-    }
-    words
 }

@@ -6,7 +6,7 @@ use freeplay_arm::{Arm, EffectTable};
 use freeplay_laws::{Kind as EffectKind, kind};
 use toml::Value;
 
-use crate::report::diagnosis::{Alternative, Effect, Map, Parameter};
+use crate::report::diagnosis::{Alternative, Diagnosis, Effect, Map, Parameter, Verdict};
 use crate::search::tried::LISTED;
 use crate::statistics::STRONG;
 
@@ -248,6 +248,45 @@ pub(crate) fn when(map: Option<&Map>) -> String {
         );
     }
     format!("it follows the {} (explains {percent:.0} %)", map.variable)
+}
+
+/// Puts the verdict into words.
+pub(crate) fn word(diagnosis: &mut Diagnosis) {
+    let left_out = left_out(&diagnosis.along_the_arm());
+    diagnosis.statement = match diagnosis.verdict {
+        Verdict::NothingMissing => {
+            "The recording agrees with the model inside its tolerances. Nothing is missing that this motion could show.".to_owned()
+        }
+        Verdict::Named => left_out,
+        Verdict::OneOf => left_out + &open(&diagnosis.alternatives),
+        Verdict::Unknown => unknown(&diagnosis.along_the_arm()),
+        Verdict::InsufficientData | Verdict::Setup => diagnosis.statement.clone(),
+    };
+    if diagnosis.verdict == Verdict::OneOf {
+        let undecided = diagnosis.alternatives.iter().filter(|a| a.indistinguishable);
+        diagnosis.next = undecided.map(to_tell).collect();
+        diagnosis.next.dedup();
+    }
+}
+
+/// What is said where more is missing than has a name: that, what it looks like, and what has a name.
+fn unknown(effects: &[&Effect]) -> String {
+    let (named, nameless): (Vec<&Effect>, Vec<&Effect>) =
+        effects.iter().copied().partition(|effect| is_catalogued(effect));
+    let mut words =
+        "Something is missing from the model that no effect of the catalogue says well enough.".to_owned();
+    for like in nameless {
+        words.push_str(&format!(" It looks like this: {}", like.statement));
+    }
+    if !named.is_empty() {
+        words.push_str(&format!(" Part of it has a name. {}", left_out(&named)));
+    }
+    words
+}
+
+/// Whether the catalogue has the kind of `effect`.
+fn is_catalogued(effect: &Effect) -> bool {
+    kind(effect.kind).is_some_and(EffectKind::is_catalogued)
 }
 
 #[cfg(test)]
