@@ -16,10 +16,11 @@ use crate::data::thinning;
 use crate::data::weights::Weights;
 use crate::evidence::nameless::is_unexplained;
 use crate::evidence::system::System;
-use crate::findings::conclude::Conclusion;
+use crate::findings::conclude::conclude;
 use crate::findings::event::{Event, said_by};
 use crate::findings::happenings::happenings;
 use crate::findings::quality;
+use crate::findings::standing::Standing;
 use crate::report::diagnosis::{Diagnosis, insufficient};
 use crate::report::settings::{DiagnoseError, DiagnoseSettings};
 use crate::search::moves::{Answer, Found, Search};
@@ -223,8 +224,8 @@ impl Study<'_> {
             let answer = answer.ok_or(DiagnoseError::Singular)?;
             let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
             progress("testing");
-            let conclusion = self.concluding(&mut search, &answer, &[]);
-            let (members, leaves_more) = conclusion.stands()?.ok_or(DiagnoseError::Singular)?;
+            let standing = self.tested(&mut search, &answer, &[]);
+            let (members, leaves_more) = standing.stands()?.ok_or(DiagnoseError::Singular)?;
             let stood = search.settled(members).and_then(|answer| search.found(&answer, self.settings.seed));
             let found = stood.ok_or(DiagnoseError::Singular)?;
             if found.members.len() >= count {
@@ -310,19 +311,19 @@ impl Study<'_> {
         answer: &Answer,
         events: &[Event],
     ) -> Result<Diagnosis, DiagnoseError> {
-        let conclusion = self.concluding(search, answer, events);
-        let diagnosis = conclusion.diagnosis(self.notes.clone(), self.untestable.clone())?;
+        let standing = self.tested(search, answer, events);
+        let diagnosis = conclude(standing, self.notes.clone(), self.untestable.clone())?;
         diagnosis.ok_or(DiagnoseError::Singular)
     }
 
-    /// The conclusion that is to be drawn from `answer` beside `events`.
-    fn concluding<'c, 'd, 'a>(
+    /// The `answer` beside `events`, to be tested.
+    fn tested<'c, 'd, 'a>(
         &'c self,
         search: &'c mut Search<'d, 'a>,
         answer: &'c Answer,
         events: &'c [Event],
-    ) -> Conclusion<'c, 'd, 'a> {
-        Conclusion { file: self.file, settings: self.settings, search, answer, events, target: self.target }
+    ) -> Standing<'c, 'd, 'a> {
+        Standing { file: self.file, settings: self.settings, search, answer, events, target: self.target }
     }
 }
 

@@ -1,462 +1,116 @@
-//! From the answer of the search to what is said: tested on the part of the data that no search sees.
+//! From the laws that stand to what is said.
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_laws::{ArmParts, Kind, LawError, Placed, changed, kind};
-use nalgebra::DVector;
+use freeplay_arm::{ArmFile, EffectTable};
+use freeplay_laws::{Kind, LawError, kind};
 
-use crate::candidates::candidate::{Candidate, Untestable};
+use crate::candidates::candidate::Untestable;
 use crate::data::columns::{add_all, less, sum_of};
 use crate::data::parts::Part;
-use crate::data::stacked::Data;
 use crate::evidence::gain::{Compared, Gain};
-use crate::evidence::nameless::is_unexplained;
-use crate::evidence::system::{Fit, all_but};
+use crate::evidence::system::Fit;
 use crate::findings::alternatives::{alternatives, rows_of_evidence};
-use crate::findings::event::{Event, said_by};
-use crate::findings::held::held;
-use crate::findings::interval::{holds_nothing, parameters};
-use crate::findings::joined::joined;
+use crate::findings::event::Event;
 use crate::findings::locate::{correct, maps};
 use crate::findings::passage::{Columns, Remains, passages};
+use crate::findings::standing::{Cause, Standing};
 use crate::report::diagnosis::{
-    Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, Fit as Errors,
-    Location, Map, Rmse, Tuned, Verdict,
+    Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Fit as Errors, Location,
+    Map, Rmse, Tuned, Verdict,
 };
-use crate::report::settings::DiagnoseSettings;
 use crate::report::words;
-use crate::search::moves::{Answer, Search};
 use crate::signals::channel::Kind as ChannelKind;
-use crate::statistics::{SIGNIFICANT, is_told};
+use crate::statistics::SIGNIFICANT;
 
-/// A fit whose members the test part bears out.
-struct BorneOut {
-    fit: Fit,
-    /// Residuals of the arm file that its members make, by channel and row.
-    left: Vec<Vec<f64>>,
-    /// For each member, what changes without it.
-    without: Vec<Without>,
-    /// Weights of the rows of the test part, by channel.
-    on_test: Vec<Vec<f64>>,
+/// What is said of the laws that stand of the answer, with the notes `quality` and what is `untestable`.
+///
+/// # Errors
+/// See [`LawError`]; `None` if a fit is singular.
+pub(crate) fn conclude(
+    mut of: Standing,
+    quality: Vec<String>,
+    untestable: Vec<Untestable>,
+) -> Result<Option<Diagnosis>, LawError> {
+    let Some((fit, findings)) = of.standing()? else { return Ok(None) };
+    let Some(bare) = of.search.system.held_fit(&[]) else { return Ok(None) };
+    let mut alternatives = alternatives(of.search, &fit);
+    alternatives.extend(of.events.iter().flat_map(|event| event.alternatives.iter().cloned()));
+    let evidence = rows_of_evidence(of.search, &bare, &fit);
+    let conclusion = Conclusion { of: &of, fit: &fit };
+    let Some(remains) = conclusion.remains()? else { return Ok(None) };
+    let mut left = of.search.system.left(&bare);
+    add_all(&mut left, of.events.iter().flat_map(Event::columns));
+    let maps = conclusion.maps(&left);
+    let verdict = conclusion.verdict(&alternatives, findings.is_empty());
+    let laws = findings.iter().map(|finding| conclusion.said(&finding.of)).collect();
+    let passages = passages(of.data(), &Columns { remains: &remains, laws });
+    let (tables, effects): (Vec<EffectTable>, Vec<Effect>) =
+        findings.into_iter().map(|finding| (finding.table, finding.effect)).unzip();
+    let mut model = of.file.clone();
+    if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) && !tables.is_empty() {
+        model.arm = of.tuned_arm(&fit).unwrap_or(model.arm);
+        add_to(&mut model, tables);
+    }
+    let is_named = |one: &Untestable| effects.iter().any(|e| e.kind == one.kind && e.joint == one.joint);
+    let mut diagnosis = Diagnosis {
+        schema: DIAGNOSIS_SCHEMA,
+        verdict,
+        statement: String::new(),
+        setup: Vec::new(),
+        location: conclusion.location(&remains, &maps),
+        untestable: untestable.into_iter().filter(|one| !is_named(one)).collect(),
+        effects,
+        alternatives,
+        fit: Some(conclusion.errors(&remains)),
+        next: Vec::new(),
+        quality,
+        evidence,
+        maps,
+        tuned: conclusion.tuned(),
+        noise: conclusion.noise(&remains),
+        discrepancy: conclusion.discrepancy(),
+        seed: of.settings.seed,
+        passages,
+        mapping: None,
+        model,
+    };
+    words::word(&mut diagnosis);
+    Ok(Some(diagnosis))
 }
 
-/// The fit without one of its members.
-struct Without {
-    fit: Fit,
-    /// Residuals of that fit, by channel and row.
-    left: Vec<Vec<f64>>,
-    /// The channels of the test part in which the member shows: see [`Tested::shown`].
-    shown: Vec<usize>,
+/// The laws of `fit`, which stand.
+struct Conclusion<'s, 'c, 'd, 'a> {
+    of: &'s Standing<'c, 'd, 'a>,
+    fit: &'s Fit,
 }
 
-/// How the errors in the test part differ with a law and without it.
-struct Tested {
-    /// The channels in which the law shows; none where these rows are too few to tell, by 20 to 1, whether it is true.
-    shown: Vec<usize>,
-    /// Weighed squares that the law takes away where it shows.
-    where_shown: f64,
-    /// The same in all that is measured.
-    squares: f64,
-}
-
-impl Tested {
-    /// Weighed squares that the law takes away where it shows, or in all that is measured where that is less. `None` where nothing can be told.
-    fn gain(&self) -> Option<f64> {
-        (!self.shown.is_empty()).then(|| self.where_shown.min(self.squares))
-    }
-}
-
-/// All that a conclusion rests on.
-pub(crate) struct Conclusion<'c, 'd, 'a> {
-    pub file: &'c ArmFile,
-    pub settings: &'c DiagnoseSettings,
-    pub search: &'c mut Search<'d, 'a>,
-    pub answer: &'c Answer,
-    /// What happened at a time, which the search does not see.
-    pub events: &'c [Event],
-    /// Measured minus the model as given.
-    pub target: &'c [Vec<f64>],
-}
-
-/// A finding on its way to a report: what it is and what shows that, kept together.
-struct Finding {
-    of: Of,
-    table: EffectTable,
-    effect: Effect,
-}
-
-/// The law or the event behind a finding.
-enum Of {
-    /// A law that lasts, by the number of its block.
-    Law(usize),
-    /// An event, by its number.
-    Event(usize),
-    /// Dry friction holds a joint that stands.
-    Hold,
-}
-
-impl Of {
-    /// The number of the block of a law.
-    fn member(&self) -> Option<usize> {
-        match self {
-            Self::Law(member) => Some(*member),
-            Self::Event(_) | Self::Hold => None,
-        }
-    }
-}
-
-impl<'d, 'a> Conclusion<'_, 'd, 'a> {
-    fn data(&self) -> &'d Data<'a> {
-        self.search.system.data
-    }
-
-    fn arm(&self) -> &Arm {
-        &self.file.arm
-    }
-
-    /// The numbers of the laws that stand, and whether these leave an error that asks for a law outside the catalogue.
-    ///
-    /// # Errors
-    /// See [`LawError`]; `None` if a fit is singular.
-    pub fn stands(mut self) -> Result<Option<(Vec<usize>, bool)>, LawError> {
-        let Some((fit, _)) = self.standing()? else { return Ok(None) };
-        let leaves_more = self.leaves_more(&fit);
-        Ok(Some((fit.members, leaves_more)))
-    }
-
-    /// The laws that are sure, that the test part bears out and that hold something, with what shows them.
-    fn standing(&mut self) -> Result<Option<(Fit, Vec<Finding>)>, LawError> {
-        let mut members = self.answer.members.clone();
-        let mut is_first = true;
-        let (members, mut findings) = loop {
-            let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
-            let Some(fit) = self.sure(fit) else { return Ok(None) };
-            let sure = fit.members.clone();
-            let Some(borne_out) = self.borne_out(fit)? else { return Ok(None) };
-            let Some(findings) = self.findings(&borne_out)? else { return Ok(None) };
-            let kept: Vec<usize> = findings.iter().filter_map(|finding| finding.of.member()).collect();
-            let (kept, empty): (Vec<_>, Vec<_>) = sure.into_iter().partition(|member| kept.contains(member));
-            if empty.is_empty() {
-                break (kept, findings);
-            }
-            members = kept;
-            // A law that fell may have said what another law says, so the search goes on without it, once. On a machine that many laws describe in
-            // part, a search until no law falls takes minutes.
-            if std::mem::take(&mut is_first) {
-                self.search.leave_out(&empty);
-                let better = self.search.improve(members, &mut |_| {});
-                let better = better.and_then(|better| self.search.agreed(&better));
-                let Some(better) = better else { return Ok(None) };
-                members = better.members;
-            }
-        };
-        let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
-        // Without those that hold nothing the arm of the others may be one that can't exist.
-        let Some(fit) = self.sure(fit) else { return Ok(None) };
-        findings.retain(|finding| finding.of.member().is_none_or(|member| fit.members.contains(&member)));
-        Ok(Some((fit, findings)))
-    }
-
-    /// The diagnosis.
-    ///
-    /// # Errors
-    /// See [`LawError`]; `None` if a fit is singular.
-    pub fn diagnosis(
-        mut self,
-        quality: Vec<String>,
-        untestable: Vec<Untestable>,
-    ) -> Result<Option<Diagnosis>, LawError> {
-        let Some((fit, findings)) = self.standing()? else { return Ok(None) };
-        let Some(remains) = self.remains(&fit)? else { return Ok(None) };
-        let Some(bare) = self.search.system.held_fit(&[]) else { return Ok(None) };
-        let mut alternatives = alternatives(self.search, &fit);
-        alternatives.extend(self.events.iter().flat_map(|event| event.alternatives.iter().cloned()));
-        let data = self.data();
-        let mut left = self.search.system.left(&bare);
-        add_all(&mut left, self.events.iter().flat_map(Event::columns));
-        let maps = self.maps(&left);
-        let errors = self.errors(&remains, &fit);
-        let location = self.location(&remains, &maps);
-        let verdict = self.verdict(&fit, &alternatives, findings.is_empty());
-        let laws = findings.iter().map(|finding| self.said(&fit, &finding.of)).collect();
-        let columns = Columns { remains: &remains, laws };
-        let passages = passages(data, &columns);
-        let (tables, effects): (Vec<EffectTable>, Vec<Effect>) =
-            findings.into_iter().map(|finding| (finding.table, finding.effect)).unzip();
-        let mut model = self.file.clone();
-        if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) && !tables.is_empty() {
-            model.arm = self.tuned_arm(&fit).unwrap_or(model.arm);
-            add_to(&mut model, tables);
-        }
-        let is_named = |one: &Untestable| effects.iter().any(|e| e.kind == one.kind && e.joint == one.joint);
-        let untestable = untestable.into_iter().filter(|one| !is_named(one)).collect();
-        let mut diagnosis = Diagnosis {
-            schema: DIAGNOSIS_SCHEMA,
-            verdict,
-            statement: String::new(),
-            setup: Vec::new(),
-            location,
-            effects,
-            alternatives,
-            fit: Some(errors),
-            next: Vec::new(),
-            untestable,
-            quality,
-            evidence: rows_of_evidence(self.search, &bare, &fit),
-            maps,
-            tuned: self.tuned(&fit),
-            noise: self.noise(&remains),
-            discrepancy: self.discrepancy(),
-            seed: self.settings.seed,
-            passages,
-            mapping: None,
-            model,
-        };
-        words::word(&mut diagnosis);
-        Ok(Some(diagnosis))
-    }
-
-    /// `fit` without those members that are no findings: the odds for them are not 20 to 1 beside the others, or they are a difference inside the tolerances.
-    fn sure(&self, mut fit: Fit) -> Option<Fit> {
-        let system = &self.search.system;
-        let step = 1.0 / self.data().stages[0].ground.treatment.rate_hz();
-        loop {
-            let (can_exist, mut least): (bool, Option<(f64, usize)>) = (self.can_exist(&fit), None);
-            for place in 0..fit.members.len() {
-                let others = all_but(&fit.members, place);
-                let candidate = system.candidate(fit.members[place]);
-                let parameters = candidate.parameters(system.coefficients(&fit, place));
-                let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
-                    f64::NEG_INFINITY
-                } else if can_exist || self.changes_arm(&fit, place) {
-                    fit.value - system.held_fit(&others)?.value
-                } else {
-                    f64::INFINITY
-                };
-                if least.is_none_or(|(known, _)| odds < known) {
-                    least = Some((odds, place));
-                }
-            }
-            let is_sure = |(odds, _): &(f64, usize)| is_told(*odds) && can_exist;
-            let Some((_, place)) = least.filter(|least| !is_sure(least)) else { return Some(fit) };
-            fit = system.held_fit(&all_but(&fit.members, place))?;
-        }
-    }
-
-    /// `fit` without those members that the test part contradicts: the arm file that it makes would say these rows worse with them, or the odds for them with these
-    /// rows are no longer 20 to 1. `None` if a fit is singular.
-    fn borne_out(&self, mut fit: Fit) -> Result<Option<BorneOut>, LawError> {
-        let system = &self.search.system;
-        let test = system.weights.on(system.data, &[Part::Test]);
-        let on_test = test.by_row();
-        let mut left = self.left(&fit)?;
-        'fits: loop {
-            let Some(order) = self.least_first(&fit, &on_test) else { return Ok(None) };
-            let mut without = BTreeMap::new();
-            for (place, others) in order {
-                // Another law may be one of an arm that can't exist without this one: then its columns tell what is left.
-                let (left_without, exists) = match self.left(&others) {
-                    Ok(left) => (left, true),
-                    Err(LawError::Changed { .. }) => (system.left(&others), false),
-                    Err(error) => return Err(error),
-                };
-                let tested = self.tested(&fit, place, &on_test, [&left, &left_without]);
-                let odds = fit.value - others.value + 0.5 * tested.squares;
-                if exists && (!is_told(odds) || tested.gain().is_some_and(|gain| gain <= 0.0)) {
-                    (fit, left) = (others, left_without);
-                    continue 'fits;
-                }
-                without.insert(place, Without { fit: others, left: left_without, shown: tested.shown });
-            }
-            return Ok(Some(BorneOut { fit, left, without: without.into_values().collect(), on_test }));
-        }
-    }
-
-    /// The number of each member of `fit` and the fit without it, those first of which the columns say that they take least off the test part.
-    fn least_first(&self, fit: &Fit, on_test: &[Vec<f64>]) -> Option<Vec<(usize, Fit)>> {
-        let system = &self.search.system;
-        let left = system.left(fit);
-        let mut order = Vec::new();
-        for place in 0..fit.members.len() {
-            let others = system.held_fit(&all_but(&fit.members, place))?;
-            let tested = self.tested(fit, place, on_test, [&left, &system.left(&others)]);
-            order.push((tested.gain().unwrap_or(f64::INFINITY), place, others));
-        }
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Some(order.into_iter().map(|(_, place, others)| (place, others)).collect())
-    }
-
-    /// How the errors in rows with these `weights` differ with the member number `place` of `fit` and without it; `with` and `without` are these errors, by channel and row.
-    fn tested(
-        &self,
-        fit: &Fit,
-        place: usize,
-        weights: &[Vec<f64>],
-        [with, without]: [&[Vec<f64>]; 2],
-    ) -> Tested {
-        let more = |c: usize| {
-            let rows = with[c].iter().zip(&without[c]).zip(&weights[c]);
-            rows.fold([0.0, 0.0], |[fallen, moved], ((with, without), weight)| {
-                [
-                    fallen + weight * (without * without - with * with),
-                    moved + weight * (without - with).powi(2),
-                ]
-            })
-        };
-        let more: Vec<[f64; 2]> = (0..weights.len()).map(more).collect();
-        let candidate = self.search.system.candidate(fit.members[place]);
-        let mut shown: Vec<usize> = (0..more.len()).filter(|&c| candidate.shows_in(c, weights)).collect();
-        let [where_shown, moved] = [0, 1].map(|of: usize| shown.iter().map(|&c| more[c][of]).sum::<f64>());
-        // A law that is true takes off on average the squares of what it says, and one that is false adds them.
-        if !is_told(0.5 * moved) {
-            shown.clear();
-        }
-        Tested { shown, where_shown, squares: more.iter().map(|more| more[0]).sum() }
-    }
-
-    /// Residuals, by channel and row, of the arm file that the members of `fit` make, all of them at once and tuned; zero in rows that don't count. Each journal
-    /// begins where the search found it.
-    fn left(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
-        let mut left = self.left_beside(|stage| self.search.system.placed_in(fit, self.arm(), stage))?;
-        self.tune(&mut left, fit);
-        Ok(left)
-    }
-
-    /// The same of the model as given, as a comparison with the file has them.
-    fn left_as_given(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
-        self.left_beside(|_| self.search.system.placed(fit, self.arm(), |_| true))
-    }
-
-    /// Residuals of the model with these laws in each recording, beside the events.
-    fn left_beside(&self, laws: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
-        Ok(less(&self.data().left_with(laws)?, &said_by(self.events, self.target)))
-    }
-
-    /// Takes what the tolerances beside `fit` say off `rows`, and those that don't count out.
-    fn tune(&self, rows: &mut [Vec<f64>], fit: &Fit) {
-        let system = &self.search.system;
-        system.without_tolerances(rows, &system.tolerances_beside(fit));
-        (0..rows.len()).for_each(|channel| system.data.count(channel, &mut rows[channel]));
-    }
-
-    /// Whether the arm with the members of `fit` can exist, as given and tuned: else no file could say it.
-    fn can_exist(&self, fit: &Fit) -> bool {
-        let placed = self.search.system.placed(fit, self.arm(), |_| true);
-        let tuned = self.tuned_arm(fit);
-        placed.len() == fit.members.len()
-            && changed(self.arm(), &placed).is_ok()
-            && tuned.is_some_and(|tuned| changed(&tuned, &placed).is_ok())
-    }
-
-    /// Whether the member number `place` of `fit` makes another arm, or none that a file could say.
-    fn changes_arm(&self, fit: &Fit, place: usize) -> bool {
-        let system = &self.search.system;
-        let placed = system.candidate(fit.members[place]).placed(self.arm(), system.coefficients(fit, place));
-        let mut parts = ArmParts::of(self.arm());
-        placed.is_none_or(|placed| placed.effect.arm(&mut parts).is_err() || !parts.are_of(self.arm()))
-    }
-
-    /// The findings with what shows them, those that take most away first; without those whose interval holds nothing.
-    fn findings(&mut self, borne_out: &BorneOut) -> Result<Option<Vec<Finding>>, LawError> {
-        let BorneOut { fit, left: with, without, on_test } = borne_out;
-        let all = parameters(&mut self.search.system, fit, self.settings.seed);
-        let system = &self.search.system;
-        let on_fit = system.weights.by_row();
-        let mut found = Vec::new();
-        for ((place, parameters), Without { fit: fit_without, left: without, shown }) in
-            all.into_iter().enumerate().zip(without)
-        {
-            let member = fit.members[place];
-            let candidate = system.candidate(member);
-            let held_out = !shown.is_empty();
-            let (weights, channels) =
-                if held_out { (on_test, shown.clone()) } else { (&on_fit, candidate.channels.clone()) };
-            let compared = Compared { before: without, after: with, weights };
-            let Some(gain) = compared.gain(system.data, &channels, self.settings.seed) else {
-                return Ok(None);
-            };
-            let (removed, names) = compared.removed(system.data, &channels);
-            if holds_nothing(candidate, &parameters) {
-                continue;
-            }
-            let log_odds = fit.value - fit_without.value;
-            let mut table = candidate.table(self.arm(), system.coefficients(fit, place));
-            let phrase = words::phrase(candidate.kind, &parameters);
-            let mut statement = words::statement(&phrase, table.joint.as_deref());
-            if let Some(given) = self.given(candidate)
-                && let Some(both) = joined(system.data, given, candidate, system.coefficients(fit, place))
-            {
-                statement.push_str(&words::with_given(given, &both, system.data.arm()));
-                table = both;
-            }
-            let effect = Effect {
-                kind: candidate.kind.name,
-                joint: table.joint.clone(),
-                statement,
-                parameters,
-                equation: candidate.kind.equation,
-                source: candidate.kind.source,
-                evidence: Evidence {
-                    log_odds,
-                    odds: words::odds(log_odds),
-                    share: removed,
-                    held_out_gain: gain,
-                    held_out,
-                    channels: names,
-                },
-                phrase,
-            };
-            found.push(Finding { of: Of::Law(member), table, effect });
-        }
-        for (number, event) in self.events.iter().enumerate() {
-            let (table, effect) = event.finding(self.arm());
-            found.push(Finding { of: Of::Event(number), table, effect });
-        }
-        let held = held(system.data, &system.placed(fit, self.arm(), |_| true), self.settings.seed)?;
-        found.extend(held.into_iter().map(|(table, effect)| Finding { of: Of::Hold, table, effect }));
-        let all: f64 = found.iter().map(|finding| finding.effect.evidence.share.max(0.0)).sum();
-        for finding in &mut found {
-            finding.effect.evidence.share =
-                (finding.effect.evidence.share / all.max(f64::MIN_POSITIVE)).max(0.0);
-        }
-        found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
-        Ok(Some(found))
-    }
-
+impl Conclusion<'_, '_, '_, '_> {
     /// The contribution of a finding to every row, by channel; that of a law with its coefficients in `fit`.
-    fn said(&self, fit: &Fit, of: &Of) -> Vec<Vec<f64>> {
-        let system = &self.search.system;
+    fn said(&self, of: &Cause) -> Vec<Vec<f64>> {
+        let system = &self.of.search.system;
         match of {
-            Of::Event(number) => sum_of(self.events[*number].columns(), self.target),
+            Cause::Event(number) => sum_of(self.of.events[*number].columns(), self.of.target),
             // Rows of a joint that stands are not drawn.
-            Of::Hold => sum_of(std::iter::empty(), self.target),
-            Of::Law(member) => {
-                let place = fit.members.iter().position(|other| other == member);
-                let beta = place.map_or(&[][..], |place| system.coefficients(fit, place));
-                sum_of(system.candidate(*member).columns.iter().zip(beta.iter().copied()), self.target)
+            Cause::Hold => sum_of(std::iter::empty(), self.of.target),
+            Cause::Law(member) => {
+                let place = self.fit.members.iter().position(|other| other == member);
+                let beta = place.map_or(&[][..], |place| system.coefficients(self.fit, place));
+                sum_of(system.candidate(*member).columns.iter().zip(beta.iter().copied()), self.of.target)
             }
         }
-    }
-
-    /// The effect of the kind of `candidate` that the file has already at its place.
-    fn given(&self, candidate: &Candidate) -> Option<&EffectTable> {
-        let joint = candidate.joint.map(|joint| &self.arm().joints()[joint].name);
-        let is_same =
-            |table: &&EffectTable| table.kind == candidate.kind.name && table.joint.as_ref() == joint;
-        self.file.effects.iter().find(is_same)
     }
 
     /// What remains of every row; `None` if a fit is singular.
-    fn remains(&self, fit: &Fit) -> Result<Option<Remains>, LawError> {
-        let system = &self.search.system;
+    fn remains(&self) -> Result<Option<Remains>, LawError> {
+        let system = &self.of.search.system;
         let Some(bare) = system.held_fit(&[]) else { return Ok(None) };
-        let as_given = self.left_as_given(fit)?;
-        let [mut retuned, mut after] = [self.target.to_vec(), as_given.clone()];
-        self.tune(&mut retuned, &bare);
-        self.tune(&mut after, fit);
+        let as_given = self.of.left_as_given(self.fit)?;
+        let [mut retuned, mut after] = [self.of.target.to_vec(), as_given.clone()];
+        self.of.tune(&mut retuned, &bare);
+        self.of.tune(&mut after, self.fit);
         Ok(Some(Remains {
-            before: self.target.to_vec(),
+            before: self.of.target.to_vec(),
             nameless: less(&retuned, &crate::evidence::nameless::said(system, &retuned)),
             retuned,
             after,
@@ -465,8 +119,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     }
 
     /// The errors on the test part, channel by channel.
-    fn errors(&self, remains: &Remains, fit: &Fit) -> Errors {
-        let system = &self.search.system;
+    fn errors(&self, remains: &Remains) -> Errors {
+        let system = &self.of.search.system;
         let data = system.data;
         let test = system.weights.on(data, &[Part::Test]);
         let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &[Part::Test])).collect();
@@ -479,8 +133,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let noise =
             names().zip(&system.weights.noise).map(|(c, noise)| (c.name.clone(), Rmse { rmse: *noise }));
         let weights = test.by_row();
-        let members = fit.members.iter().map(|&member| system.candidate(member));
-        let members = members.chain(self.events.iter().map(|event| &event.candidate));
+        let members = self.fit.members.iter().map(|&member| system.candidate(member));
+        let members = members.chain(self.of.events.iter().map(|event| &event.candidate));
         let mut shown: Vec<usize> = members
             .flat_map(|candidate| candidate.channels.iter().map(|c| c % data.per_stage()))
             .flat_map(|c| data.alike(c))
@@ -489,7 +143,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         shown.dedup();
         let gain = |after: &[Vec<f64>]| -> Option<Gain> {
             let compared = Compared { before: &remains.retuned, after, weights: &weights };
-            compared.gain(data, &shown, self.settings.seed)
+            compared.gain(data, &shown, self.of.settings.seed)
         };
         Errors {
             noise_floor: noise.filter(|(name, _)| before.contains_key(name)).collect(),
@@ -511,7 +165,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
 
     /// Maps of what the tuned model leaves, over the first recording.
     fn maps(&self, left: &[Vec<f64>]) -> Vec<Map> {
-        let data = self.data();
+        let data = self.of.data();
         let mut all: Vec<Map> = (0..data.per_stage())
             .flat_map(|c| {
                 maps(
@@ -519,7 +173,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                     c,
                     &left[c],
                     &data.mask(c, &[Part::Fit, Part::Choice]),
-                    self.settings.seed,
+                    self.of.settings.seed,
                 )
             })
             .collect();
@@ -530,12 +184,12 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
 
     /// Where the tuned model and the machine differ: shares of what is left beyond the noise, in squares of each channel's own.
     fn location(&self, remains: &Remains, maps: &[Map]) -> Vec<Location> {
-        let data = self.data();
+        let data = self.of.data();
         let masks: Vec<Vec<f64>> =
             (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice, Part::Test])).collect();
         let left = data.rms(&remains.retuned, &masks);
         let beyond = |c: usize| {
-            let noise = self.search.system.weights.noise[c].max(f64::MIN_POSITIVE);
+            let noise = self.of.search.system.weights.noise[c].max(f64::MIN_POSITIVE);
             left[c].map_or(0.0, |left| ((left / noise).powi(2) - 1.0).max(0.0))
         };
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
@@ -561,7 +215,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 let channels: Vec<String> = channels.iter().map(name).collect();
                 let strongest = maps.iter().find(|map| channels.contains(&map.channel));
                 Location {
-                    joint: joint.map(|joint| self.arm().joints()[joint].name.clone()),
+                    joint: joint.map(|joint| self.of.arm().joints()[joint].name.clone()),
                     channels,
                     share: sum / all.max(f64::MIN_POSITIVE),
                     when: words::when(strongest.filter(|map| map.p < SIGNIFICANT)),
@@ -573,34 +227,9 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         location
     }
 
-    /// The arm of the file, its masses, lengths and frictions where the fit has them inside their tolerances.
-    fn tuned_arm(&self, fit: &Fit) -> Option<Arm> {
-        let mut parts = ArmParts::of(self.arm());
-        for (nuisance, eta) in self.bound(&self.search.system.tolerances_beside(fit)) {
-            nuisance.of.change(&mut parts, &self.settings.tolerances, eta);
-        }
-        parts.into_arm(self.arm().name()).ok()
-    }
-
-    /// The tolerances that a prior binds, with their coefficients.
-    fn bound(&self, eta: &DVector<f64>) -> Vec<(&'d crate::data::tolerance::Nuisance, f64)> {
-        let data = self.data();
-        let mut at = 0;
-        let mut all = Vec::new();
-        for nuisance in &data.nuisances[0] {
-            if nuisance.free {
-                at += data.stages.len();
-            } else {
-                all.push((nuisance, eta[at]));
-                at += 1;
-            }
-        }
-        all
-    }
-
     /// How far the tolerances are used, farthest first.
-    fn tuned(&self, fit: &Fit) -> Vec<Tuned> {
-        let bound = self.bound(&self.search.system.tolerances_beside(fit));
+    fn tuned(&self) -> Vec<Tuned> {
+        let bound = self.of.bound(&self.of.search.system.tolerances_beside(self.fit));
         let one = |(nuisance, deviations): (&crate::data::tolerance::Nuisance, f64)| Tuned {
             name: nuisance.name.clone(),
             deviations,
@@ -613,7 +242,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
 
     /// What the findings leave in each channel, for the design of the next motion.
     fn noise(&self, remains: &Remains) -> BTreeMap<String, ChannelNoise> {
-        let system = &self.search.system;
+        let system = &self.of.search.system;
         let data = system.data;
         let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.heard(c)).collect();
         let rms = data.rms(&remains.after, &masks);
@@ -632,7 +261,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
 
     /// To what each channel follows its laws.
     fn discrepancy(&self) -> BTreeMap<String, Discrepancy> {
-        let system = &self.search.system;
+        let system = &self.of.search.system;
         let channels = system.data.stages[0].channels.iter().enumerate();
         let heard = channels.filter(|(c, _)| system.weights.rows[*c].effective() > 0.0);
         heard
@@ -644,17 +273,10 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             .collect()
     }
 
-    /// Whether `fit` leaves errors so large that a law must act that the catalogue does not have. Both the rows of the search and the rows of the test part are examined.
-    fn leaves_more(&self, fit: &Fit) -> bool {
-        let system = &self.search.system;
-        let test = system.weights.on(system.data, &[Part::Test]);
-        [&system.weights, &test].into_iter().any(|weights| is_unexplained(system, fit, weights))
-    }
-
-    fn verdict(&self, fit: &Fit, alternatives: &[Alternative], is_nothing_found: bool) -> Verdict {
-        let system = &self.search.system;
+    fn verdict(&self, alternatives: &[Alternative], is_nothing_found: bool) -> Verdict {
+        let system = &self.of.search.system;
         let is_catalogued = |&member: &usize| system.candidate(member).kind.is_catalogued();
-        if !fit.members.iter().all(is_catalogued) || self.leaves_more(fit) {
+        if !self.fit.members.iter().all(is_catalogued) || self.of.leaves_more(self.fit) {
             return Verdict::Unknown;
         }
         if is_nothing_found {

@@ -10,4 +10,5 @@ pub(crate) mod joined;
 pub(crate) mod locate;
 pub(crate) mod passage;
 pub(crate) mod quality;
+pub(crate) mod standing;
 pub(crate) mod variables;
