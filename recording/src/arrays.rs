@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::io::Read;
 
 use crate::foreign::Foreign;
+use crate::input::Source;
 use crate::names::list;
-use crate::read::Source;
 
 /// Numbers that are converted at a time.
 const BLOCK: usize = 1 << 12;

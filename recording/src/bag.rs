@@ -1,17 +1,9 @@
 //! The messages of a ROS bag that matter here: joint states and poses, from whatever it is stored in.
 
 use std::collections::BTreeMap;
-use std::io::{BufReader, Read};
-use std::path::Path;
-
-use freeplay_storage::InputFile;
-use mcap::records::{MessageHeader, Record};
 
 use crate::error::ReadError;
-use crate::mcap_records::{Item, Records, damaged};
-use crate::open::{Kind, head, open};
-use crate::read::Source;
-use crate::{bag_folder, ros1_bag, sqlite_bag};
+use crate::input::Source;
 
 /// The type of joint states.
 pub(crate) const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
@@ -54,58 +46,6 @@ pub(crate) struct Bag {
 }
 
 impl Bag {
-    /// Reads the bag at `path`: a file of any kind, or a folder of them.
-    ///
-    /// # Errors
-    /// See [`ReadError`].
-    pub fn read(path: &Path, source: &Source) -> Result<Self, ReadError> {
-        let mut bag = Self::default();
-        if path.is_dir() {
-            bag_folder::read(path, source, &mut bag)?;
-        } else {
-            bag.add_file(path, source)?;
-        }
-        Ok(bag)
-    }
-
-    /// Adds what the file at `path` holds.
-    ///
-    /// # Errors
-    /// See [`ReadError`].
-    pub fn add_file(&mut self, path: &Path, source: &Source) -> Result<(), ReadError> {
-        let mut file = open(path)?;
-        let source = Source { file: path, size: Some(file.length()), ..*source };
-        match Kind::of(&head(&mut file, path)?) {
-            Kind::Mcap => self.add_mcap(behind_magic(path)?, &source),
-            Kind::Sqlite => sqlite_bag::add(path, &source, self),
-            Kind::Ros1 => ros1_bag::add(BufReader::with_capacity(1 << 16, open(path)?), &source, self),
-            Kind::Foreign(what) if what.contains("zstd") => self.add_compressed(path, &source),
-            Kind::Foreign(what) => Err(ReadError::NotText { file: path.to_path_buf(), what }),
-            _ => Err(ReadError::Unusable {
-                file: path.to_path_buf(),
-                what: "no ROS bag: neither MCAP, SQLite nor ROS 1".to_owned(),
-            }),
-        }
-    }
-
-    /// Adds a file that is compressed as a whole, as `ros2 bag record --compression-mode file` leaves it.
-    fn add_compressed(&mut self, path: &Path, source: &Source) -> Result<(), ReadError> {
-        let failed = |error| ReadError::Io { file: path.to_path_buf(), source: error };
-        let mut inner = zstd::Decoder::new(open(path)?).map_err(failed)?;
-        match Kind::of(&head(&mut inner, path)?) {
-            Kind::Mcap => {
-                let mut whole = zstd::Decoder::new(open(path)?).map_err(failed)?;
-                let mut magic = [0; mcap::MAGIC.len()];
-                whole.read_exact(&mut magic).map_err(failed)?;
-                self.add_mcap(whole, source)
-            }
-            _ => {
-                let what = "compressed by zstd as a whole: unzstd it first".to_owned();
-                Err(ReadError::Unusable { file: path.to_path_buf(), what })
-            }
-        }
-    }
-
     /// Takes a message of `topic`, whose type is `kind`, if it is one that matters.
     ///
     /// # Errors
@@ -135,106 +75,6 @@ impl Bag {
         messages.push(Message { log_ns, number, encoding, data: data.to_vec() });
         Ok(())
     }
-
-    /// Adds what a MCAP holds behind its first magic bytes; a damaged chunk costs its messages.
-    fn add_mcap(&mut self, input: impl Read, source: &Source) -> Result<(), ReadError> {
-        let mut reading = McapBag::new(self, source);
-        let mut records = Records::new(BufReader::with_capacity(1 << 16, input), source);
-        records.for_each(&mut |offset, item| reading.take(offset, item))?;
-        reading.take_waiting()?;
-        self.truncated |= records.truncated;
-        if let (Some(compression), true) = (records.compression, self.states.is_empty()) {
-            return Err(ReadError::Compression { file: source.file.to_path_buf(), compression });
-        }
-        Ok(())
-    }
-}
-
-/// What is known of a MCAP that is read into a bag.
-struct McapBag<'a> {
-    bag: &'a mut Bag,
-    source: &'a Source<'a>,
-    types: BTreeMap<u16, String>,
-    channels: BTreeMap<u16, (String, String, Encoding)>,
-    /// Messages whose channel was described in a chunk that is lost; the summary describes it again.
-    waiting: Vec<(MessageHeader, Vec<u8>)>,
-    waiting_bytes: u64,
-    is_damaged: bool,
-}
-
-impl<'a> McapBag<'a> {
-    fn new(bag: &'a mut Bag, source: &'a Source<'a>) -> Self {
-        Self {
-            bag,
-            source,
-            types: BTreeMap::new(),
-            channels: BTreeMap::new(),
-            waiting: Vec::new(),
-            waiting_bytes: 0,
-            is_damaged: false,
-        }
-    }
-
-    fn take(&mut self, offset: u64, item: Item) -> Result<(), ReadError> {
-        let record = match item {
-            Item::Record(record) => record,
-            Item::Summary(record) if !self.waiting.is_empty() => record,
-            Item::Summary(_) => return Ok(()),
-            Item::Damage(what) => {
-                self.is_damaged = true;
-                let note =
-                    format!("the bag is damaged at byte {offset} ({what}): its messages there are lost");
-                self.bag.notes.push(note);
-                return Ok(());
-            }
-        };
-        match record {
-            Record::Schema { header, .. } => {
-                self.types.insert(header.id, header.name);
-            }
-            Record::Channel(channel) => {
-                let kind = self.types.get(&channel.schema_id).cloned().unwrap_or_default();
-                let encoding =
-                    if channel.message_encoding == "ros1" { Encoding::Ros1 } else { Encoding::Cdr };
-                self.bag.topics.insert(channel.topic.clone(), kind.clone());
-                self.channels.insert(channel.id, (channel.topic, kind, encoding));
-            }
-            Record::Message { header, data } => match self.channels.get(&header.channel_id) {
-                Some((topic, kind, encoding)) => {
-                    self.bag.take(topic, kind, *encoding, header.log_time, &data, self.source)?;
-                }
-                None if self.is_damaged => {
-                    self.waiting_bytes += data.len() as u64;
-                    if self.waiting_bytes / 8 <= self.source.limit {
-                        self.waiting.push((header, data.into_owned()));
-                    }
-                }
-                None => {
-                    return Err(damaged(self.source, offset, "a message of a channel that is not described"));
-                }
-            },
-            _ => {}
-        }
-        Ok(())
-    }
-
-    /// Takes the messages whose channel the summary has described.
-    fn take_waiting(&mut self) -> Result<(), ReadError> {
-        for (header, data) in std::mem::take(&mut self.waiting) {
-            if let Some((topic, kind, encoding)) = self.channels.get(&header.channel_id) {
-                self.bag.take(topic, kind, *encoding, header.log_time, &data, self.source)?;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// The file at `path`, a MCAP, behind its first magic bytes.
-fn behind_magic(path: &Path) -> Result<InputFile, ReadError> {
-    let mut file = open(path)?;
-    let mut magic = [0; mcap::MAGIC.len()];
-    file.read_exact(&mut magic).map_err(|source| ReadError::Io { file: path.to_path_buf(), source })?;
-    Ok(file)
 }
 
 /// Whether messages of the type `kind` are read.
@@ -255,7 +95,7 @@ mod tests {
     use std::path::Path;
 
     use super::{Bag, Encoding, JOINT_STATE};
-    use crate::read::Source;
+    use crate::input::Source;
 
     /// A few bytes of a compressed bag may inflate to any number of messages.
     #[test]

@@ -2,9 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::bag::Bag;
 use crate::error::ReadError;
-use crate::read::Source;
 
 const METADATA: &str = "metadata.yaml";
 /// Endings of files that may be bags, where no metadata names them.
@@ -15,31 +13,29 @@ pub(crate) fn is_bag(path: &Path) -> bool {
     path.join(METADATA).is_file() || !found(path).is_empty()
 }
 
-/// Adds the files in the folder `path` to `bag`, in order.
+/// The files of a bag in a folder.
+pub(crate) struct Files {
+    /// Those that are there, in order.
+    pub there: Vec<PathBuf>,
+    /// Names of those that the metadata list and that are not there.
+    pub gone: Vec<String>,
+}
+
+/// The files of the bag in the folder `path`.
 ///
 /// # Errors
-/// See [`ReadError`].
-pub(crate) fn read(path: &Path, source: &Source, bag: &mut Bag) -> Result<(), ReadError> {
+/// [`ReadError::Folder`] if there are none.
+pub(crate) fn files(path: &Path) -> Result<Files, ReadError> {
     let named =
         freeplay_storage::read_text(&path.join(METADATA)).map(|text| named(&text)).unwrap_or_default();
     let (there, gone): (Vec<PathBuf>, Vec<PathBuf>) =
         named.iter().map(|name| path.join(name)).partition(|file| file.is_file());
-    let files = if there.is_empty() { found(path) } else { there };
-    if files.is_empty() {
+    let there = if there.is_empty() { found(path) } else { there };
+    if there.is_empty() {
         return Err(ReadError::Folder { file: path.to_path_buf() });
     }
-    for file in &files {
-        bag.add_file(file, source)?;
-    }
-    if !gone.is_empty() {
-        let names: Vec<String> = gone
-            .iter()
-            .filter_map(|file| file.file_name())
-            .map(|name| name.to_string_lossy().into_owned())
-            .collect();
-        bag.notes.push(format!("files of the bag that are not there: {}", crate::names::list(&names)));
-    }
-    Ok(())
+    let names = gone.iter().filter_map(|file| file.file_name());
+    Ok(Files { there, gone: names.map(|name| name.to_string_lossy().into_owned()).collect() })
 }
 
 /// The files that `relative_file_paths` of a `metadata.yaml` lists.

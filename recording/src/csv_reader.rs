@@ -7,13 +7,14 @@ use csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 
 use crate::csv_columns::Columns;
 use crate::csv_form::{Form, Told};
-use crate::error::{ReadError, Row};
+use crate::error::ReadError;
+use crate::input::Source;
 use crate::interpret::interpret;
 use crate::line_guard::{LineGuard, LongLine, MAX_LINE};
 use crate::mapped::Mapped;
 use crate::mapping::Mapping;
 use crate::names::shorten;
-use crate::read::Source;
+use crate::place::Row;
 use crate::recording::Recording;
 use crate::squeeze::Squeeze;
 use crate::table::Table;

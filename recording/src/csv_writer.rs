@@ -5,8 +5,8 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::WriteError;
+use crate::layout::{Layout, Pace, Summary};
 use crate::output::Output;
-use crate::write::{Layout, Pace, Summary};
 
 /// Writes a recording as CSV: a header, then one line per row, each number in the shortest form that
 /// reads back to the same bits. See [`crate::RowWriter`] for what it promises.
@@ -158,9 +158,9 @@ mod tests {
 
     use super::{CsvWriter, push_number};
     use crate::error::WriteError;
+    use crate::layout::Layout;
     use crate::output::Output;
     use crate::output::tests::Disk;
-    use crate::write::Layout;
 
     fn text(value: f64) -> String {
         let mut text = Vec::new();

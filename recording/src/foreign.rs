@@ -2,11 +2,12 @@
 
 use std::collections::{BTreeMap, HashSet};
 
-use crate::error::{ReadError, Row};
+use crate::error::ReadError;
 use crate::guess::Sample;
+use crate::input::Source;
 use crate::interpret::{interpret, tidy};
 use crate::mapping::Mapping;
-use crate::read::Source;
+use crate::place::Row;
 use crate::recording::{Event, Recording};
 use crate::table::{JOINTS_KEY, Table};
 

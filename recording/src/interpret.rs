@@ -1,11 +1,12 @@
 //! What the columns of a table are in ours: said by a mapping, by their own names, or guessed.
 
 use crate::csv_form::Form;
-use crate::error::{Place, ReadError};
+use crate::error::ReadError;
 use crate::guess::{Guess, Sample, guess, joints_of};
 use crate::mapped::Mapped;
 use crate::mapping::Mapping;
 use crate::names::{Role, role, shorten};
+use crate::place::Place;
 use crate::sources::Sources;
 
 /// The name of a column that holds no numbers of its own but, behind this, the names of the joints: a CSV has no other place for them.

@@ -7,13 +7,15 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::rc::Rc;
 
-use crate::bag::{Bag, JOINT_STATE, Message, POSE_STAMPED, Topics};
-use crate::error::{ReadError, Row};
+use crate::bag::{JOINT_STATE, Message, POSE_STAMPED, Topics};
+use crate::bag_reader;
+use crate::error::ReadError;
+use crate::input::Source;
 use crate::joints::places;
 use crate::messages::{JointState, PoseStamped, Stamped, decode};
 use crate::missing::is_missing;
 use crate::names::{Group, ORIENTATION, TOOL, list};
-use crate::read::Source;
+use crate::place::Row;
 use crate::recording::Recording;
 use crate::table::Table;
 use crate::tool_track::ToolTrack;
@@ -40,7 +42,7 @@ pub fn import_bag(path: &Path, options: &BagOptions) -> Result<Recording, ReadEr
 
 /// [`import_bag`] of the bag that `source` names.
 pub(crate) fn from_bag(options: &BagOptions, source: &Source) -> Result<Recording, ReadError> {
-    let mut bag = Bag::read(source.file, source)?;
+    let mut bag = bag_reader::read(source.file, source)?;
     let topic = choose(&bag.states, options.topic.as_deref(), JOINT_STATE, "--topic", source)?;
     let Some((topic, messages)) = topic.and_then(|topic| bag.states.remove_entry(&topic)) else {
         let topics: Vec<String> =

@@ -7,9 +7,9 @@ use serde_json::Value;
 
 use crate::error::ReadError;
 use crate::foreign::Foreign;
+use crate::input::Source;
 use crate::open::open;
 use crate::parquet_reader;
-use crate::read::Source;
 
 const INFO: &str = "meta/info.json";
 /// Folders above an episode in which the data set may be.

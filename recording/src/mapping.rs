@@ -37,11 +37,11 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::csv_form::{Form, Told};
-use crate::error::Place;
 use crate::mapped::{Mapped, Places};
 use crate::mapping_error::MappingError;
 use crate::mapping_text::MappingText;
 use crate::names::{Group, ORIENTATION, TOOL, list};
+use crate::place::Place;
 use crate::recording::Recording;
 use crate::reread::{Relative, shifted, unwrapped};
 use crate::sources::{Quantity, Sources};

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::error::Place;
+use crate::place::Place;
 
 /// Why a mapping can't be used. The message names the mapping file, line, column, value and what to do.
 #[derive(Debug, Error)]

@@ -7,8 +7,8 @@ use freeplay_storage::plain_words;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::error::{Place, Row};
 use crate::mapping_error::MappingError;
+use crate::place::{Place, Row};
 
 /// A longer line of a file is not repeated in an error.
 const LONGEST_LINE: usize = 400;

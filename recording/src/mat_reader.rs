@@ -8,8 +8,8 @@ use std::io::Read;
 use crate::arrays::{Array, NO_SAMPLES, NoRoom, Number, Room, columns, numbers};
 use crate::error::ReadError;
 use crate::foreign::Foreign;
+use crate::input::Source;
 use crate::npz_reader::turned;
-use crate::read::Source;
 
 const HEADER: usize = 128;
 /// Types of elements.

@@ -7,12 +7,13 @@ use std::io::{BufReader, Read};
 use freeplay_storage::plain_words;
 use mcap::records::{Channel, Record, SchemaHeader};
 
-use crate::error::{ReadError, Row};
+use crate::error::ReadError;
+use crate::input::Source;
 use crate::mcap_checksum;
 use crate::mcap_losses::Losses;
 use crate::mcap_records::{Item, Records, damaged};
 use crate::names::list;
-use crate::read::Source;
+use crate::place::Row;
 use crate::recording::{Event, Recording};
 use crate::table::Table;
 use crate::tick::{self, COLUMNS_KEY, EVENT_TOPIC, METADATA_NAME, TICK_TOPIC};

@@ -14,9 +14,9 @@ use std::io::{self, Read};
 use mcap::records::{Record, op};
 
 use crate::error::ReadError;
+use crate::input::Source;
 use crate::mcap_chunk::{CHUNK_HEAD, Chunk, ChunkFault, FRAME, Framed, MAX_RECORD, ZSTD, ZSTD_AT};
 use crate::mcap_window::Window;
-use crate::read::Source;
 
 /// Bytes of a footer: where the summary begins (8), where its offsets begin (8), its checksum (4).
 const FOOTER: u64 = 20;

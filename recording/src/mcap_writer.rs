@@ -11,13 +11,13 @@ use mcap::write::NoSeek;
 use mcap::{Compression, McapError, McapResult, WriteOptions};
 
 use crate::error::WriteError;
+use crate::layout::{Layout, Pace, Summary};
 use crate::mcap_checksum;
 use crate::output::Output;
 use crate::recording::Event;
 use crate::tick::{
     self, COLUMNS_KEY, EVENT_SCHEMA, EVENT_TOPIC, EVENT_TYPE, METADATA_NAME, TICK_TOPIC, TICK_TYPE,
 };
-use crate::write::{Layout, Pace, Summary};
 
 /// Records that are complete only together (a chunk and its index), on their way to the file.
 struct Gathering {

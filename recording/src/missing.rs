@@ -1,7 +1,8 @@
 //! What a recording lacks here and there: rows that can't be used, columns without numbers, and the words for both.
 
-use crate::error::{Place, ReadError};
+use crate::error::ReadError;
 use crate::names::{Group, ORIENTATION, TOOL};
+use crate::place::Place;
 use crate::recording::Recording;
 
 /// Rows that are left out, by what they lack.

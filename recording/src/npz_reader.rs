@@ -9,8 +9,8 @@ use rawzip::{CompressionMethod, ZipArchive};
 use crate::arrays::{Array, NO_SAMPLES, NoRoom, Number, Room, columns, numbers};
 use crate::error::ReadError;
 use crate::foreign::Foreign;
+use crate::input::Source;
 use crate::names::{list, shorten};
-use crate::read::Source;
 
 /// What an array file holds.
 enum Held {

@@ -11,9 +11,9 @@ use parquet::schema::types::ColumnDescriptor;
 
 use crate::error::ReadError;
 use crate::foreign::Foreign;
+use crate::input::Source;
 use crate::names::list;
 use crate::parquet_claims::{Claims, Refused, check_depth, check_rows};
-use crate::read::Source;
 
 /// Records that are read at a time.
 const BATCH: usize = 1 << 14;

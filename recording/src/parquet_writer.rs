@@ -18,8 +18,8 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::{Type, TypePtr};
 
 use crate::error::WriteError;
+use crate::layout::Summary;
 use crate::recording::Recording;
-use crate::write::Summary;
 
 /// Rows of one row group: a reader takes one at a time.
 const GROUP: usize = 1 << 17;

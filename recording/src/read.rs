@@ -3,50 +3,14 @@
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use crate::error::{Place, ReadError, Row};
+use crate::error::ReadError;
 use crate::foreign::Foreign;
+use crate::input::Source;
 use crate::joint_states::{BagOptions, from_bag};
 use crate::mapping::Mapping;
 use crate::open::{self, Kind, open};
 use crate::recording::Recording;
-use crate::table::MAX_NUMBERS;
 use crate::{bag_folder, csv_reader, lerobot, mat_reader, mcap_reader, npz_reader, parquet_reader};
-
-/// What a reader is told about its input.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Source<'a> {
-    /// Its name, for messages.
-    pub file: &'a Path,
-    /// Its length, bytes, where it has one.
-    pub size: Option<u64>,
-    /// The joints of the arm, where they are known.
-    pub joints: Option<usize>,
-    /// The most numbers to read.
-    pub limit: u64,
-    /// Rows of the overview, where no more is wanted.
-    pub overview: Option<usize>,
-}
-
-impl<'a> Source<'a> {
-    /// All of the file at `file`, of any arm.
-    pub fn of(file: &'a Path) -> Self {
-        Self { file, size: None, joints: None, limit: MAX_NUMBERS, overview: None }
-    }
-
-    /// Fails if `rows` of so many `columns` are more numbers than what is read; `remedy` says what to do then.
-    pub fn check_size(&self, columns: usize, rows: u64, remedy: &str) -> Result<(), ReadError> {
-        if rows.saturating_mul(columns as u64) <= self.limit {
-            return Ok(());
-        }
-        let (file, remedy) = (self.file.to_path_buf(), remedy.to_owned());
-        Err(ReadError::TooLarge { file, columns, rows, limit: self.limit, remedy })
-    }
-
-    /// A place in this input.
-    pub fn place(&self, row: Row) -> Place {
-        Place { file: self.file.to_path_buf(), row }
-    }
-}
 
 /// What somebody else's recording is told by beside its content.
 #[derive(Debug, Clone, Default)]
@@ -70,7 +34,7 @@ pub struct ImportOptions {
 /// - ROS bags: MCAP, SQLite and ROS 1, files and folders: see [`BagOptions`].
 /// - Parquet, LeRobot data sets, `.npz`, `.mat` of version 5.
 ///
-/// At most [`MAX_NUMBERS`] numbers are read: 2 GiB of memory, for a moment up to twice that; a line of a CSV may
+/// At most [`crate::MAX_NUMBERS`] numbers are read: 2 GiB of memory, for a moment up to twice that; a line of a CSV may
 /// have 1 MiB, a chunk of a MCAP 64 MiB. A Parquet file may have one number for each of its bits, and in any case 64 MiB of them. A bag's joint states and
 /// poses may have 2 GiB. What a file claims of its sizes is compared with the file before room is made for it.
 ///
@@ -211,11 +175,12 @@ fn dispatch_mapped(
 mod tests {
     use std::path::Path;
 
-    use super::{Source, dispatch};
+    use super::dispatch;
     use crate::error::ReadError;
+    use crate::input::Source;
+    use crate::layout::Layout;
     use crate::output::Output;
     use crate::output::tests::Disk;
-    use crate::write::Layout;
     use crate::{McapWriter, WriteError};
 
     fn csv(rows: usize) -> String {

@@ -1,13 +1,11 @@
 //! A recording in memory.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::error::ReadError;
 use crate::names::{Group, ORIENTATION, Role, TOOL, role};
-use crate::sources::Sources;
-use crate::table::Table;
+use crate::sources::{Quantity, Sources};
 
 /// What was measured on one arm over one stretch of time. All columns have one value per sample; `t` increases, and it and
 /// the positions are finite. Every other value may be NaN, which says that it is missing there: for a while, or throughout for
@@ -75,14 +73,6 @@ pub struct Absent {
 }
 
 impl Recording {
-    /// A recording from named columns, under the rules a file is read by: see [`crate::read`].
-    ///
-    /// # Errors
-    /// As [`crate::read`] has them for a file, with the sample (counted from 1) instead of the line.
-    pub fn new(origin: &Path, columns: Vec<(String, Vec<f64>)>) -> Result<Self, ReadError> {
-        Table::from_columns(origin, columns)?.into_recording()
-    }
-
     /// Number of joints.
     pub fn joints(&self) -> usize {
         self.q.len()
@@ -223,5 +213,42 @@ impl Recording {
         let link = self.q_link.iter().map(Option::as_ref).filter(|_| group == Group::Link);
         let joints = whole.chain(link).enumerate();
         joints.filter_map(|(j, values)| Some((group.column(j), values?.as_slice()))).collect()
+    }
+}
+
+impl Sources {
+    /// Of `recording`: what it was read from, or its own columns where these have our names already.
+    pub fn of(recording: &Recording) -> Self {
+        recording.sources.clone().unwrap_or_else(|| Self::own(recording))
+    }
+
+    fn own(recording: &Recording) -> Self {
+        let joints = recording.joints();
+        let of = |group: Group| (0..joints).map(|joint| group.column(joint)).collect::<Vec<String>>();
+        let mut quantities = vec![Quantity::plain("t", vec!["t".to_owned()])];
+        let groups = [
+            (Group::Position, true),
+            (Group::Velocity, recording.qd.is_some()),
+            (Group::Torque, recording.tau.is_some()),
+            (Group::Reference, recording.q_ref.is_some()),
+        ];
+        for (group, _) in groups.into_iter().filter(|(_, is_there)| *is_there) {
+            quantities.push(Quantity::plain(group.prefix(), of(group)));
+        }
+        if recording.q_link.iter().any(Option::is_some) {
+            let there = |(column, link): (String, &Option<Vec<f64>>)| {
+                link.as_ref().map_or_else(String::new, |_| column)
+            };
+            let columns = of(Group::Link).into_iter().zip(&recording.q_link).map(there).collect();
+            quantities.push(Quantity::plain(Group::Link.prefix(), columns));
+        }
+        let named = |names: &[&str]| names.iter().map(ToString::to_string).collect();
+        if recording.tool.is_some() {
+            quantities.push(Quantity::plain("tool", named(&TOOL)));
+        }
+        if recording.orientation.is_some() {
+            quantities.push(Quantity::plain("orientation", named(&ORIENTATION)));
+        }
+        Self { quantities, ..Self::default() }
     }
 }

@@ -7,7 +7,7 @@ use std::io::{self, Read};
 
 use crate::bag::{Bag, Encoding};
 use crate::error::ReadError;
-use crate::read::Source;
+use crate::input::Source;
 
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 /// Kinds of records.

@@ -3,8 +3,6 @@
 
 use std::fmt::Write as _;
 
-use crate::names::{Group, ORIENTATION, TOOL};
-use crate::recording::Recording;
 use crate::reread::Relative;
 
 /// The columns of one quantity as they stand in a file, and what they are multiplied by and so on, column by column.
@@ -59,41 +57,6 @@ impl Quantity {
 }
 
 impl Sources {
-    /// Of `recording`: what it was read from, or its own columns where these have our names already.
-    pub fn of(recording: &Recording) -> Self {
-        recording.sources.clone().unwrap_or_else(|| Self::own(recording))
-    }
-
-    fn own(recording: &Recording) -> Self {
-        let joints = recording.joints();
-        let of = |group: Group| (0..joints).map(|joint| group.column(joint)).collect::<Vec<String>>();
-        let mut quantities = vec![Quantity::plain("t", vec!["t".to_owned()])];
-        let groups = [
-            (Group::Position, true),
-            (Group::Velocity, recording.qd.is_some()),
-            (Group::Torque, recording.tau.is_some()),
-            (Group::Reference, recording.q_ref.is_some()),
-        ];
-        for (group, _) in groups.into_iter().filter(|(_, is_there)| *is_there) {
-            quantities.push(Quantity::plain(group.prefix(), of(group)));
-        }
-        if recording.q_link.iter().any(Option::is_some) {
-            let there = |(column, link): (String, &Option<Vec<f64>>)| {
-                link.as_ref().map_or_else(String::new, |_| column)
-            };
-            let columns = of(Group::Link).into_iter().zip(&recording.q_link).map(there).collect();
-            quantities.push(Quantity::plain(Group::Link.prefix(), columns));
-        }
-        let named = |names: &[&str]| names.iter().map(ToString::to_string).collect();
-        if recording.tool.is_some() {
-            quantities.push(Quantity::plain("tool", named(&TOOL)));
-        }
-        if recording.orientation.is_some() {
-            quantities.push(Quantity::plain("orientation", named(&ORIENTATION)));
-        }
-        Self { quantities, ..Self::default() }
-    }
-
     /// Takes the joints at `order`, in that order.
     pub(crate) fn reorder(&mut self, order: &[usize]) {
         for quantity in self.quantities.iter_mut().filter(|quantity| quantity.is_of_joints()) {

@@ -15,8 +15,8 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension, Row};
 
 use crate::bag::{Bag, Encoding, is_read};
 use crate::error::ReadError;
+use crate::input::Source;
 use crate::open::open;
-use crate::read::Source;
 
 /// What a message begins with that is compressed by itself.
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];

@@ -2,18 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Place, ReadError, Row};
+use crate::error::ReadError;
 use crate::guess::Guess;
 use crate::missing::{self, LeftOut, is_missing};
 use crate::names::{Group, Role, Roles, list, shorten};
 use crate::order;
 use crate::overview::Overview;
+use crate::place::{Place, Row};
 use crate::recording::{Event, Recording};
 use crate::sources::Sources;
-
-/// The most numbers (rows times columns) that one recording may hold: 2 GiB of them. While the columns
-/// grow, up to twice that may be in use for a moment.
-pub const MAX_NUMBERS: u64 = 1 << 28;
 
 /// Why a file without its end has no samples.
 pub(crate) const ENDS_EARLY: &str = ": it ends before its first complete chunk";
@@ -347,5 +344,15 @@ fn place_column(recording: &mut Recording, name: String, role: Role, values: Vec
         Role::Tool(i) => recording.tool.get_or_insert_with(Default::default)[i] = values,
         Role::Orientation(i) => recording.orientation.get_or_insert_with(Default::default)[i] = values,
         Role::Other => recording.others.push((name, values)),
+    }
+}
+
+impl Recording {
+    /// A recording from named columns, under the rules a file is read by: see [`crate::read`].
+    ///
+    /// # Errors
+    /// As [`crate::read`] has them for a file, with the sample (counted from 1) instead of the line.
+    pub fn new(origin: &Path, columns: Vec<(String, Vec<f64>)>) -> Result<Self, ReadError> {
+        Table::from_columns(origin, columns)?.into_recording()
     }
 }
