@@ -1,4 +1,4 @@
-//! What happens at a time: a push, a load that drops. Each recording has a clock of its own, and a repeat need not have the push.
+//! The shapes of what happens at a time: a push, a load that drops. Each recording has a clock of its own, and a repeat need not have the push.
 
 use freeplay_laws::Kind as EffectKind;
 use toml::{Table, Value};
