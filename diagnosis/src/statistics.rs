@@ -154,6 +154,11 @@ pub(crate) fn span(samples: &[f64]) -> f64 {
     (high - low).max(0.0)
 }
 
+/// `a − b`, number by number.
+pub(crate) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
 /// Whether two candidates may be told apart at all: the odds are beyond what is as good.
 pub(crate) fn is_told(log_odds: f64) -> bool {
     log_odds > STRONG

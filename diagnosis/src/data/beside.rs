@@ -8,6 +8,7 @@ use crate::data::noise::Noises;
 use crate::data::tolerance::Nuisance;
 use crate::signals::begin::square;
 use crate::signals::channel::{Channel, Kind};
+use crate::statistics;
 
 /// Least squares of some channels of a recording, with the tolerances' columns in.
 pub(crate) struct Beside {
@@ -107,7 +108,7 @@ fn said(terms: &[(Term, Answer)]) -> Vec<Column> {
 /// What is `there` more than `here`.
 fn difference(there: Option<Vec<f64>>, here: Option<&[f64]>) -> Option<Vec<f64>> {
     match (there, here) {
-        (Some(there), Some(here)) => Some(there.iter().zip(here).map(|(there, here)| there - here).collect()),
+        (Some(there), Some(here)) => Some(statistics::difference(&there, here)),
         (Some(there), None) => Some(there),
         (None, Some(here)) => Some(here.iter().map(|here| -here).collect()),
         (None, None) => None,

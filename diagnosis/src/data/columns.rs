@@ -2,6 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::statistics::difference;
+
 /// A column of the linear model: its rows by channel, `None` where it is zero.
 pub(crate) type Column = Vec<Option<Vec<f64>>>;
 
@@ -78,5 +80,5 @@ pub(crate) fn add_all<'c>(rows: &mut [Vec<f64>], columns: impl IntoIterator<Item
 /// `rows` less what was `said` of them.
 pub(crate) fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let pairs = rows.iter().zip(said);
-    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
+    pairs.map(|(rows, said)| difference(rows, said)).collect()
 }

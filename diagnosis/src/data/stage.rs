@@ -24,7 +24,7 @@ use crate::signals::missing::masked;
 use crate::signals::motion::{Settings, Treatment};
 use crate::signals::residual::{Sharpening, residuals_along};
 use crate::signals::stuck::Stuck;
-use crate::statistics::Moments;
+use crate::statistics::{Moments, difference};
 
 /// What an effect acts on: a drive moves the arm as it is, and a sensor reads what both do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -345,7 +345,7 @@ impl<'a> Stage<'a> {
         if through.iter().any(Option::is_some) {
             let (with, without) = (prediction(Level::Sensor)?, prediction(Level::Drive)?);
             for ((kept, through), channel) in kept.iter_mut().zip(&through).zip(&self.channels) {
-                let said = difference(channel.kind.of(&with), channel.kind.of(&without));
+                let said = change(channel.kind.of(&with), channel.kind.of(&without));
                 let said = said.map(|said| self.ground.treatment.keep(&said));
                 *kept = said.zip(through.as_deref()).map(|(said, through)| {
                     said.iter().zip(through).map(|(said, through)| said * (1.0 - through)).collect()
@@ -484,8 +484,8 @@ impl<'a> Stage<'a> {
         };
         let tool = tool_positions(arm, &moved);
         self.by_channel(|kind| match kind {
-            Kind::Torque(joint) => difference(&torque[joint], &self.rigid.0[joint]),
-            Kind::Tool(axis) => difference(&tool[axis], &self.rigid.1[axis]),
+            Kind::Torque(joint) => change(&torque[joint], &self.rigid.0[joint]),
+            Kind::Tool(axis) => change(&tool[axis], &self.rigid.1[axis]),
             Kind::Link(_) | Kind::Position(_) => None,
         })
     }
@@ -502,7 +502,7 @@ impl<'a> Stage<'a> {
             if smooth.is_empty() { None } else { self.predicted(self.arm(), &smooth, self.motion()).ok() };
         let beside = |arm: &Arm| {
             let (now, then) = (now.as_ref()?, self.predicted(arm, &smooth, self.motion()).ok()?);
-            Some(self.by_channel(|kind| difference(kind.of(&then), kind.of(now))))
+            Some(self.by_channel(|kind| change(kind.of(&then), kind.of(now))))
         };
         arms.iter().map(|arm| beside(arm).unwrap_or_else(|| self.rigid_answer(arm, None))).collect()
     }
@@ -539,7 +539,7 @@ fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 /// `a − b`; `None` if they are the same.
-fn difference(a: &[f64], b: &[f64]) -> Option<Vec<f64>> {
-    let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+fn change(a: &[f64], b: &[f64]) -> Option<Vec<f64>> {
+    let difference = difference(a, b);
     difference.iter().any(|&x| x != 0.0).then_some(difference)
 }

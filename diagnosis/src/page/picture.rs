@@ -53,9 +53,9 @@ fn weight(diagnosis: &Diagnosis, effect: usize, channel: &str) -> f64 {
 
 /// Two panels with the same axes: without the effect and with it.
 fn pair(points: &Points, over: &Over, y: (&str, &str), title: String, caption: String) -> Drawing {
-    let (x_scale, x_unit) = people(&over.unit, span(&over.x));
+    let (x_scale, x_unit) = people(&over.unit, magnitude(&over.x));
     let without = points.without();
-    let (scale, unit) = people(y.1, span(&without));
+    let (scale, unit) = people(y.1, magnitude(&without));
     let x: Vec<f64> = over.x.iter().map(|x| x * x_scale).collect();
     let up = |column: &[f64]| -> Vec<f64> { column.iter().map(|y| y * scale).collect() };
     let (without, with, law) = (up(&without), up(&points.with), up(&points.law));
@@ -102,7 +102,8 @@ fn extent(values: &[f64]) -> (f64, f64) {
     finite.fold((0.0, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)))
 }
 
-fn span(values: &[f64]) -> f64 {
+/// The greatest size of `values`.
+fn magnitude(values: &[f64]) -> f64 {
     let (low, high) = extent(values);
     high.max(-low)
 }
@@ -296,8 +297,8 @@ pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
         |map: &&Map| place.channels.contains(&map.channel) && map.mean.len() > 2 && map.p < SIGNIFICANT;
     let near = diagnosis.maps.iter().filter(drawable);
     let map: &Map = near.min_by(|a, b| a.p.total_cmp(&b.p).then(b.explained.total_cmp(&a.explained)))?;
-    let (x_scale, x_unit) = people(map.variable_unit, span(&map.at));
-    let (scale, unit) = people(map.unit, span(&map.mean));
+    let (x_scale, x_unit) = people(map.variable_unit, magnitude(&map.at));
+    let (scale, unit) = people(map.unit, magnitude(&map.mean));
     let x: Vec<f64> = map.at.iter().map(|x| x * x_scale).collect();
     let y: Vec<f64> = map.mean.iter().map(|y| y * scale).collect();
     let chart = Chart::plane(

@@ -4,6 +4,7 @@ use freeplay_laws::Prediction;
 use freeplay_recording::Recording;
 
 use crate::signals::missing::masked;
+use crate::statistics::difference;
 
 /// What a channel measures, and what the model says in its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -77,8 +78,4 @@ impl Channel {
             self.residual().iter().zip(friction).map(|(residual, friction)| residual + friction).collect();
         Some(masked(without, self.present.as_deref()))
     }
-}
-
-pub(super) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| a - b).collect()
 }

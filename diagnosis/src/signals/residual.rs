@@ -10,11 +10,11 @@ use freeplay_recording::{Group, Recording};
 
 use crate::error::ResidualError;
 use crate::signals::begin::begun;
-use crate::signals::channel::{Channel, Kind, difference};
+use crate::signals::channel::{Channel, Kind};
 use crate::signals::missing::masked;
 use crate::signals::motion::Treatment;
 use crate::signals::rest::settle;
-use crate::statistics::Moments;
+use crate::statistics::{Moments, difference};
 
 /// All channels of a recording that a model can predict, on one treated grid.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,19 +7,13 @@ use freeplay_arm::Arm;
 use freeplay_recording::Recording;
 
 use super::super::finding::{Certainty, SetupFinding};
+use crate::statistics::span;
 
 /// Range from which on a joint moves for sure, rad (m), or its speed, rad/s (m/s): about a degree, above the noise of a velocity at rest.
 const MOVES: f64 = 0.02;
 
 fn is_still(column: &[f64]) -> bool {
     column.first().is_some_and(|first| first.is_finite() && column.iter().all(|x| x == first))
-}
-
-fn span(column: &[f64]) -> f64 {
-    let finite = column.iter().filter(|x| x.is_finite());
-    let (least, most) =
-        finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| (least.min(*x), most.max(*x)));
-    (most - least).max(0.0)
 }
 
 /// Words and remedy, for each channel that is still; with whether it is a position, without which nothing can be compared.
