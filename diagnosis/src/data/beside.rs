@@ -23,7 +23,7 @@ pub(crate) struct Beside {
 }
 
 impl Beside {
-    /// For those of `all` channels of a recording that are `among` those to be looked at, beside its `nuisances`; the channels have these `noises`.
+    /// The fit looks at those of `all` channels whose kind is `among` those asked for, beside the `nuisances` of the recording. The channels have these `noises`.
     pub fn new(
         all: &[Channel],
         noises: &Noises,

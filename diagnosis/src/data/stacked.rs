@@ -117,8 +117,8 @@ impl<'a> Data<'a> {
         self.stages.iter().flat_map(|stage| apart_with(stage, found)).collect()
     }
 
-    /// Takes the rows in which one of `columns` says anything, behind the low-pass, out of the test part: each is of something that begins and ends, and what happens at a time
-    /// is seen in no other rows. Whether the test part is left for longer than the low-pass remembers; else nothing is taken.
+    /// Takes the rows in which one of `columns` says anything, behind the low-pass, out of the test part. Each column belongs to something that begins and ends, and no other
+    /// rows show that. Returns whether the test part is left for longer than the low-pass remembers; else the method takes nothing.
     pub fn give_moments<'c>(&mut self, columns: impl Iterator<Item = &'c Column>) -> bool {
         let before = self.parts.clone();
         // Where a force can't turn a joint its torque there is a rounding error.

@@ -316,7 +316,7 @@ impl Study<'_> {
         diagnosis.ok_or(DiagnoseError::Singular)
     }
 
-    /// The `answer` beside `events`, to be tested.
+    /// What the test part is asked about the `answer` beside `events`.
     fn tested<'c, 'd, 'a>(
         &'c self,
         search: &'c mut Search<'d, 'a>,

@@ -23,7 +23,7 @@ use crate::report::words;
 use crate::signals::channel::Kind as ChannelKind;
 use crate::statistics::SIGNIFICANT;
 
-/// What is said of the laws that stand of the answer, with the notes `quality` and what is `untestable`.
+/// Makes a diagnosis of what stands of the answer. The diagnosis carries the notes `quality` and lists what is `untestable`.
 ///
 /// # Errors
 /// See [`LawError`]; `None` if a fit is singular.

@@ -1,4 +1,4 @@
-//! What happened at a time beside the laws that were found: searched among rows as they differ from their past, and weighed there.
+//! This search finds what happened at a time beside the laws that were found. It takes rows as they differ from their past.
 
 use freeplay_laws::kinds;
 
