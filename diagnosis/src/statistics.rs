@@ -149,9 +149,15 @@ pub(crate) fn white_noise(samples: &[f64]) -> f64 {
 
 /// Greatest less least of `samples`; 0 of none.
 pub(crate) fn span(samples: &[f64]) -> f64 {
-    let (low, high) =
-        samples.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    let (low, high) = extremes(samples);
     (high - low).max(0.0)
+}
+
+/// The least and the greatest of `values` that are numbers; infinite, the wrong way round, where none is.
+pub(crate) fn extremes(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
+        (least.min(*value), most.max(*value))
+    })
 }
 
 /// `a − b`, number by number.

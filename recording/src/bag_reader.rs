@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use freeplay_storage::InputFile;
 use mcap::records::{MessageHeader, Record};
 
 use crate::bag::{Bag, Encoding};
@@ -43,7 +42,7 @@ fn add_file(bag: &mut Bag, path: &Path, source: &Source) -> Result<(), ReadError
     let mut file = open(path)?;
     let source = Source { file: path, size: Some(file.length()), ..*source };
     match Kind::of(&head(&mut file, path)?) {
-        Kind::Mcap => add_mcap(bag, behind_magic(path)?, &source),
+        Kind::Mcap => add_mcap(bag, behind_magic(open(path)?, path)?, &source),
         Kind::Sqlite => sqlite_bag::add(path, &source, bag),
         Kind::Ros1 => ros1_bag::add(BufReader::with_capacity(1 << 16, open(path)?), &source, bag),
         Kind::Foreign(what) if what.contains("zstd") => add_compressed(bag, path, &source),
@@ -61,10 +60,8 @@ fn add_compressed(bag: &mut Bag, path: &Path, source: &Source) -> Result<(), Rea
     let mut inner = zstd::Decoder::new(open(path)?).map_err(failed)?;
     match Kind::of(&head(&mut inner, path)?) {
         Kind::Mcap => {
-            let mut whole = zstd::Decoder::new(open(path)?).map_err(failed)?;
-            let mut magic = [0; mcap::MAGIC.len()];
-            whole.read_exact(&mut magic).map_err(failed)?;
-            add_mcap(bag, whole, source)
+            let whole = zstd::Decoder::new(open(path)?).map_err(failed)?;
+            add_mcap(bag, behind_magic(whole, path)?, source)
         }
         _ => {
             let what = "compressed by zstd as a whole: unzstd it first".to_owned();
@@ -165,10 +162,9 @@ impl<'a> McapBag<'a> {
     }
 }
 
-/// The file at `path`, a MCAP, behind its first magic bytes.
-fn behind_magic(path: &Path) -> Result<InputFile, ReadError> {
-    let mut file = open(path)?;
+/// The bytes of a MCAP from the file at `path`, behind the first magic bytes.
+fn behind_magic<R: Read>(mut bytes: R, path: &Path) -> Result<R, ReadError> {
     let mut magic = [0; mcap::MAGIC.len()];
-    file.read_exact(&mut magic).map_err(|source| ReadError::Io { file: path.to_path_buf(), source })?;
-    Ok(file)
+    bytes.read_exact(&mut magic).map_err(|source| ReadError::Io { file: path.to_path_buf(), source })?;
+    Ok(bytes)
 }

@@ -26,7 +26,7 @@ pub struct Untestable {
     pub kind: &'static str,
     /// The joint; `None`: the arm as a whole.
     pub joint: Option<String>,
-    /// What the recordings lack, a plain sentence.
+    /// A plain sentence: the recordings lack this.
     pub because: String,
 }
 

@@ -71,7 +71,7 @@ impl Moments {
     }
 }
 
-/// What a step looks like in the torques of `stage`.
+/// A step in a torque of `stage`, as the low-pass shows it.
 fn step_of(stage: &Stage) -> Step {
     let treatment = &stage.ground.treatment;
     let t = &stage.motion().t;

@@ -4,12 +4,12 @@ use serde::Serialize;
 
 use crate::signals::channel::Kind;
 
-/// How far the model is from one channel. Numbers without a unit of their own are in the channel's unit.
+/// The model misses one channel by this error. Numbers without a unit of their own are in the channel's unit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ChannelError {
     /// Name of the column.
     pub name: String,
-    /// What it measures.
+    /// The channel measures this.
     #[serde(skip)]
     pub kind: Kind,
     /// `N*m`, `N`, `m` or `rad`.

@@ -7,7 +7,7 @@ use crate::compare::channel_error::ChannelError;
 use crate::compare::tally::Tally;
 use crate::signals::missing::only;
 use crate::signals::motion::Treatment;
-use crate::statistics::{UNMOVED, encoder_noise};
+use crate::statistics::{UNMOVED, difference, encoder_noise, extremes};
 
 /// Share of the movement of a joint above which it is said that the filter takes it away: below 1 % no law changes its numbers by more than their intervals.
 const REMOVED: f64 = 0.01;
@@ -73,7 +73,7 @@ impl MotionTally {
             if let Some(velocity) = recording.qd.as_ref().map(|qd| treatment.smooth(recording, &qd[index])) {
                 let present = recording.qd.as_ref().and_then(|qd| treatment.present(recording, &qd[index]));
                 let present = present.as_deref();
-                let off: Vec<f64> = velocity.iter().zip(&derived).map(|(v, derived)| v - derived).collect();
+                let off = difference(&velocity, &derived);
                 let (derived, off) = (only(&derived, present), only(&off, present));
                 joint.derived.add(&derived);
                 joint.off.add(&off);
@@ -138,10 +138,4 @@ pub(crate) fn on_channels(recording: &Recording, channels: &[ChannelError]) -> V
         ));
     }
     notes
-}
-
-fn extremes(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
-        (least.min(*value), most.max(*value))
-    })
 }

@@ -57,7 +57,7 @@ impl Tally {
 pub(crate) struct ChannelTally {
     /// Name of the column.
     pub name: String,
-    /// What it measures.
+    /// The channel measures this.
     pub kind: Kind,
     unit: &'static str,
     /// Measured.

@@ -1,4 +1,4 @@
-//! What a reading of a recording is worth.
+//! A reading of a recording has an outcome: how probable it is, and what it leaves of each channel.
 
 use nalgebra::Vector3;
 
@@ -8,13 +8,13 @@ use super::change::Change;
 /// leaves more than this of some channel.
 pub(crate) const SPOKEN: f64 = 0.1;
 
-/// What a set of changes is worth.
+/// The outcome of a reading: its changes, their evidence, and what they leave of each channel.
 #[derive(Clone)]
 pub(crate) struct Outcome {
     pub changes: Vec<Change>,
     /// ln p(S), up to a constant.
     pub evidence: f64,
-    /// What the channels put into it, in the order of `left`; 0 where there is none.
+    /// Each channel adds this log-likelihood to the evidence, in the order of `left`; a channel that is missing adds 0.
     pub likelihood: Vec<f64>,
     /// Mean square of what is left of each channel over its size: the torques by joint (NaN where none), then the tool.
     pub left: Vec<f64>,
@@ -32,7 +32,7 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
-    /// What its changes cost: fitted numbers and prior odds.
+    /// The changes lower the evidence by this price: for fitted numbers and for their odds before the data.
     pub fn price(&self) -> f64 {
         self.likelihood.iter().sum::<f64>() - self.evidence
     }

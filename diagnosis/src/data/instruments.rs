@@ -9,6 +9,7 @@ use crate::data::stage::Stage;
 use crate::random::normals;
 use crate::signals::channel::Kind;
 use crate::signals::filter::derivatives;
+use crate::statistics::difference;
 
 /// Measured minus model of `stage`: the machine on the recorded motion, measured with noise, against the model on the motion that its encoders read.
 pub(crate) fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
@@ -62,7 +63,7 @@ fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (Trajectory, Vec<Option<Vec<f
     let mut jumps = Vec::new();
     for joint in 0..stage.arm().dof() {
         let into = |column: &mut Vec<f64>, wrong: &[f64], right: &[f64]| {
-            let error: Vec<f64> = wrong.iter().zip(right).map(|(wrong, right)| wrong - right).collect();
+            let error = difference(wrong, right);
             column.iter_mut().zip(stage.ground.treatment.keep(&error)).for_each(|(x, e)| *x += e);
         };
         into(&mut read.q[joint], &wrong.q[joint], &whole.q[joint]);

@@ -2,10 +2,11 @@
 
 use freeplay_recording::Recording;
 
+use crate::data::columns::dot;
 use crate::signals::channel::{Channel, Kind};
 use crate::signals::missing::only;
 use crate::signals::motion::Treatment;
-use crate::statistics::{FINEST, Quantile, span, white_noise};
+use crate::statistics::{FINEST, Quantile, difference, span, white_noise};
 
 /// Least noise of a torque, as a share of what the torque spans: a current sensor of twelve bits resolves 2.4·10⁻⁴. No model is more exact, and this noise stands in for
 /// the noise that a simulated recording lacks.
@@ -69,8 +70,7 @@ impl Noises {
             // some motions half of the time.
             let above = match channel.kind {
                 Kind::Torque(joint) => {
-                    let beside: Vec<f64> =
-                        whole.iter().zip(&sharp[joint]).map(|(x, sharp)| x - sharp).collect();
+                    let beside: Vec<f64> = difference(&whole, &sharp[joint]);
                     let above = |column| treatment.deviation_above(column, present, Quantile::LowerQuartile);
                     above(&whole).min(above(&beside))
                 }
@@ -149,7 +149,7 @@ pub(crate) fn effective_samples(x: &[f64]) -> f64 {
     }
     let mut sum = 0.0;
     for lag in 1..n / 4 {
-        let rho = crate::data::columns::dot(&x[lag..], &x[..n - lag]) / power;
+        let rho = dot(&x[lag..], &x[..n - lag]) / power;
         if rho <= 0.0 {
             break;
         }

@@ -196,7 +196,7 @@ pub(crate) fn rests(stage: &Stage, joint: usize) -> bool {
     span(&stage.whole().q[joint]) < STILL.max(2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation)
 }
 
-/// Whether something holds `joint`: `stage` has commands that would move it, and it stands throughout.
+/// True if something holds `joint`: it stands throughout, although the commands of `stage` would move it.
 pub(crate) fn is_held(stage: &Stage, joint: usize) -> bool {
     let told = stage.ground.recording.q_ref.as_ref().and_then(|columns| columns.get(joint));
     rests(stage, joint) && told.is_some_and(|told| span(told) > STILL)

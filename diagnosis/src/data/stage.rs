@@ -22,7 +22,7 @@ use crate::signals::channel::{Channel, Kind};
 use crate::signals::filter::derivatives;
 use crate::signals::missing::masked;
 use crate::signals::motion::{Settings, Treatment};
-use crate::signals::residual::{Sharpening, residuals_along};
+use crate::signals::residual::{Sharpening, check_joints, residuals_along};
 use crate::signals::stuck::Stuck;
 use crate::statistics::{Moments, difference};
 
@@ -64,7 +64,7 @@ impl<'a> Ground<'a> {
     /// # Errors
     /// See [`ResidualError`].
     pub fn new(arm: &Arm, recording: &'a Recording, settings: &Settings) -> Result<Self, ResidualError> {
-        crate::signals::residual::check_joints(arm, recording)?;
+        check_joints(arm, recording)?;
         let treatment = Treatment::new(arm, recording, settings)?;
         let (motion, whole) = (treatment.motion(recording), treatment.whole_motion(recording));
         let sharpening = Sharpening::of(arm, recording, &treatment, &whole);
@@ -400,7 +400,7 @@ impl<'a> Stage<'a> {
     pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
         let left = |prediction: &Prediction, channel: &Channel| -> Vec<f64> {
             let model = self.ground.treatment.keep(channel.kind.of(prediction));
-            let off = channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect();
+            let off = difference(&channel.measured, &model);
             masked(off, channel.present.as_deref())
         };
         let left_of = |prediction: &Prediction, kind: Kind| {
@@ -422,7 +422,7 @@ impl<'a> Stage<'a> {
         let prediction = self.rough.instead(is_out, instead)?;
         let left = |channel: &Channel| {
             let model = self.ground.treatment.keep(channel.kind.of(&prediction));
-            let off = channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect();
+            let off = difference(&channel.measured, &model);
             masked(off, channel.present.as_deref())
         };
         Ok(self.channels.iter().map(left).collect())

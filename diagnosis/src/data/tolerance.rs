@@ -1,4 +1,4 @@
-//! How far a machine may be from its model without that being a finding.
+//! Tolerances: a machine may differ from its model by this much, and the diagnosis does not call the difference a finding.
 
 use freeplay_laws::{ArmParts, Kind as EffectKind, Tolerance};
 use nalgebra::{Isometry3, Vector3};
@@ -32,7 +32,7 @@ impl Default for Tolerances {
 }
 
 impl Tolerances {
-    /// Whether an effect of `kind` with these `parameters` is a difference inside the tolerances: no finding. A torque that is held from one sample to the next,
+    /// True if an effect of `kind` with these `parameters` lies inside the tolerances, so that it is no finding. A torque that is held from one sample to the next,
     /// `step` s, is half of that late or early by itself.
     pub(crate) fn hold(&self, kind: &EffectKind, parameters: &toml::Table, step: f64) -> bool {
         let (name, neutral, tolerance) = match kind.tolerance {

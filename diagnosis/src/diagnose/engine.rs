@@ -24,6 +24,7 @@ use crate::findings::standing::Standing;
 use crate::report::diagnosis::{Diagnosis, insufficient};
 use crate::report::settings::{DiagnoseError, DiagnoseSettings};
 use crate::search::moves::{Answer, Found, Search};
+use crate::signals::residual::check_joints;
 
 /// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on the test part of the data, which no search
 /// sees: it says which laws fall, and nothing else. `progress` is told what is being done.
@@ -379,7 +380,7 @@ pub(crate) fn check(arm: &Arm, recordings: &[Recording]) -> Result<(), DiagnoseE
         (recording.tau.is_some(), recording.tool.is_some(), links)
     };
     for recording in recordings {
-        crate::signals::residual::check_joints(arm, recording)?;
+        check_joints(arm, recording)?;
         if columns(recording) != columns(first) {
             return Err(DiagnoseError::DifferentColumns {
                 first: first.origin.display().to_string(),

@@ -15,7 +15,7 @@ use crate::candidates::candidate::Candidate;
 use crate::data::columns::{Column, add, dot};
 use crate::data::stacked::Data;
 use crate::data::tolerance::even;
-use crate::data::weights::Weights;
+use crate::data::weights::{Rows, Weights};
 use crate::data::whitening::Whitening;
 use crate::evidence::block::{Block, Channel, Products, Weighed, half_log_determinant, own, weighed};
 use crate::evidence::bvls::bounded;
@@ -458,7 +458,7 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// The log of the evidence but for what no weight changes: what all sets under the same weights share.
     pub fn shared(&self) -> f64 {
-        let volumes: f64 = self.weights.rows.iter().map(crate::data::weights::Rows::log_volume).sum();
+        let volumes: f64 = self.weights.rows.iter().map(Rows::log_volume).sum();
         let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
         let stiff: f64 = self.pins.iter().flatten().map(|edge| STIFF * edge * edge).sum();
         volumes - 0.5 * (squares + stiff) + 0.5 * self.whitened_target.norm_squared() - self.log_volume
@@ -593,7 +593,7 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// Believes every row alike. `None` if that makes the tolerances singular.
     pub fn trust_all(&mut self) -> Option<()> {
-        self.weights.rows.iter_mut().for_each(crate::data::weights::Rows::trust_all);
+        self.weights.rows.iter_mut().for_each(Rows::trust_all);
         self.weigh_anew(&(0..self.channels.len()).collect::<Vec<_>>())
     }
 

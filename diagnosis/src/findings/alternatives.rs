@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use freeplay_arm::Arm;
 
 use crate::candidates::candidate::Candidate;
-use crate::evidence::system::Fit;
+use crate::evidence::system::{Fit, Gain};
 use crate::report::diagnosis::{Alternative, EvidenceRow};
 use crate::report::words;
 use crate::search::moves::Search;
@@ -49,9 +49,8 @@ pub(crate) fn rows_of_evidence(search: &mut Search, bare: &Fit, fit: &Fit) -> Ve
     let mut rows: BTreeMap<(&str, Option<usize>), EvidenceRow> = BTreeMap::new();
     for ((&index, alone), beside) in search.laid.iter().zip(alone).zip(beside) {
         let candidate = system.candidate(index);
-        let value = |gain: Option<crate::evidence::system::Gain>| {
-            gain.filter(|gain| gain.is_inside).map_or(f64::MIN, |gain| gain.value)
-        };
+        let value =
+            |gain: Option<Gain>| gain.filter(|gain| gain.is_inside).map_or(f64::MIN, |gain| gain.value);
         let row = rows.entry((candidate.kind.name, candidate.joint)).or_insert_with(|| EvidenceRow {
             kind: candidate.kind.name,
             joint: candidate.joint.map(|joint| system.data.arm().joints()[joint].name.clone()),

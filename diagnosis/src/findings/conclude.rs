@@ -8,7 +8,9 @@ use freeplay_laws::{Kind, LawError, kind};
 use crate::candidates::candidate::Untestable;
 use crate::data::columns::{add_all, less, sum_of};
 use crate::data::parts::Part;
+use crate::data::tolerance::Nuisance;
 use crate::evidence::gain::{Compared, Gain};
+use crate::evidence::nameless;
 use crate::evidence::system::Fit;
 use crate::findings::alternatives::{alternatives, rows_of_evidence};
 use crate::findings::event::Event;
@@ -75,7 +77,7 @@ pub(crate) fn conclude(
         mapping: None,
         model,
     };
-    words::word(&mut diagnosis);
+    words::put_into_words(&mut diagnosis);
     Ok(Some(diagnosis))
 }
 
@@ -111,7 +113,7 @@ impl Conclusion<'_, '_, '_, '_> {
         self.of.tune(&mut after, self.fit);
         Ok(Some(Remains {
             before: self.of.target.to_vec(),
-            nameless: less(&retuned, &crate::evidence::nameless::said(system, &retuned)),
+            nameless: less(&retuned, &nameless::said(system, &retuned)),
             retuned,
             after,
             as_given,
@@ -230,7 +232,7 @@ impl Conclusion<'_, '_, '_, '_> {
     /// How far the tolerances are used, farthest first.
     fn tuned(&self) -> Vec<Tuned> {
         let bound = self.of.bound(&self.of.search.system.tolerances_beside(self.fit));
-        let one = |(nuisance, deviations): (&crate::data::tolerance::Nuisance, f64)| Tuned {
+        let one = |(nuisance, deviations): (&Nuisance, f64)| Tuned {
             name: nuisance.name.clone(),
             deviations,
             of: nuisance.of,

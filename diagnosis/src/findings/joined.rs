@@ -12,7 +12,7 @@ use toml::Table;
 use crate::candidates::candidate::Candidate;
 use crate::data::columns::{dot, less};
 use crate::data::stacked::Data;
-use crate::statistics::MOST_ROUNDS;
+use crate::statistics::{MOST_ROUNDS, difference};
 
 /// Share of a coefficient by which it is moved for a derivative, and the amount where it is zero, in the step of its term: laws are nearly linear in their coefficients,
 /// and what such a move changes stands far above rounding.
@@ -80,7 +80,7 @@ fn solved(
                 there.iter().zip(&here).map(|(there, here)| (there - here) / step).collect::<Vec<f64>>(),
             );
         }
-        let missing: Vec<f64> = whole.iter().zip(&here).map(|(whole, here)| whole - here).collect();
+        let missing = difference(whole, &here);
         let n = x.len();
         let mut normal = DMatrix::from_fn(n, n, |i, j| dot(&columns[i], &columns[j]));
         // A term that this motion does not show stays as it is.

@@ -43,14 +43,7 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
             needed(data)
         ));
     }
-    let moves = |joint: usize| {
-        data.stages.iter().any(|stage| {
-            let q = &stage.motion().q[joint];
-            let (least, most) =
-                q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), q| (l.min(*q), m.max(*q)));
-            most - least > STILL
-        })
-    };
+    let moves = |joint: usize| data.stages.iter().any(|stage| span(&stage.motion().q[joint]) > STILL);
     if !(0..data.arm().dof()).any(moves) {
         return Some("no joint moves; record a motion of the joints in question".to_owned());
     }

@@ -10,6 +10,7 @@ use crate::candidates::candidate::Candidate;
 use crate::data::columns::less;
 use crate::data::parts::Part;
 use crate::data::stacked::Data;
+use crate::data::tolerance::Nuisance;
 use crate::evidence::gain::Compared;
 use crate::evidence::nameless::is_unexplained;
 use crate::evidence::system::{Fit, all_but};
@@ -376,7 +377,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
     }
 
     /// The tolerances that a prior binds, with their coefficients.
-    pub(super) fn bound(&self, eta: &DVector<f64>) -> Vec<(&'d crate::data::tolerance::Nuisance, f64)> {
+    pub(super) fn bound(&self, eta: &DVector<f64>) -> Vec<(&'d Nuisance, f64)> {
         let data = self.data();
         let mut at = 0;
         let mut all = Vec::new();

@@ -24,6 +24,7 @@ use thiserror::Error;
 use crate::data::tolerance::Tolerances;
 use crate::error::ResidualError;
 use crate::report::diagnosis::ChannelNoise;
+use crate::statistics::extremes;
 
 pub use envelope::Used;
 pub use family::Fourier;
@@ -205,9 +206,7 @@ fn posture(arm: &Arm, seen: Option<&Recording>, settings: &ExciteSettings) -> Re
             .q
             .iter()
             .map(|q| {
-                let (low, high) = q
-                    .iter()
-                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(*q), high.max(*q)));
+                let (low, high) = extremes(q);
                 middle(low, high)
             })
             .collect(),

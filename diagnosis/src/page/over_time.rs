@@ -7,6 +7,7 @@ use super::channels;
 use super::errors::MODELS;
 use super::points::traces;
 use crate::search::tried::LISTED;
+use crate::statistics::difference;
 use crate::{Diagnosis, Passage, Trace};
 
 /// The section.
@@ -54,14 +55,13 @@ fn pair(channel: &str, part: &[(&Passage, &Trace)]) -> [Chart; 2] {
     let before = values(|trace| &trace.before);
     let retuned = values(|trace| &trace.retuned);
     let after = values(|trace| &trace.after);
-    let minus = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a - b).collect() };
     let (scale, unit_of_values) = people(unit, largest(&measured));
     let shown = chart(part, format!("{channel} of {recording}"), Axis::new(channel, unit_of_values));
     let up = |column: &[f64], scale: f64| -> Vec<f64> { column.iter().map(|x| x * scale).collect() };
     let shown = shown
         .series(Series::line("measured", &t, &up(&measured, scale)))
-        .series(Series::line(MODELS[0].0, &t, &up(&minus(&measured, &before), scale)))
-        .series(Series::line(MODELS[3].0, &t, &up(&minus(&measured, &after), scale)).dashed());
+        .series(Series::line(MODELS[0].0, &t, &up(&difference(&measured, &before), scale)))
+        .series(Series::line(MODELS[3].0, &t, &up(&difference(&measured, &after), scale)).dashed());
     let (scale, unit) = people(unit, largest(&before));
     let errors =
         chart(part, format!("error of {channel}"), Axis::new("measured minus model", unit)).in_view(0.0);

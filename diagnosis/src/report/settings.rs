@@ -12,7 +12,7 @@ use crate::signals::motion::Settings;
 pub struct DiagnoseSettings {
     /// The treatment of recordings.
     pub treatment: Settings,
-    /// How far a machine may be from its model without that being a finding.
+    /// The machine may differ from its model by this much without a finding.
     pub tolerances: Tolerances,
     /// Seed of all random numbers.
     pub seed: u64,

@@ -251,7 +251,7 @@ pub(crate) fn when(map: Option<&Map>) -> String {
 }
 
 /// Puts the verdict into words.
-pub(crate) fn word(diagnosis: &mut Diagnosis) {
+pub(crate) fn put_into_words(diagnosis: &mut Diagnosis) {
     let left_out = left_out(&diagnosis.along_the_arm());
     diagnosis.statement = match diagnosis.verdict {
         Verdict::NothingMissing => {

@@ -9,7 +9,7 @@ use super::parts::Rows;
 use super::tracks::median_step;
 use crate::evidence::gain::Gain;
 use crate::report::diagnosis::Rmse;
-use crate::statistics::bootstrap;
+use crate::statistics::{bootstrap, difference};
 
 /// Length of a block of rows that is taken as independent of the others, s: many lags of a servo, which answers within 0.2 s.
 pub const BLOCK: f64 = 2.0;
@@ -19,9 +19,7 @@ pub type Deviations = Vec<Vec<Vec<f64>>>;
 
 /// Measured minus `model`, `[joint][row]`.
 pub fn deviations(track: &Track, model: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let minus =
-        |(q, model): (&Vec<f64>, &Vec<f64>)| q.iter().zip(model).map(|(q, model)| q - model).collect();
-    track.measured.iter().zip(model).map(minus).collect()
+    track.measured.iter().zip(model).map(|(q, model)| difference(q, model)).collect()
 }
 
 /// Root of the mean square of each joint's channel on `parts`, by the name of its column.

@@ -46,7 +46,7 @@ impl Kind {
 pub struct Channel {
     /// Name of its column in the recording.
     pub name: String,
-    /// What it measures.
+    /// The channel measures this.
     pub kind: Kind,
     /// Unit of all its numbers: `N*m` or `N`, `m`, `rad`.
     pub unit: &'static str,

@@ -17,7 +17,7 @@ use crate::random::normals;
 use crate::signals::filter::{LowPass, derivatives};
 use crate::signals::missing::only;
 use crate::signals::motion::{LEAST_CUTOFF, Treatment};
-use crate::statistics::{Moments, Quantile};
+use crate::statistics::{Moments, Quantile, difference};
 
 /// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
 const BANDS: u8 = 6;
@@ -46,7 +46,7 @@ pub(crate) fn cutoff_for(arm: &Arm, recording: &Recording, treatment: &Treatment
                 let kept = passes.iter().map(|pass| treatment.keep(&treatment.through(pass, column)));
                 kept.map(|column| only(&column, present.as_deref()).into_owned()).collect()
             };
-            let white: Vec<f64> = noisy.iter().zip(model).map(|(noisy, model)| noisy - model).collect();
+            let white = difference(noisy, model);
             noise(&below(model), &below(&white), &below(&treatment.whole_column(recording, measured)))
         })
         .collect();
@@ -83,9 +83,7 @@ struct Noise {
 fn noise(model: &[Vec<f64>], white: &[Vec<f64>], measured: &[Vec<f64>]) -> Vec<Noise> {
     let variance = |column: Option<&Vec<f64>>| column.map_or(0.0, |column| Moments::of(column).std.powi(2));
     let whole = variance(model.first()).max(variance(measured.last()));
-    let band = |columns: &[Vec<f64>]| -> Vec<f64> {
-        columns[1].iter().zip(&columns[0]).map(|(high, low)| high - low).collect()
-    };
+    let band = |columns: &[Vec<f64>]| difference(&columns[1], &columns[0]);
     let mut sum = 0.0;
     let share = |noise: f64, of: f64| if of > 0.0 { noise / of } else { 0.0 };
     let bands = model.windows(2).zip(white.windows(2)).zip(measured.windows(2));
