@@ -78,7 +78,7 @@ pub(crate) enum Change {
 /// Prior odds of the first change of a kind. Most recordings are read as they stand.
 pub(super) const RARE: f64 = 0.01;
 /// Prior odds of a further change of a kind: where one joint is in amperes, others often are, too.
-const FURTHER: f64 = 0.2;
+pub(super) const FURTHER: f64 = 0.2;
 /// Prior odds of physics beside it: a model without a load, a rotor or a spring is common.
 pub(super) const COMMON: f64 = 0.1;
 

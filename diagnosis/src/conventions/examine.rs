@@ -1,5 +1,7 @@
 //! The question from end to end: from a recording to what is wrong with its reading.
 
+use std::collections::BTreeSet;
+
 use freeplay_arm::{Arm, JointKind};
 use freeplay_recording::{Recording, unwrapped};
 
@@ -7,12 +9,12 @@ use super::change::{Change, reading};
 use super::finding::{Certainty, Setup, SetupFinding};
 use super::kinds;
 use super::kinds::Told;
+use super::odds::{by_channels, by_sheet};
 use super::outcome::Outcome;
-use super::problem::{FLOOR, GEOMETRY, Links};
+use super::problem::Links;
 use super::reading::Reading;
 use super::samples::Samples;
 use super::search::{MEMORY, Search};
-use crate::conventions::outcome::SPOKEN;
 use crate::statistics::STRONG;
 
 /// Changes with how sure each is.
@@ -88,8 +90,8 @@ impl Examination<'_> {
         let first = search.again(&first);
         let (mut best, mut certain, mut rivals) = self.settled(&search, first);
         let mut other = self.other(&search, &best, &certain);
-        if other.is_some() {
-            // The search adds one change after the other: before another arm is said, it begins from pairs.
+        if other.is_some() || self.sorts(&best) > 2 {
+            // The search adds one change after the other: before another arm is said, or more than two things at once, it begins from pairs.
             let pair = self.settled(&search, search.of_pairs());
             if pair.0.evidence > best.evidence {
                 (best, certain, rivals) = pair;
@@ -131,6 +133,14 @@ impl Examination<'_> {
         setup.findings.extend(still);
     }
 
+    /// How many sorts of readings that no law of the catalogue covers `best` has.
+    fn sorts(&self, best: &Outcome) -> usize {
+        let readings: Vec<Change> =
+            best.changes.iter().filter(|change| change.is_reading()).copied().collect();
+        let sorts: BTreeSet<u8> = self.large(best, &readings).iter().map(Change::sort).collect();
+        sorts.len()
+    }
+
     /// The finding that the recording is of another arm; `None` where the reading of `best` explains it better.
     fn other(&self, search: &Search, best: &Outcome, certain: &Certain) -> Option<SetupFinding> {
         // Torques without gravity are small, and mostly what the rigid arm does not say.
@@ -169,7 +179,7 @@ impl Examination<'_> {
     /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
     fn settled(&self, search: &Search, mut best: Outcome) -> (Outcome, Certain, Rivals) {
         loop {
-            if let Some(kept) = speaking(self.arm, &best) {
+            if let Some(kept) = self.speaking(search, &best) {
                 // Numbers that were fitted beside such a unit are fitted anew.
                 best = search.refitted(&kept);
                 let readings: Vec<Change> =
@@ -177,17 +187,42 @@ impl Examination<'_> {
                 best = search.beside(&readings, &self.large(&best, &readings), None);
                 continue;
             }
-            let (certain, rivals) = self.certain(search, &best);
-            let is_kept = |change: &&Change| {
-                kinds::is_small(self.arm, &best, change) || certain.iter().any(|(known, _)| known == *change)
-            };
-            let readings = best.changes.iter().filter(|change| change.is_reading());
-            let kept: Vec<Change> = readings.clone().filter(is_kept).copied().collect();
-            if kept.len() == readings.count() {
+            let judged = self.judged(search, &best);
+            let unsure = judged.iter().filter(|(_, odds)| *odds <= OVERWHELMING.ln());
+            let Some((least, _)) = unsure.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+                let certain: Vec<Change> = judged.into_iter().map(|(change, _)| change).collect();
+                let rivals = certain.iter().filter_map(|change| {
+                    let rest = without(&best.changes, change);
+                    self.rival(search, &best, change, &rest).map(|words| (*change, words))
+                });
+                let rivals = rivals.collect();
+                let certain = certain.into_iter().map(|change| (change, Certainty::Sure)).collect();
                 return (best, certain, rivals);
-            }
+            };
+            let mut kept = without(&best.changes, least);
+            kept.retain(Change::is_reading);
             best = search.beside(&kept, &self.large(&best, &kept), None);
         }
+    }
+
+    /// The changes of `best` without the torque units of channels that are as probable where the rigid arm, as these units have it, says nothing: such
+    /// a unit shows nothing, and hides what other readings show there. `None` where there is none.
+    fn speaking(&self, search: &Search, best: &Outcome) -> Option<Vec<Change>> {
+        let problem = &search.whole;
+        // A torque that shows nothing of the arm is as rare as one in another unit: only the number of the unit has a price.
+        let massless = problem.without_arm(&best.changes);
+        let price = problem.log_price(best);
+        let is_silent = |change: &Change| match *change {
+            Change::Scale(joint) | Change::SameScale(joint, _)
+                if !kinds::is_small(self.arm, best, change) =>
+            {
+                let worth = |left| problem.log_likelihood(best.sources[joint], left, best.floors[joint]);
+                best.likelihood[joint] - worth(massless[joint]) - price < OVERWHELMING.ln()
+            }
+            _ => false,
+        };
+        let kept: Vec<Change> = best.changes.iter().filter(|change| !is_silent(change)).copied().collect();
+        (kept.len() < best.changes.len()).then_some(kept)
     }
 
     /// Those of `changes` of `best` that no law of the catalogue covers.
@@ -195,44 +230,34 @@ impl Examination<'_> {
         changes.iter().copied().filter(|change| !kinds::is_small(self.arm, best, change)).collect()
     }
 
-    /// The changes of `best` that are sure, each with what explains as much; none of a set that can't be.
-    fn certain(&self, search: &Search, best: &Outcome) -> (Certain, Rivals) {
-        if best.likelihood.is_empty() {
-            return (Vec::new(), Vec::new());
-        }
+    /// The changes of `best` that no law of the catalogue covers, each with its log odds against the best set without it.
+    fn judged(&self, search: &Search, best: &Outcome) -> Vec<(Change, f64)> {
+        let asked: Vec<Change> = best.changes.iter().filter(|change| change.is_reading()).copied().collect();
+        let asked = self.large(best, &asked);
+        asked.into_iter().map(|change| (change, self.log_odds(search, best, &change))).collect()
+    }
+
+    /// Log odds of `change` of `best` against the best set without it.
+    fn log_odds(&self, search: &Search, best: &Outcome, change: &Change) -> f64 {
+        let is_comparable = |other: &Outcome| other.likelihood.len() == best.likelihood.len();
+        let rest = without(&best.changes, change);
+        let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
+        // A scale of a torque with the wrong sign is below zero: what else is said of the joint goes with the change.
+        let others: Vec<Change> =
+            readings.iter().copied().filter(|other| other.joint() != change.joint()).collect();
+        // Where no other reading is possible without it, the recording as it stands is the rival.
+        let starts = [readings.as_slice(), &others, &[]];
+        let rivals =
+            starts.iter().map(|start| search.beside(start, &self.large(best, start), Some(change.sort())));
+        let Some(other) = rivals.into_iter().find(is_comparable).filter(|_| best.is_possible()) else {
+            return f64::NEG_INFINITY;
+        };
+        // Physics that fits one reading may be impossible under another.
+        let same = Some(search.whole.outcome(&rest)).filter(Outcome::is_possible);
+        let same = same.unwrap_or_else(|| other.clone());
         let joints = if self.samples.has_torques() { self.arm.dof() } else { 0 };
-        let (mut certain, mut rivals) = (Vec::new(), Vec::new());
-        let asked = best
-            .changes
-            .iter()
-            .filter(|change| change.is_reading() && !kinds::is_small(self.arm, best, change));
-        for change in asked {
-            let rest = without(&best.changes, change);
-            let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
-            let mut other = search.beside(&readings, &self.large(best, &readings), Some(change.sort()));
-            if other.likelihood.len() != best.likelihood.len() {
-                // A scale of a torque with the wrong sign is below zero: what else is said of the joint goes with the change.
-                let others: Vec<Change> =
-                    readings.iter().copied().filter(|other| other.joint() != change.joint()).collect();
-                other = search.beside(&others, &self.large(best, &others), Some(change.sort()));
-            }
-            // Where no other reading is possible without it, the recording as it stands is the rival.
-            if other.likelihood.len() != best.likelihood.len() {
-                other = search.beside(&[], &[], Some(change.sort()));
-            }
-            if other.likelihood.len() != best.likelihood.len() {
-                continue;
-            }
-            // Physics that fits one reading may be impossible under another.
-            let same = Some(search.whole.outcome(&rest)).filter(|same| !same.likelihood.is_empty());
-            let same = same.unwrap_or_else(|| other.clone());
-            if !is_certain(change, best, &other, &same, joints) {
-                continue;
-            }
-            certain.push((*change, Certainty::Sure));
-            rivals.extend(self.rival(search, best, change, &rest).map(|words| (*change, words)));
-        }
-        (certain, rivals)
+        let odds = by_channels(&search.whole, change, best, [&other, &same], joints);
+        odds.min(by_sheet(&search.whole, best, &other))
     }
 
     /// Another change of the same joint that explains as much.
@@ -261,84 +286,9 @@ impl Examination<'_> {
     }
 }
 
-/// The changes of `best` without the torque units of channels in which the rigid arm, as these units have it, says next to nothing: such a unit shows
-/// nothing, and hides what other readings show there. `None` where there is none.
-fn speaking(arm: &Arm, best: &Outcome) -> Option<Vec<Change>> {
-    let is_silent = |change: &Change| match *change {
-        Change::Scale(joint) | Change::SameScale(joint, _) => {
-            !kinds::is_small(arm, best, change)
-                && best.spoken.get(joint).is_some_and(|spoken| *spoken < SPOKEN)
-        }
-        _ => false,
-    };
-    let kept: Vec<Change> = best.changes.iter().filter(|change| !is_silent(change)).copied().collect();
-    (kept.len() < best.changes.len()).then_some(kept)
-}
-
 /// `changes` without `change`; an order is one, however many exchanges make it.
 fn without(changes: &[Change], change: &Change) -> Vec<Change> {
     let is_order = matches!(change, Change::Exchange(..));
     let stays = |other: &&Change| **other != *change && !(is_order && matches!(other, Change::Exchange(..)));
     changes.iter().filter(stays).copied().collect()
-}
-
-/// Whether `best` is right against `other`, the best set without `change`: by odds, rows counting as far as they are independent, and by what
-/// the change takes away of what is left of `same`, which is `best` without it, in a channel that `best` explains.
-///
-/// A reading shows in channels where the rigid arm speaks, as it is read with the change: where friction is all, a gap or bristles look like a
-/// clock, and a torque that has little to do with the model like one in a unit that is far too large. Friction speaks of signs itself, since it
-/// never drives; torques without gravity alone may be silent.
-fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, joints: usize) -> bool {
-    let is_silent = matches!(change, Change::Compensated | Change::TorqueSign(_) | Change::Direction { .. });
-    let mut odds = other.price() - best.price();
-    let is_explained = |left: f64| left <= kinds::another_arm::UNEXPLAINED;
-    let mut fall = 1.0_f64;
-    for c in 0..best.likelihood.len() {
-        if !is_silent && best.spoken[c] < SPOKEN {
-            continue;
-        }
-        // The same recorded channel, whichever joint it is given to; a reading without the change may leave it out.
-        let place = other.sources.iter().position(|source| *source == best.sources[c]);
-        let Some(without) = place.and_then(|place| other.likelihood.get(place)) else { continue };
-        odds += best.likelihood[c] - without;
-        if let Some(left) = same.left.get(c).filter(|_| is_explained(best.left[c])) {
-            let floor = FLOOR.powi(2) * if c < joints { 1.0 } else { GEOMETRY.powi(2) };
-            // Torques look smaller without their gravity; an exchanged channel is another one, and its own measure.
-            let size = if *change == Change::Compensated { same.sizes[c] / best.sizes[c] } else { 1.0 };
-            fall = fall.max((left * size + floor) / (best.left[c] + floor));
-        }
-    }
-    // Most of what was left of a channel is gone: more than half of its variance.
-    odds > OVERWHELMING.ln() && fall > 2.0
-}
-
-#[cfg(test)]
-mod tests {
-    use freeplay_arm::paper_arm;
-    use nalgebra::Vector3;
-
-    use super::super::change::Change;
-    use super::super::outcome::Outcome;
-    use super::speaking;
-
-    /// A torque unit that leaves the rigid arm nothing to say in its channel is taken back before the others are judged.
-    #[test]
-    fn a_unit_shows_only_where_the_arm_speaks() {
-        let turned = Change::Direction { joint: 0, with_torque: true };
-        let changes = vec![turned, Change::Scale(1), Change::SameScale(2, 0.15)];
-        let outcome = |spoken: [f64; 3]| Outcome {
-            changes: changes.clone(),
-            evidence: 0.0,
-            likelihood: Vec::new(),
-            left: Vec::new(),
-            spoken: spoken.to_vec(),
-            sizes: Vec::new(),
-            gravity: Vector3::zeros(),
-            scale: vec![1.0, 0.15, 0.15],
-            sources: vec![0, 1, 2],
-        };
-        let arm = paper_arm().arm;
-        assert_eq!(speaking(&arm, &outcome([0.01, 0.9, 0.02])), Some(vec![turned, Change::Scale(1)]));
-        assert_eq!(speaking(&arm, &outcome([0.01, 0.9, 0.8])), None);
-    }
 }

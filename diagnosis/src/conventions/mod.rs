@@ -19,6 +19,7 @@ mod free_arm;
 mod kinds;
 mod mapping;
 mod normal;
+mod odds;
 mod outcome;
 mod problem;
 mod reading;

@@ -20,6 +20,8 @@ pub(crate) struct Outcome {
     pub left: Vec<f64>,
     /// The size of each channel: variance of what was recorded, with the gravity that the reading adds to it.
     pub sizes: Vec<f64>,
+    /// Mean square of each channel below which nothing is asked.
+    pub floors: Vec<f64>,
     /// Variance of what the rigid arm asks for over that of what was recorded, in the same order: a channel of friction alone shows
     /// nothing of how it is to be read.
     pub spoken: Vec<f64>,
@@ -32,6 +34,16 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
+    /// Whether a machine can be as its changes have it.
+    pub fn is_possible(&self) -> bool {
+        self.evidence > f64::NEG_INFINITY
+    }
+
+    /// Mean square of what is left of channel `c`, in its own unit.
+    pub fn square(&self, c: usize) -> f64 {
+        self.left[c] * self.sizes[c]
+    }
+
     /// The changes lower the evidence by this price: for fitted numbers and for their odds before the data.
     pub fn price(&self) -> f64 {
         self.likelihood.iter().sum::<f64>() - self.evidence

@@ -144,6 +144,7 @@ impl<'a> Problem<'a> {
             left: Vec::new(),
             spoken: Vec::new(),
             sizes: Vec::new(),
+            floors: Vec::new(),
             gravity: self.gravity(&reading),
             scale: vec![1.0; self.arm.dof()],
             sources: Vec::new(),
@@ -160,12 +161,14 @@ impl<'a> Problem<'a> {
             outcome.likelihood = vec![0.0; self.arm.dof()];
             outcome.spoken = vec![0.0; self.arm.dof()];
             outcome.sizes = vec![1.0; self.arm.dof()];
+            outcome.floors = vec![0.0; self.arm.dof()];
             for (channel, (&joint, left)) in torques.joints.iter().zip(&fitted.left).enumerate() {
                 let scale = outcome.scale[joint];
                 let (size, left) = (torques.size(channel, scale), left / self.rows() as f64);
                 // All readings are weighed against the same floor, that of what was recorded.
+                outcome.floors[joint] = self.floor.powi(2) * torques.variance(channel);
                 outcome.likelihood[joint] =
-                    self.log_likelihood(outcome.sources[joint], left, torques.variance(channel));
+                    self.log_likelihood(outcome.sources[joint], left, outcome.floors[joint]);
                 outcome.left[joint] = left / size;
                 outcome.spoken[joint] = torques.spoken(joint, &outcome.gravity, scale) / size;
                 outcome.sizes[joint] = size;
@@ -176,8 +179,9 @@ impl<'a> Problem<'a> {
             for residual in residuals {
                 let left = mean_square(&residual);
                 let channel = outcome.likelihood.len();
-                let size = GEOMETRY.powi(2) * variance;
-                outcome.likelihood.push(self.log_likelihood(channel, left, size));
+                let floor = (self.floor * GEOMETRY).powi(2) * variance;
+                outcome.floors.push(floor);
+                outcome.likelihood.push(self.log_likelihood(channel, left, floor));
                 outcome.sources.push(channel);
                 outcome.left.push(left / variance);
                 outcome.spoken.push(1.0);
@@ -188,6 +192,27 @@ impl<'a> Problem<'a> {
         outcome.evidence =
             outcome.likelihood.iter().sum::<f64>() + odds - parameters as f64 * self.log_price(&outcome);
         outcome
+    }
+
+    /// Mean square that each joint's torque keeps as `changes` read it where the arm has no mass: what friction, and other physics of the joint's own,
+    /// says of it. NaN where there is no torque.
+    pub fn without_arm(&self, changes: &[Change]) -> Vec<f64> {
+        let dof = self.arm.dof();
+        let reading = reading(self.arm, changes);
+        let along = self.along(&reading);
+        let is_kept = |change: &&Change| match change {
+            Change::Beside(physics) => !physics.is_mass(),
+            change => change.sort() != Change::CommonScale.sort(),
+        };
+        let massless = (0..dof).map(|joint| Change::SameScale(joint, 0.0));
+        let massless: Vec<Change> = changes.iter().filter(is_kept).copied().chain(massless).collect();
+        let torques = Torques::new(self, &reading, &along, &massless);
+        let fitted = torques.fit(&self.gravity(&reading), &vec![0.0; dof], false);
+        let mut left = vec![f64::NAN; dof];
+        for (&joint, square) in torques.joints.iter().zip(&fitted.left) {
+            left[joint] = square / self.rows() as f64;
+        }
+        left
     }
 
     /// What `outcome` is worth where the masses of its links are what a data sheet says, within a tolerance; or what another arm is, with the same
@@ -224,7 +249,7 @@ impl<'a> Problem<'a> {
             .zip(&free.left)
             .map(|(target, left)| {
                 let source = reading.torques[target.joint].source;
-                self.log_likelihood(source, left / rows, target.floor / rows / self.floor.powi(2))
+                self.log_likelihood(source, left / rows, target.floor / rows)
             })
             .sum();
         let tool: f64 = outcome.likelihood.iter().skip(self.arm.dof()).sum();
@@ -280,8 +305,9 @@ impl<'a> Problem<'a> {
         reading.gravity.unwrap_or(*self.arm.gravity())
     }
 
-    fn log_likelihood(&self, source: usize, left: f64, size: f64) -> f64 {
-        -0.5 * self.independent(source) * (left + self.floor.powi(2) * size).ln()
+    /// What the recorded channel `source` is worth that keeps the mean square `left` above its floor.
+    pub fn log_likelihood(&self, source: usize, left: f64, floor: f64) -> f64 {
+        -0.5 * self.independent(source) * (left + floor).ln()
     }
 
     /// What is left of the tool's coordinates, and the mean of their variances.
@@ -339,14 +365,12 @@ fn mean_square(column: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use freeplay_arm::{Workspace, gravity_torque, paper_arm, rnea};
     use freeplay_recording::Recording;
 
     use super::{FLOOR, Problem};
     use crate::conventions::change::Change;
-    use crate::conventions::samples::Samples;
+    use crate::conventions::samples::{Samples, made};
 
     /// Rows count as far as those of the recorded column are independent, whichever joint a reading gives it to: else two columns of different
     /// units would look like two joints in another order.
@@ -354,16 +378,10 @@ mod tests {
     fn rows_are_counted_by_recorded_column() {
         let arm = paper_arm().arm;
         let n = arm.dof();
-        let names = ["q", "tau"].map(|what| (1..=n).map(move |joint| format!("{what}{joint}")));
-        let mut columns: Vec<(String, Vec<f64>)> =
-            names.into_iter().flatten().map(|name| (name, Vec::new())).collect();
-        columns.insert(0, ("t".to_owned(), Vec::new()));
-        for row in 0..1000 {
-            let t = f64::from(row) / 100.0;
-            let at = |k: usize| if k == 0 { t } else { ((1.0 + 0.3 * k as f64) * t).sin() };
-            columns.iter_mut().enumerate().for_each(|(k, (_, column))| column.push(at(k)));
-        }
-        let recording = Recording::new(Path::new("made.csv"), columns).expect("a recording");
+        // Torques that have nothing to do with the arm.
+        let recording = made(n, |[q, ..], torque| {
+            torque.iter_mut().zip(q).for_each(|(torque, q)| *torque = (2.0 * q).cos());
+        });
         let samples = Samples::new(&recording, &recording.q).expect("rows");
         let mut problem = Problem::new(&arm, &samples, 1, FLOOR);
         let exchanged = [Change::Exchange(0, 1)];
@@ -384,38 +402,22 @@ mod tests {
     fn torques_without_gravity_are_measured_by_the_whole_torque() {
         let arm = paper_arm().arm;
         let n = arm.dof();
-        let (mut workspace, mut whole, mut held) = (Workspace::new(&arm), vec![0.0; n], vec![0.0; n]);
-        let names = ["q", "tau"].map(|what| (1..=n).map(move |joint| format!("{what}{joint}")));
-        let mut columns: Vec<(String, Vec<f64>)> =
-            names.into_iter().flatten().map(|name| (name, Vec::new())).collect();
-        columns.insert(0, ("t".to_owned(), Vec::new()));
-        let mut plain = columns.clone();
-        for row in 0..1000 {
-            let t = f64::from(row) / 100.0;
-            let of = |order: usize| -> Vec<f64> {
-                let at = |joint: usize| {
-                    let w = 1.0 + 0.3 * joint as f64;
-                    let (sin, cos) = (w * t).sin_cos();
-                    [0.3 + 0.6 * sin, 0.6 * w * cos, -0.6 * w * w * sin][order]
-                };
-                (0..n).map(at).collect()
-            };
-            let q = of(0);
-            rnea(&arm, &mut workspace, &q, &of(1), &of(2), &mut whole);
-            gravity_torque(&arm, &mut workspace, &q, &mut held);
-            let without = whole.iter().zip(&held).map(|(whole, held)| whole - held);
-            let rows =
-                [whole.clone(), without.collect()].map(|tau| [vec![t], q.clone(), tau].concat().into_iter());
-            for (columns, row) in [&mut plain, &mut columns].into_iter().zip(rows) {
-                columns.iter_mut().zip(row).for_each(|((_, column), x)| column.push(x));
-            }
-        }
-        let sizes = |columns: Vec<(String, Vec<f64>)>, changes: &[Change]| {
-            let recording = Recording::new(Path::new("made.csv"), columns).expect("a recording");
+        let of_arm = |is_whole: bool| {
+            made(n, |[q, v, a], torque| {
+                let mut workspace = Workspace::new(&arm);
+                rnea(&arm, &mut workspace, q, v, a, torque);
+                let mut held = vec![0.0; n];
+                gravity_torque(&arm, &mut workspace, q, &mut held);
+                if !is_whole {
+                    torque.iter_mut().zip(held).for_each(|(torque, held)| *torque -= held);
+                }
+            })
+        };
+        let sizes = |recording: Recording, changes: &[Change]| {
             let samples = Samples::new(&recording, &recording.q).expect("rows");
             Problem::new(&arm, &samples, 1, FLOOR).outcome(changes).sizes
         };
-        let (whole, without) = (sizes(plain, &[]), sizes(columns, &[Change::Compensated]));
+        let (whole, without) = (sizes(of_arm(true), &[]), sizes(of_arm(false), &[Change::Compensated]));
         assert!(whole.len() == n && without.len() == n);
         for (whole, without) in whole.iter().zip(&without) {
             assert!((without / whole - 1.0).abs() < 0.01, "{without} is not {whole}");

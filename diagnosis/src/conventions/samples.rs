@@ -168,3 +168,28 @@ fn places(spans: &[(usize, usize)], step: f64) -> Vec<usize> {
     let every = ((SPACING / step) as usize).max(inside / MOST_ROWS).max(1);
     spans.iter().flat_map(|span| inner(span).step_by(every)).collect()
 }
+
+/// A recording of 10 s at 100 Hz: joint k swings by 0.6 rad at 1 + 0.3 k rad/s, and `torque` says what position, velocity and acceleration ask for.
+#[cfg(test)]
+pub(super) fn made(joints: usize, torque: impl Fn([&[f64]; 3], &mut [f64])) -> Recording {
+    let names = ["q", "tau"].map(|what| (1..=joints).map(move |joint| format!("{what}{joint}")));
+    let mut columns: Vec<(String, Vec<f64>)> =
+        names.into_iter().flatten().map(|name| (name, Vec::new())).collect();
+    columns.insert(0, ("t".to_owned(), Vec::new()));
+    let mut tau = vec![0.0; joints];
+    for row in 0..1000 {
+        let t = f64::from(row) / 100.0;
+        let motion = [0, 1, 2].map(|order| -> Vec<f64> {
+            let at = |joint: usize| {
+                let w = 1.0 + 0.3 * joint as f64;
+                let (sin, cos) = (w * t).sin_cos();
+                [0.3 + 0.6 * sin, 0.6 * w * cos, -0.6 * w * w * sin][order]
+            };
+            (0..joints).map(at).collect()
+        });
+        torque(motion.each_ref().map(Vec::as_slice), &mut tau);
+        let row = [t].into_iter().chain(motion[0].iter().copied()).chain(tau.iter().copied());
+        columns.iter_mut().zip(row).for_each(|((_, column), x)| column.push(x));
+    }
+    Recording::new(std::path::Path::new("made.csv"), columns).expect("a recording")
+}

@@ -122,7 +122,7 @@ impl<'a> Search<'a> {
         while let Some(next) = dropped(&self.whole, &best, scope)
             .into_iter()
             .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
-            .filter(|next| next.evidence > best.evidence)
+            .filter(|next| next.evidence > best.evidence || !best.is_possible())
         {
             best = next;
         }

@@ -171,7 +171,8 @@ impl<'p, 'a> Torques<'p, 'a> {
         Some(fitted)
     }
 
-    fn fit(&self, gravity: &Vector3<f64>, scale: &[f64], gravity_is_free: bool) -> Fit {
+    /// The fit under `gravity` and `scale`.
+    pub fn fit(&self, gravity: &Vector3<f64>, scale: &[f64], gravity_is_free: bool) -> Fit {
         let weights = [1.0, gravity.x, gravity.y, gravity.z];
         let shared = self.along.shared(self.problem.arm, &self.physics, &weights);
         let model = if gravity_is_free { [1.0, 0.0, 0.0, 0.0] } else { weights };

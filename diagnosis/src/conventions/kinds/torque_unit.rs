@@ -199,6 +199,7 @@ mod tests {
             left: Vec::new(),
             spoken: Vec::new(),
             sizes: Vec::new(),
+            floors: Vec::new(),
             gravity: Vector3::zeros(),
             scale: scale.to_vec(),
             sources: Vec::new(),
