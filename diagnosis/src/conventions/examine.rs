@@ -188,7 +188,7 @@ impl Examination<'_> {
                 continue;
             }
             let judged = self.judged(search, &best);
-            let unsure = judged.iter().filter(|(_, odds)| *odds <= OVERWHELMING.ln());
+            let unsure = judged.iter().filter(|(_, margin)| *margin <= 0.0);
             let Some((least, _)) = unsure.min_by(|a, b| a.1.total_cmp(&b.1)) else {
                 let certain: Vec<Change> = judged.into_iter().map(|(change, _)| change).collect();
                 let rivals = certain.iter().filter_map(|change| {
@@ -230,15 +230,16 @@ impl Examination<'_> {
         changes.iter().copied().filter(|change| !kinds::is_small(self.arm, best, change)).collect()
     }
 
-    /// The changes of `best` that no law of the catalogue covers, each with its log odds against the best set without it.
+    /// The changes of `best` that no law of the catalogue covers, each with the margin by which it is sure.
     fn judged(&self, search: &Search, best: &Outcome) -> Vec<(Change, f64)> {
         let asked: Vec<Change> = best.changes.iter().filter(|change| change.is_reading()).copied().collect();
         let asked = self.large(best, &asked);
-        asked.into_iter().map(|change| (change, self.log_odds(search, best, &change))).collect()
+        asked.into_iter().map(|change| (change, self.margin(search, best, &change))).collect()
     }
 
-    /// Log odds of `change` of `best` against the best set without it.
-    fn log_odds(&self, search: &Search, best: &Outcome, change: &Change) -> f64 {
+    /// Log odds of `change` of `best` against the best set without it, less those from which on it is sure: [`OVERWHELMING`] odds with the links of the model, the
+    /// odds of a name where these are what a data sheet says.
+    fn margin(&self, search: &Search, best: &Outcome, change: &Change) -> f64 {
         let is_comparable = |other: &Outcome| other.likelihood.len() == best.likelihood.len();
         let rest = without(&best.changes, change);
         let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
@@ -257,7 +258,7 @@ impl Examination<'_> {
         let same = same.unwrap_or_else(|| other.clone());
         let joints = if self.samples.has_torques() { self.arm.dof() } else { 0 };
         let odds = by_channels(&search.whole, change, best, [&other, &same], joints);
-        odds.min(by_sheet(&search.whole, best, &other))
+        (odds - OVERWHELMING.ln()).min(by_sheet(&search.whole, best, &other) - STRONG)
     }
 
     /// Another change of the same joint that explains as much.
