@@ -217,7 +217,7 @@ impl Examination<'_> {
                 if !kinds::is_small(self.arm, best, change) =>
             {
                 let worth = |left| problem.log_likelihood(best.sources[joint], left, best.floors[joint]);
-                best.likelihood[joint] - worth(massless[joint]) - price < OVERWHELMING.ln()
+                best.likelihood[joint] - worth(massless[joint]) - price < STRONG
             }
             _ => false,
         };
