@@ -17,8 +17,6 @@ use super::samples::Samples;
 use super::search::{MEMORY, Search};
 use crate::statistics::STRONG;
 
-/// Changes with how sure each is.
-type Certain = Vec<(Change, Certainty)>;
 /// Changes with what explains as much as each.
 type Rivals = Vec<(Change, String)>;
 
@@ -110,14 +108,12 @@ impl Examination<'_> {
         let still = self.left_still(&best);
         if let Some(still) = &still {
             let name = |joint: usize| self.arm.joints()[joint].name.clone();
-            certain.retain(|(change, _)| change.joint().map(name) != still.joint);
+            certain.retain(|change| change.joint().map(name) != still.joint);
         }
         let told = Told { arm: self.arm, best: &best, certain: &certain, rivals: &rivals };
         setup.findings.extend(kinds::says(&told));
-        let sure = certain.iter().filter(|(_, certainty)| *certainty == Certainty::Sure);
-        let sure: Vec<Change> = sure.map(|(change, _)| *change).collect();
-        self.take(setup, sure.clone());
-        for change in &sure {
+        self.take(setup, &certain);
+        for change in &certain {
             match *change {
                 Change::Scale(joint) | Change::SameScale(joint, _) => {
                     setup.reading.torques[joint].factor /= kinds::torque_unit::exact(best.scale[joint]);
@@ -135,16 +131,13 @@ impl Examination<'_> {
 
     /// How many sorts of readings that no law of the catalogue covers `best` has.
     fn sorts(&self, best: &Outcome) -> usize {
-        let readings: Vec<Change> =
-            best.changes.iter().filter(|change| change.is_reading()).copied().collect();
-        let sorts: BTreeSet<u8> = self.large(best, &readings).iter().map(Change::sort).collect();
-        sorts.len()
+        self.large(best, &best.readings()).iter().map(Change::sort).collect::<BTreeSet<u8>>().len()
     }
 
     /// The finding that the recording is of another arm; `None` where the reading of `best` explains it better.
-    fn other(&self, search: &Search, best: &Outcome, certain: &Certain) -> Option<SetupFinding> {
+    fn other(&self, search: &Search, best: &Outcome, certain: &[Change]) -> Option<SetupFinding> {
         // Torques without gravity are small, and mostly what the rigid arm does not say.
-        let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
+        let is_silent = certain.contains(&Change::Compensated);
         let is_silent = is_silent || !self.samples.has_torques();
         let other = kinds::another_arm::found(best, self.arm.dof(), is_silent, self.samples.has_tool());
         other.or_else(|| self.is_another(search, best).then(kinds::another_arm::by_evidence))
@@ -167,23 +160,22 @@ impl Examination<'_> {
     }
 
     /// The reading of the changes that are sure, with what was known of it before.
-    fn take(&self, setup: &mut Setup, sure: Vec<Change>) {
+    fn take(&self, setup: &mut Setup, sure: &[Change]) {
         let known = setup.reading.clone();
         setup.reading =
-            Reading { time_unit: known.time_unit, unwrap: known.unwrap, ..reading(self.arm, &sure) };
+            Reading { time_unit: known.time_unit, unwrap: known.unwrap, ..reading(self.arm, sure) };
         for (position, known) in setup.reading.positions.iter_mut().zip(&known.positions) {
             position.unit *= known.unit;
         }
     }
 
     /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
-    fn settled(&self, search: &Search, mut best: Outcome) -> (Outcome, Certain, Rivals) {
+    fn settled(&self, search: &Search, mut best: Outcome) -> (Outcome, Vec<Change>, Rivals) {
         loop {
             if let Some(kept) = self.speaking(search, &best) {
                 // Numbers that were fitted beside such a unit are fitted anew.
                 best = search.refitted(&kept);
-                let readings: Vec<Change> =
-                    best.changes.iter().filter(|change| change.is_reading()).copied().collect();
+                let readings = best.readings();
                 best = search.beside(&readings, &self.large(&best, &readings), None);
                 continue;
             }
@@ -196,7 +188,6 @@ impl Examination<'_> {
                     self.rival(search, &best, change, &rest).map(|words| (*change, words))
                 });
                 let rivals = rivals.collect();
-                let certain = certain.into_iter().map(|change| (change, Certainty::Sure)).collect();
                 return (best, certain, rivals);
             };
             let mut kept = without(&best.changes, least);
@@ -232,9 +223,8 @@ impl Examination<'_> {
 
     /// The changes of `best` that no law of the catalogue covers, each with the margin by which it is sure.
     fn judged(&self, search: &Search, best: &Outcome) -> Vec<(Change, f64)> {
-        let asked: Vec<Change> = best.changes.iter().filter(|change| change.is_reading()).copied().collect();
-        let asked = self.large(best, &asked);
-        asked.into_iter().map(|change| (change, self.margin(search, best, &change))).collect()
+        let asked = self.large(best, &best.readings()).into_iter();
+        asked.map(|change| (change, self.margin(search, best, &change))).collect()
     }
 
     /// Log odds of `change` of `best` against the best set without it, less those from which on it is sure: [`OVERWHELMING`] odds with the links of the model, the

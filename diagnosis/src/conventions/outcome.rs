@@ -34,6 +34,11 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
+    /// Its changes that are of the reading.
+    pub fn readings(&self) -> Vec<Change> {
+        self.changes.iter().copied().filter(Change::is_reading).collect()
+    }
+
     /// Whether a machine can be as its changes have it.
     pub fn is_possible(&self) -> bool {
         self.evidence > f64::NEG_INFINITY

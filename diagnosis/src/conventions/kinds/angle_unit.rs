@@ -30,7 +30,7 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| *change == Change::AngleUnit);
-    found.into_iter().map(|(_, certainty)| finding(told.arm, certainty)).collect()
+    found.into_iter().map(|_| finding(told.arm, Certainty::Sure)).collect()
 }
 
 fn finding(arm: &Arm, certainty: Certainty) -> SetupFinding {

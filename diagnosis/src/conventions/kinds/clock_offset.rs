@@ -32,8 +32,8 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| matches!(change, Change::Delay(..)));
-    let one = |(change, certainty)| match change {
-        Change::Delay(late, delay) => Some(finding(late, delay, certainty)),
+    let one = |change| match change {
+        Change::Delay(late, delay) => Some(finding(late, delay, Certainty::Sure)),
         _ => None,
     };
     found.into_iter().filter_map(one).collect()

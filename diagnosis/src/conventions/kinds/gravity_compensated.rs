@@ -3,7 +3,7 @@
 //! It asks whether the torques hold no gravity at all. The hypothesis adds the model's to them.
 
 use super::super::change::Change;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told};
 
 /// What it asks.
@@ -15,13 +15,13 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| *change == Change::Compensated);
-    let one = |(change, certainty)| {
+    let one = |change: Change| {
         SetupFinding {
         kind: "gravity_compensated",
         joint: None,
         value: 0.0,
         unit: "m/s^2",
-        certainty,
+        certainty: Certainty::Sure,
         statement: format!(
             "The torques hold no gravity: the controller, or the driver, has taken the arm's weight out of them.{}",
             told.rival(&change)

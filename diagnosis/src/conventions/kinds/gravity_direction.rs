@@ -7,7 +7,7 @@ use freeplay_arm::Arm;
 use nalgebra::Vector3;
 
 use super::super::change::Change;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 use super::super::outcome::Outcome;
 use super::{Ask, Told, brief};
 
@@ -34,7 +34,7 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| matches!(change, Change::Gravity(_) | Change::AnyGravity));
-    let Some(&(change, certainty)) = found.first() else { return Vec::new() };
+    let Some(&change) = found.first() else { return Vec::new() };
     let (gravity, angle) = (told.best.gravity, angle(told.arm, told.best));
     let numbers: Vec<String> = gravity.iter().map(|x| format!("{}", (x * 1e4).round() / 1e4)).collect();
     let standing = if angle > 2.8 {
@@ -49,7 +49,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
         joint: None,
         value: angle,
         unit: "rad",
-        certainty,
+        certainty: Certainty::Sure,
         statement: format!(
             "{standing}: its torques show gravity turned by {} degrees, [{}] m/s² in the base frame.{}",
             brief(angle.to_degrees()),

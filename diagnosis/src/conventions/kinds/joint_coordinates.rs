@@ -5,7 +5,7 @@
 use freeplay_arm::JointKind;
 
 use super::super::change::Change;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told};
 
 /// What it asks.
@@ -19,7 +19,7 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| matches!(change, Change::Relative { .. }));
-    let one = |(change, certainty)| {
+    let one = |change: Change| {
         let Change::Relative { joint, other, factor } = change else { return None };
         let (name, other) = (told.name(joint), told.name(other));
         let (sum, back) = if factor > 0.0 { ("plus", "Subtract") } else { ("minus", "Add") };
@@ -27,7 +27,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
             kind: "joint_coordinates",
             value: factor,
             unit: "1",
-            certainty,
+            certainty: Certainty::Sure,
             statement: format!(
                 "The position of {name} is recorded relative to the arm's base, not to {other}: it is the model's {name} {sum} {other}.{}",
                 told.rival(&change)

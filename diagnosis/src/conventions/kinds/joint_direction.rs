@@ -3,7 +3,7 @@
 //! It asks both for every joint that leaves its zero. The hypothesis turns the sign of its positions, and of its torques with them.
 
 use super::super::change::Change;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told};
 use crate::signals::rest::STILL;
 use crate::statistics::Moments;
@@ -22,7 +22,7 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| matches!(change, Change::Direction { .. }));
-    let one = |(change, certainty)| {
+    let one = |change: Change| {
         let Change::Direction { joint, with_torque } = change else { return None };
         let name = told.name(joint);
         let torque =
@@ -32,7 +32,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
             kind: "joint_direction",
             value: -1.0,
             unit: "1",
-            certainty,
+            certainty: Certainty::Sure,
             statement: format!("{name} is counted the other way than in the model{torque}.{rival}"),
             remedy: format!(
                 "Turn the sign of {name}{} in the mapping, or turn its axis in the model.",

@@ -4,7 +4,7 @@
 //! recording and model both have names, joints are matched by these before.
 
 use super::super::change::Change;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told, listed};
 
 /// What it asks.
@@ -16,9 +16,10 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy: one finding for each joint that has another column, with that column's number as its value.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| matches!(change, Change::Exchange(..)));
-    let Some(&(_, certainty)) = found.first() else { return Vec::new() };
-    let changes: Vec<Change> = found.iter().map(|(change, _)| *change).collect();
-    let reading = super::super::change::reading(told.arm, &changes);
+    if found.is_empty() {
+        return Vec::new();
+    }
+    let reading = super::super::change::reading(told.arm, &found);
     let sources: Vec<usize> = reading.positions.iter().map(|position| position.source).collect();
     let moved: Vec<usize> = (0..sources.len()).filter(|&joint| sources[joint] != joint).collect();
     let names: Vec<String> = moved.iter().map(|&joint| told.name(joint)).collect();
@@ -37,7 +38,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
         joint: Some(told.name(*joint)),
         value: (sources[*joint] + 1) as f64,
         unit: "1",
-        certainty,
+        certainty: Certainty::Sure,
         statement: statement.clone(),
         remedy: remedy.clone(),
         gravity: None,

@@ -11,7 +11,7 @@ use freeplay_arm::JointKind;
 pub(crate) use freeplay_laws::catalogue::MOST_ENCODER_OFFSET as LEAST;
 
 use super::super::change::Change;
-use super::super::finding::SetupFinding;
+use super::super::finding::{Certainty, SetupFinding};
 use super::Ask;
 use super::Told;
 use super::brief;
@@ -42,14 +42,14 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| matches!(change, Change::Zero { .. }));
-    let one = |(change, certainty)| {
+    let one = |change: Change| {
         let Change::Zero { joint, offset, .. } = change else { return None };
         let (name, degrees) = (told.name(joint), brief(offset.to_degrees()));
         Some(SetupFinding {
             kind: "joint_zero",
             value: offset,
             unit: "rad",
-            certainty,
+            certainty: Certainty::Sure,
             statement: format!(
                 "{name} reads {degrees} degrees where the model has its zero.{}",
                 told.rival(&change)

@@ -21,7 +21,7 @@ pub(crate) mod torque_unit;
 use freeplay_arm::Arm;
 
 use super::change::{Change, physics};
-use super::finding::{Certainty, SetupFinding};
+use super::finding::SetupFinding;
 use super::outcome::Outcome;
 
 /// What a kind may look at before it asks.
@@ -41,7 +41,7 @@ pub(crate) struct Told<'a> {
     /// The best set.
     pub best: &'a Outcome,
     /// What of it is certain, all kinds.
-    pub certain: &'a [(Change, Certainty)],
+    pub certain: &'a [Change],
     /// What else would explain the same as a change, in words.
     pub rivals: &'a [(Change, String)],
 }
@@ -53,8 +53,8 @@ impl Told<'_> {
     }
 
     /// The certain changes that `is` picks.
-    pub fn of(&self, is: impl Fn(&Change) -> bool) -> Vec<(Change, Certainty)> {
-        self.certain.iter().filter(|(change, _)| is(change)).copied().collect()
+    pub fn of(&self, is: impl Fn(&Change) -> bool) -> Vec<Change> {
+        self.certain.iter().copied().filter(is).collect()
     }
 
     /// What else would explain the same as `change`, as a sentence; empty where nothing does.

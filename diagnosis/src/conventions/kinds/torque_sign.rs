@@ -15,32 +15,32 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy: one finding for all joints, or one each.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| matches!(change, Change::TorqueSign(_)));
-    let Some(&(first, _)) = found.first() else { return Vec::new() };
-    let joints: Vec<usize> = found.iter().filter_map(|(change, _)| change.joint()).collect();
+    let Some(&first) = found.first() else { return Vec::new() };
+    let joints: Vec<usize> = found.iter().filter_map(Change::joint).collect();
     let is_all = joints.len() == told.arm.dof();
     let names: Vec<String> = joints.iter().map(|&joint| told.name(joint)).collect();
-    let (whose, certainty) = if is_all {
-        ("All torques".to_owned(), Certainty::Sure)
+    let whose = if is_all {
+        "All torques".to_owned()
     } else {
-        (format!("The torque{} of {}", if names.len() > 1 { "s" } else { "" }, listed(&names)), found[0].1)
+        format!("The torque{} of {}", if names.len() > 1 { "s" } else { "" }, listed(&names))
     };
     let verb = if names.len() > 1 { "have" } else { "has" };
     let statement = format!(
         "{whose} {verb} the other sign than the model's: positive should drive the joint forward.{}",
         told.rival(&first)
     );
-    let finding = |joint: Option<String>, certainty| SetupFinding {
+    let finding = |joint: Option<String>| SetupFinding {
         kind: "torque_sign",
         joint,
         value: -1.0,
         unit: "1",
-        certainty,
+        certainty: Certainty::Sure,
         statement: statement.clone(),
         remedy: "Turn the sign of these torques in the mapping: a scale of -1.".to_owned(),
         gravity: None,
     };
     if is_all && names.len() > 1 {
-        return vec![finding(None, certainty)];
+        return vec![finding(None)];
     }
-    names.into_iter().zip(&found).map(|(name, (_, certainty))| finding(Some(name), *certainty)).collect()
+    names.into_iter().map(|name| finding(Some(name))).collect()
 }

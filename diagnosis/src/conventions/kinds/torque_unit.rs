@@ -62,17 +62,17 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found =
         told.of(|change| matches!(change, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale));
-    let mut joints: Vec<(usize, f64, Certainty)> = Vec::new();
-    for (change, certainty) in found {
-        let of = |joint: usize| (joint, told.best.scale[joint], certainty);
+    let mut joints: Vec<(usize, f64)> = Vec::new();
+    for change in found {
+        let of = |joint: usize| (joint, told.best.scale[joint]);
         match change.joint() {
             Some(joint) => joints.push(of(joint)),
             None => joints.extend((0..told.arm.dof()).map(of)),
         }
     }
     joints.sort_by_key(|(joint, ..)| *joint);
-    let Some(&(_, first, _)) = joints.first() else { return Vec::new() };
-    let is_one = joints.iter().all(|(_, scale, _)| (scale / first - 1.0).abs() < SAME);
+    let Some(&(_, first)) = joints.first() else { return Vec::new() };
+    let is_one = joints.iter().all(|(_, scale)| (scale / first - 1.0).abs() < SAME);
     let is_all = joints.len() == told.arm.dof();
     if is_one {
         return of_one(told, &joints, first, is_all);
@@ -80,7 +80,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     of_several(told, &joints, is_all)
 }
 
-fn of_one(told: &Told, joints: &[(usize, f64, Certainty)], scale: f64, is_all: bool) -> Vec<SetupFinding> {
+fn of_one(told: &Told, joints: &[(usize, f64)], scale: f64, is_all: bool) -> Vec<SetupFinding> {
     let names: Vec<String> = joints.iter().map(|(joint, ..)| told.name(*joint)).collect();
     let whose = whose(&names, is_all);
     let statement = format!(
@@ -89,22 +89,22 @@ fn of_one(told: &Told, joints: &[(usize, f64, Certainty)], scale: f64, is_all: b
         guess(scale, names.len())
     );
     let remedy = format!("Scale these torques by {} in the mapping.", brief(1.0 / scale));
-    let one = |joint: Option<String>, certainty| finding(joint, scale, certainty, &statement, &remedy);
+    let one = |joint: Option<String>| finding(joint, scale, &statement, &remedy);
     if is_all && names.len() > 1 {
-        return vec![one(None, joints[0].2)];
+        return vec![one(None)];
     }
-    names.into_iter().zip(joints).map(|(name, (_, _, certainty))| one(Some(name), *certainty)).collect()
+    names.into_iter().map(|name| one(Some(name))).collect()
 }
 
-fn of_several(told: &Told, joints: &[(usize, f64, Certainty)], is_all: bool) -> Vec<SetupFinding> {
+fn of_several(told: &Told, joints: &[(usize, f64)], is_all: bool) -> Vec<SetupFinding> {
     let names: Vec<String> = joints.iter().map(|(joint, ..)| told.name(*joint)).collect();
-    let constants: Vec<String> = joints.iter().map(|(_, scale, _)| brief(1.0 / scale)).collect();
-    let question = if joints.iter().all(|(_, scale, _)| *scale < 1.0) {
+    let constants: Vec<String> = joints.iter().map(|(_, scale)| brief(1.0 / scale)).collect();
+    let question = if joints.iter().all(|(_, scale)| *scale < 1.0) {
         "Are they motor currents in amperes, or torques on the motor's side of the gears?"
     } else {
         "Are they counts of the drives?"
     };
-    let scales: Vec<String> = joints.iter().map(|(_, scale, _)| brief(*scale)).collect();
+    let scales: Vec<String> = joints.iter().map(|(_, scale)| brief(*scale)).collect();
     let statement = format!(
         "{} are {} times the model's, at every load. {question} Constants that fit: {} N·m per unit.",
         whose(&names, is_all),
@@ -113,23 +113,16 @@ fn of_several(told: &Told, joints: &[(usize, f64, Certainty)], is_all: bool) -> 
     );
     let remedy = format!("Scale these torques by {} in the mapping.", constants.join(", "));
     let each = names.into_iter().zip(joints);
-    each.map(|(name, (_, scale, certainty))| finding(Some(name), *scale, *certainty, &statement, &remedy))
-        .collect()
+    each.map(|(name, (_, scale))| finding(Some(name), *scale, &statement, &remedy)).collect()
 }
 
-fn finding(
-    joint: Option<String>,
-    scale: f64,
-    certainty: Certainty,
-    statement: &str,
-    remedy: &str,
-) -> SetupFinding {
+fn finding(joint: Option<String>, scale: f64, statement: &str, remedy: &str) -> SetupFinding {
     SetupFinding {
         kind: "torque_unit",
         joint,
         value: scale,
         unit: "1",
-        certainty,
+        certainty: Certainty::Sure,
         statement: statement.to_owned(),
         remedy: remedy.to_owned(),
         gravity: None,
