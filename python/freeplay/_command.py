@@ -119,9 +119,9 @@ def call(
         env={**os.environ, "PATH": path_with_python(), "NO_COLOR": "1", **(env or {})},
     )
     lines: list[str] = []
-    reader = threading.Thread(target=_pass_on, args=(process.stderr, lines, teller(progress)), daemon=True)
-    reader.start()
     try:
+        reader = threading.Thread(target=_pass_on, args=(process.stderr, lines, teller(progress)), daemon=True)
+        reader.start()
         assert process.stdout is not None
         stdout = process.stdout.read()
         code = process.wait()
