@@ -83,7 +83,7 @@ fn add_mcap(bag: &mut Bag, input: impl Read, source: &Source) -> Result<(), Read
     Ok(())
 }
 
-/// What is known of a MCAP that is read into a bag.
+/// A MCAP on its way into a bag: its channels and types, and messages that wait for theirs.
 struct McapBag<'a> {
     bag: &'a mut Bag,
     source: &'a Source<'a>,

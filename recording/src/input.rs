@@ -1,4 +1,4 @@
-//! What a reader is told about its input.
+//! The input of a reader: where it comes from, and how much of it is wanted.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::place::{Place, Row};
 /// grow, up to twice that may be in use for a moment.
 pub const MAX_NUMBERS: u64 = 1 << 28;
 
-/// What a reader is told about its input.
+/// The input of a reader, with what is known of it and how much of it is wanted.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Source<'a> {
     /// Its name, for messages.

@@ -53,7 +53,7 @@ impl Layout {
     }
 }
 
-/// What a writer left in its file.
+/// The size of a file that a writer has closed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Summary {
     /// The file.

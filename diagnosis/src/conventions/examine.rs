@@ -9,7 +9,7 @@ use super::change::{Change, reading};
 use super::finding::{Certainty, Setup, SetupFinding};
 use super::kinds;
 use super::kinds::Told;
-use super::odds::{by_channels, by_sheet};
+use super::odds::Judged;
 use super::outcome::Outcome;
 use super::problem::Links;
 use super::reading::Reading;
@@ -223,13 +223,18 @@ impl Examination<'_> {
 
     /// The changes of `best` that no law of the catalogue covers, each with the margin by which it is sure.
     fn judged(&self, search: &Search, best: &Outcome) -> Vec<(Change, f64)> {
-        let asked = self.large(best, &best.readings()).into_iter();
-        asked.map(|change| (change, self.margin(search, best, &change))).collect()
+        let asked = self.large(best, &best.readings());
+        if !best.is_possible() {
+            return asked.into_iter().map(|change| (change, f64::NEG_INFINITY)).collect();
+        }
+        let judged = Judged::new(&search.whole, best);
+        asked.into_iter().map(|change| (change, self.margin(search, &judged, &change))).collect()
     }
 
-    /// Log odds of `change` of `best` against the best set without it, less those from which on it is sure: [`OVERWHELMING`] odds with the links of the model, the
+    /// Log odds of `change` of the set `judged` against the best set without it, less those from which on it is sure: [`OVERWHELMING`] odds with the links of the model, the
     /// odds of a name where these are what a data sheet says.
-    fn margin(&self, search: &Search, best: &Outcome, change: &Change) -> f64 {
+    fn margin(&self, search: &Search, judged: &Judged, change: &Change) -> f64 {
+        let best = judged.best;
         let is_comparable = |other: &Outcome| other.likelihood.len() == best.likelihood.len();
         let rest = without(&best.changes, change);
         let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
@@ -240,15 +245,14 @@ impl Examination<'_> {
         let starts = [readings.as_slice(), &others, &[]];
         let rivals =
             starts.iter().map(|start| search.beside(start, &self.large(best, start), Some(change.sort())));
-        let Some(other) = rivals.into_iter().find(is_comparable).filter(|_| best.is_possible()) else {
+        let Some(other) = rivals.into_iter().find(is_comparable) else {
             return f64::NEG_INFINITY;
         };
         // Physics that fits one reading may be impossible under another.
         let same = Some(search.whole.outcome(&rest)).filter(Outcome::is_possible);
         let same = same.unwrap_or_else(|| other.clone());
-        let joints = if self.samples.has_torques() { self.arm.dof() } else { 0 };
-        let odds = by_channels(&search.whole, change, best, [&other, &same], joints);
-        (odds - OVERWHELMING.ln()).min(by_sheet(&search.whole, best, &other) - STRONG)
+        let odds = judged.by_channels(change, &other, &same);
+        (odds - OVERWHELMING.ln()).min(judged.by_sheet(&other) - STRONG)
     }
 
     /// Another change of the same joint that explains as much.

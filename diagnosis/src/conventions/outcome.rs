@@ -39,7 +39,7 @@ impl Outcome {
         self.changes.iter().copied().filter(Change::is_reading).collect()
     }
 
-    /// Whether a machine can be as its changes have it.
+    /// True if a machine can be as its changes have it.
     pub fn is_possible(&self) -> bool {
         self.evidence > f64::NEG_INFINITY
     }

@@ -202,7 +202,8 @@ impl<'a> Problem<'a> {
         let along = self.along(&reading);
         let is_kept = |change: &&Change| match change {
             Change::Beside(physics) => !physics.is_mass(),
-            change => change.sort() != Change::CommonScale.sort(),
+            Change::Scale(_) | Change::SameScale(..) | Change::CommonScale => false,
+            _ => true,
         };
         let massless = (0..dof).map(|joint| Change::SameScale(joint, 0.0));
         let massless: Vec<Change> = changes.iter().filter(is_kept).copied().chain(massless).collect();
@@ -305,7 +306,7 @@ impl<'a> Problem<'a> {
         reading.gravity.unwrap_or(*self.arm.gravity())
     }
 
-    /// What the recorded channel `source` is worth that keeps the mean square `left` above its floor.
+    /// Log-likelihood of the recorded channel `source` that keeps the mean square `left` beside that of its `floor`.
     pub fn log_likelihood(&self, source: usize, left: f64, floor: f64) -> f64 {
         -0.5 * self.independent(source) * (left + floor).ln()
     }

@@ -317,7 +317,7 @@ impl Study<'_> {
         diagnosis.ok_or(DiagnoseError::Singular)
     }
 
-    /// What the test part is asked about the `answer` beside `events`.
+    /// The `answer` beside `events`, as the test part judges it.
     fn tested<'c, 'd, 'a>(
         &'c self,
         search: &'c mut Search<'d, 'a>,
