@@ -10,6 +10,7 @@ use freeplay_diagnosis::page::diagnose_command;
 use freeplay_diagnosis::{Channel, ChannelError, Comparison, Kind, Residuals, Settings};
 use freeplay_laws::Effects;
 use freeplay_recording::Recording;
+use freeplay_report::paste::pasted;
 use freeplay_report::text::{Digits, NOTHING, number};
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Series, Table, Verdict};
 use freeplay_terminal::arguments::Format;
@@ -18,16 +19,16 @@ use freeplay_terminal::files::write;
 use freeplay_terminal::layout::text_table;
 use freeplay_terminal::messages;
 use freeplay_terminal::output::{say, show};
+use freeplay_terminal::target::{asked_file, claim_out};
 use serde_json::{Value, json};
 
 use crate::{curves, inputs};
-use freeplay_report::paste::pasted;
-use freeplay_terminal::target::{asked_file, claim_out};
 
 /// Compares a recording with what a model makes of the recorded motion.
 ///
 /// Torques: measured, against inverse dynamics of the measured motion plus the model's nominal friction. Tool: tracked position,
-/// against forward kinematics. Link encoders: against the motor side. Both sides pass the same low-pass.
+/// against forward kinematics. Link encoders: against the motor side. Both sides pass the same low-pass. Where the model has servos, and where a recording
+/// holds commanded positions and no torques: measured positions against those simulated from the commanded ones, unfiltered.
 #[derive(Args, Debug)]
 pub struct CompareArgs {
     /// The model: an arm file (URDF, MJCF or TOML), or "paper".
@@ -45,8 +46,9 @@ pub struct CompareArgs {
     /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for report.html, with measured against model for every joint, compare.json and residuals.parquet, the curves as columns; a
-    /// name that ends in .html, .json or .parquet is the file of one of them alone.
+    /// Folder for report.html, with measured against model for every joint, compare.json and residuals.parquet, the curves as columns; where
+    /// the model has servos beside recorded torques, positions.parquet has those of the positions. A name that ends in .html, .json or .parquet is the
+    /// file of one of the first three alone.
     #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
@@ -73,11 +75,7 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     messages::announce(format_args!("comparing {} samples", recording.len()));
     let folder =
         args.out.as_deref().map(|out| claim_out(out, &EXTENSIONS, &RESULTS, args.force)).transpose()?;
-    let compared = if freeplay_diagnosis::commands_alone(&recording) {
-        freeplay_diagnosis::compare_commands(&file, &recording)
-    } else {
-        freeplay_diagnosis::compare(&file.arm, &effects.placed, &recording, &settings)
-    };
+    let compared = freeplay_diagnosis::compare_all(&file, &effects.placed, &recording, &settings);
     let (comparison, residuals) = compared.map_err(Failure::input)?;
     let view = View { args, file: &file, recording: &recording, comparison: &comparison };
     let json = view.json()?;
@@ -93,7 +91,7 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
 /// What a comparison writes.
 const EXTENSIONS: [&str; 3] = ["html", "json", "parquet"];
 /// Results in the folder that `--out` names.
-const RESULTS: [&str; 3] = ["compare.json", "report.html", "residuals.parquet"];
+const RESULTS: [&str; 4] = ["compare.json", "report.html", "residuals.parquet", "positions.parquet"];
 
 /// Everything that is shown.
 struct View<'a> {
@@ -117,15 +115,21 @@ impl View<'_> {
 
     /// Writes the report and the JSON into the folder `out`, or the one of them that the ending of the file `out` asks for; the path of the
     /// report, or of that file.
-    fn write(&self, out: &Path, residuals: &Residuals, json: &Value) -> Result<PathBuf, Failure> {
+    fn write(&self, out: &Path, residuals: &[Residuals], json: &Value) -> Result<PathBuf, Failure> {
         let (page, data) = (|| self.document(residuals).to_html(), || format!("{json:#}\n"));
+        let mut of_curves = residuals.iter();
         match asked_file(out, &EXTENSIONS) {
             Some("html") => return write(out, &page()).map(|()| out.to_owned()),
-            Some("parquet") => return curves::write(residuals, out).map(|()| out.to_owned()),
+            Some("parquet") => {
+                of_curves.next().map_or(Ok(()), |first| curves::write(first, out))?;
+                return Ok(out.to_owned());
+            }
             Some(_) => return write(out, &data()).map(|()| out.to_owned()),
             None => {}
         }
-        curves::write(residuals, &out.join("residuals.parquet"))?;
+        for (residuals, name) in of_curves.zip(["residuals.parquet", "positions.parquet"]) {
+            curves::write(residuals, &out.join(name))?;
+        }
         write(&out.join("compare.json"), &data())?;
         let path = out.join("report.html");
         write(&path, &page())?;
@@ -197,12 +201,23 @@ impl View<'_> {
             brief(comparison.compared_hz),
             brief(comparison.lowpass_hz)
         );
-        let treated = if self.is_of_commands() { unfiltered } else { treated };
+        let treated = match (self.is_of_commands(), self.has_lags()) {
+            (true, _) => unfiltered,
+            (false, true) => {
+                format!("{treated}; positions against those simulated from the commanded ones: unfiltered")
+            }
+            (false, false) => treated,
+        };
         [("recording", measured), ("model", model), ("compared", treated)]
     }
 
-    /// True if the comparison sets measured positions against those simulated from the commanded ones.
+    /// True if the comparison sets nothing but measured positions against those simulated from the commanded ones.
     fn is_of_commands(&self) -> bool {
+        self.comparison.channels.iter().all(|channel| channel.lag_s.is_some())
+    }
+
+    /// True if it sets measured positions against such ones.
+    fn has_lags(&self) -> bool {
         self.comparison.channels.iter().any(|channel| channel.lag_s.is_some())
     }
 
@@ -275,7 +290,7 @@ impl View<'_> {
             header.push("error rms\nwithout friction");
         }
         let columns = header.len();
-        if self.is_of_commands() {
+        if self.has_lags() {
             header.push("lag,\nms");
         }
         table.set_header(header);
@@ -287,7 +302,8 @@ impl View<'_> {
                 unit.into(),
             ];
             row.extend(numbers(channel, scale).into_iter().take(columns - 3).map(brief));
-            row.extend(channel.lag_s.map(|lag| brief(lag * 1e3)));
+            let lag = || channel.lag_s.map_or_else(|| NOTHING.into(), |lag| brief(lag * 1e3));
+            row.extend(self.has_lags().then(lag));
             table.add_row(row);
         }
         for column in 3..=columns {
@@ -298,7 +314,7 @@ impl View<'_> {
         table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n")
     }
 
-    fn document(&self, residuals: &Residuals) -> Document {
+    fn document(&self, residuals: &[Residuals]) -> Document {
         let [(_, recording), (_, model), (_, compared)] = self.heading();
         let mut document =
             Document::new("Model against recording").subtitle(format!("{} · {recording}", self.args.model));
@@ -313,11 +329,12 @@ impl View<'_> {
             document = document.overview(Block::List(remarks));
         }
         for title in ["Joint torques", "Tool position", "Link encoders", "Joint positions"] {
-            let channels = residuals.channels.iter().zip(&self.comparison.channels);
-            let section = channels
-                .filter(|(channel, _)| section_of(channel.kind) == title)
-                .fold(Section::new(title), |section, (channel, error)| {
-                    section.with(chart(residuals, channel, error))
+            let curves = residuals.iter().flat_map(|all| all.channels.iter().map(move |one| (all, one)));
+            let section = curves
+                .zip(&self.comparison.channels)
+                .filter(|((_, channel), _)| section_of(channel.kind) == title)
+                .fold(Section::new(title), |section, ((all, channel), error)| {
+                    section.with(chart(all, channel, error))
                 });
             if !section.blocks.is_empty() {
                 document = document.section(section);
@@ -345,14 +362,14 @@ impl View<'_> {
             table = table.column(Column::number("error rms without friction", ""));
         }
         let columns = table.columns.len();
-        if self.is_of_commands() {
+        if self.has_lags() {
             table = table.column(Column::number("lag", "ms"));
         }
         for channel in &self.comparison.channels {
             let (scale, unit) = shown_in(channel.unit);
             let joint = channel.joint.clone().unwrap_or_default();
             let words = [Cell::from(channel.name.clone()), joint.into(), unit.into()];
-            let lag = channel.lag_s.map(|lag| Cell::from(lag * 1e3));
+            let lag = self.has_lags().then(|| Cell::from(channel.lag_s.unwrap_or(f64::NAN) * 1e3));
             let numbers = numbers(channel, scale).map(Cell::from);
             table = table.row(words.into_iter().chain(numbers).take(columns).chain(lag));
         }

@@ -69,7 +69,7 @@ pub use report::diagnosis::{
 };
 pub use report::settings::{DiagnoseError, DiagnoseSettings};
 pub use report::words::TO_TELL;
-pub use servo::{commands_alone, compare_commands};
+pub use servo::{commands_alone, compare_all, compare_commands};
 pub use signals::channel::{Channel, Kind};
 pub use signals::filter::{LowPass, derivatives};
 pub use signals::grid::Grid;

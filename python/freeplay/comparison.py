@@ -97,7 +97,7 @@ class Comparison(Portable):
 
     @property
     def residuals(self) -> pd.DataFrame:
-        """Measured against model over time, both after the same low-pass.
+        """Measured against model over time, both after the same low-pass; unfiltered where positions are compared with commanded ones alone.
 
         Returns
         -------

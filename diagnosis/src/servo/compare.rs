@@ -1,17 +1,45 @@
 //! Measured positions against those simulated from the commanded ones.
 
 use freeplay_arm::{ArmFile, JointKind};
+use freeplay_laws::Placed;
 use freeplay_recording::{Group, Recording};
 use freeplay_servo::{Rollout, ServoArm, Track, lag};
 
-use super::tracks::{for_lags, longest_gap, rollout_step, track};
-use crate::compare::comparison::{Comparison, SCHEMA};
+use super::tracks::{commands_alone, for_lags, longest_gap, rollout_step, track};
+use crate::compare::comparison::{Comparison, SCHEMA, compare};
 use crate::compare::notes;
 use crate::compare::tally::ChannelTally;
 use crate::conventions::examine;
 use crate::error::ResidualError;
 use crate::signals::channel::{Channel, Kind};
+use crate::signals::motion::Settings;
 use crate::signals::residual::{Residuals, check_joints};
+
+/// Compares all that `recording` measures with what `file` and its `effects` say: torques, tool and link encoders as [`compare`] does, and, where `file` has servos, measured
+/// positions with those simulated from the commanded ones; a recording of positions and commands alone as [`compare_commands`] does. Each of the residuals has times of
+/// its own; their channels, one after the other, are those of the numbers.
+///
+/// # Errors
+/// See [`ResidualError`].
+pub fn compare_all(
+    file: &ArmFile,
+    effects: &[Placed],
+    recording: &Recording,
+    settings: &Settings,
+) -> Result<(Comparison, Vec<Residuals>), ResidualError> {
+    if commands_alone(recording) {
+        let (comparison, residuals) = compare_commands(file, recording)?;
+        return Ok((comparison, vec![residuals]));
+    }
+    let (mut comparison, residuals) = compare(&file.arm, effects, recording, settings)?;
+    let mut all = vec![residuals];
+    if recording.q_ref.is_some() && ServoArm::of(file)?.is_some() {
+        let (positions, residuals) = compare_commands(file, recording)?;
+        comparison.channels.extend(positions.channels);
+        all.push(residuals);
+    }
+    Ok((comparison, all))
+}
 
 /// Compares the measured positions of `recording` with those that the servos of `file` make of the commanded ones, from the first sample to the last; where
 /// `file` has no servos, with the commands as late as they are nearest to what was measured. Nothing is filtered.

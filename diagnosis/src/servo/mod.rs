@@ -36,6 +36,6 @@ mod torque_servos;
 mod tracks;
 
 pub use beside_torque::add_servos;
-pub use compare::compare_commands;
+pub use compare::{compare_all, compare_commands};
 pub use diagnose::diagnose;
 pub use tracks::commands_alone;

@@ -2,7 +2,10 @@
 use std::path::Path;
 
 use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind, parse_toml, to_toml};
-use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Effect, Verdict, compare_commands, diagnose};
+use freeplay_diagnosis::{
+    DiagnoseSettings, Diagnosis, Effect, Settings, Verdict, compare_all, compare_commands, diagnose,
+};
+use freeplay_laws::Effects;
 use freeplay_recording::Recording;
 use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 
@@ -129,6 +132,17 @@ fn servos_and_late_commands_are_named() {
     let again = parse_toml(&to_toml(&diagnosis.model), "found.toml".as_ref()).unwrap();
     let (simulated, _) = compare_commands(&again, &recordings[0]).unwrap();
     assert!(simulated.channels.iter().all(|channel| channel.rmse < 3e-3), "{:?}", simulated.channels);
+    // Where the model has servos, a comparison of torques has these positions, too; a model without servos says nothing of them.
+    let compared = |file| {
+        let effects = Effects::of(file).unwrap().placed;
+        let (all, residuals) = compare_all(file, &effects, &recordings[0], &Settings::default()).unwrap();
+        let names: Vec<String> = residuals.iter().flat_map(|r| &r.channels).map(|c| c.name.clone()).collect();
+        assert!(names.iter().eq(all.channels.iter().map(|channel| &channel.name)));
+        all.channels
+    };
+    let (all, torques) = (compared(&again), compared(&bare));
+    assert_eq!(all[all.len() - 2..], simulated.channels);
+    assert_eq!(all.len(), torques.len() + 2);
 }
 
 /// Late encoders are told from late commands: the torques don't fit the motion either.
