@@ -344,10 +344,10 @@ impl View<'_> {
     }
 
     fn report_table(&self) -> Table {
-        let mut table = Table::new(if self.is_of_commands() {
-            "Measured minus simulated from the commanded positions"
-        } else {
-            "Measured minus model, after the same low-pass on both sides"
+        let mut table = Table::new(match (self.is_of_commands(), self.has_lags()) {
+            (true, _) => "Measured minus simulated from the commanded positions",
+            (false, true) => "Measured minus model; all but positions after the same low-pass on both sides",
+            (false, false) => "Measured minus model, after the same low-pass on both sides",
         })
         .column(Column::text("channel"))
         .column(Column::text("joint"))

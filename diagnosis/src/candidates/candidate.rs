@@ -11,7 +11,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::Serialize;
 use toml::{Table, Value};
 
-use crate::candidates::moments::{Moments, window};
+use crate::candidates::moments::{WhiteTorques, window};
 use crate::data::columns::{Answer, Column, dot};
 use crate::data::stacked::{Data, REMEMBERED};
 use crate::data::stage::Stage;
@@ -373,7 +373,7 @@ pub(crate) fn at_place(
     data: &Data,
     kind: &'static EffectKind,
     joint: Option<usize>,
-    moments: Option<&Moments>,
+    torques: Option<&WhiteTorques>,
 ) -> Result<(Vec<Candidate>, Option<String>), String> {
     let lacks = |of: &dyn Fn(&Place, &Stage) -> Option<String>| {
         let stages = data.stages.iter();
@@ -385,7 +385,7 @@ pub(crate) fn at_place(
         return Err(because);
     }
     let (mut found, mut refused) = (Vec::new(), None);
-    for form in forms(data, kind, joint, moments) {
+    for form in forms(data, kind, joint, torques) {
         match Candidate::new(data, kind, joint, form) {
             Ok(candidate) => found.extend(candidate),
             Err(error) => refused = Some(error.to_string()),
@@ -395,7 +395,7 @@ pub(crate) fn at_place(
         let because = refused.or_else(|| no_torque_of(data, joint));
         return Err(because.unwrap_or_else(|| "this motion shows nothing of it".to_owned()));
     }
-    let count = moments.filter(|_| kind.happens()).map_or(found.len(), |moments| moments.tried(kind));
+    let count = torques.filter(|_| kind.happens()).map_or(found.len(), |torques| torques.tried(kind));
     found.iter_mut().for_each(|candidate| candidate.forms = count);
     Ok((found, lacks(&|place, stage| kind.missing(place, &stage.recorded()))))
 }
@@ -427,7 +427,7 @@ fn meet(one: &Table, other: &Table) -> bool {
 }
 
 /// The forms of `kind` at `joint` that are laid out.
-fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, moments: Option<&Moments>) -> Vec<Form> {
+fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, torques: Option<&WhiteTorques>) -> Vec<Form> {
     let shapes_of = |stage: &Stage| (kind.shapes)(&Place { scene: stage.baseline(kind).scene(), joint });
     if !kind.happens() {
         return shapes_of(fastest(data, joint)).into_iter().map(Form::of).collect();
@@ -435,7 +435,7 @@ fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, moments: Option<&
     // Each recording has a clock of its own, and what happens at a time happens in that recording alone.
     let mut forms = Vec::new();
     for (index, stage) in data.stages.iter().enumerate() {
-        let at_times = moments.map(|moments| moments.shapes(data, kind, joint, index));
+        let at_times = torques.map(|torques| torques.shapes(data, kind, joint, index));
         let shapes = shapes_of(stage).into_iter().chain(at_times.into_iter().flatten());
         forms.extend(shapes.map(|shape| in_one_recording(data, shape, index)));
     }

@@ -23,13 +23,13 @@ pub(crate) fn window(shape: &Table) -> Option<[f64; 2]> {
 }
 
 /// The torques of all recordings, white, in which what begins and ends is looked for.
-pub(crate) struct Moments {
+pub(crate) struct WhiteTorques {
     /// By channel; `None` of what is no torque.
     torques: Vec<Option<Torque>>,
     per_stage: usize,
 }
 
-impl Moments {
+impl WhiteTorques {
     /// Those of `data` that wander as `whitening` says, of which `left` remains.
     pub fn new(data: &Data, whitening: &Whitening, left: &[Vec<f64>]) -> Self {
         let of_stage: Vec<(Step, Vec<usize>)> =

@@ -3,7 +3,7 @@
 use freeplay_laws::kinds;
 
 use crate::candidates::candidate::{Candidate, at_place, places};
-use crate::candidates::moments::{END, MOST, Moments, window};
+use crate::candidates::moments::{END, MOST, WhiteTorques, window};
 use crate::data::columns::{add_all, less, sum_of};
 use crate::data::stacked::Data;
 use crate::data::weights::Weights;
@@ -78,11 +78,11 @@ fn found_among<'d, 'a>(
     whitening: &Whitening,
     known: Vec<Candidate>,
 ) -> Option<(Search<'d, 'a>, Vec<usize>)> {
-    let mut moments = Moments::new(data, whitening, left);
+    let mut torques = WhiteTorques::new(data, whitening, left);
     let system = System::white(data, left, Weights::white(data, whitening), whitening.clone())?;
     let mut search = Search::new(system, Vec::new());
     let known = known.into_iter().filter_map(|one| search.system.take(one)).collect();
-    let members = one_by_one(data, &mut search, known, left, &mut moments)?;
+    let members = one_by_one(data, &mut search, known, left, &mut torques)?;
     let members = told(data, &search, members, &whitening.least())?;
     let members = beside_shapes(data, &search, members, left)?;
     Some((search, members))
@@ -127,15 +127,15 @@ fn one_by_one(
     search: &mut Search,
     members: Vec<usize>,
     left: &[Vec<f64>],
-    moments: &mut Moments,
+    torques: &mut WhiteTorques,
 ) -> Option<Vec<usize>> {
     let mut now = search.settled(members)?;
     while now.members.len() < MOST * data.stages.len() {
-        moments.set(&less(left, &said(search, &now.members, left)?));
+        torques.set(&less(left, &said(search, &now.members, left)?));
         search.laid.clear();
         for kind in kinds().filter(|kind| kind.happens()) {
             for joint in places(kind, data.arm()) {
-                let Ok((found, _)) = at_place(data, kind, joint, Some(moments)) else { continue };
+                let Ok((found, _)) = at_place(data, kind, joint, Some(torques)) else { continue };
                 let inside = found.into_iter().filter(|one| is_inside(data, one));
                 let taken: Vec<usize> = inside.filter_map(|one| search.system.take(one)).collect();
                 search.laid.extend(taken);
