@@ -2,7 +2,8 @@
 
 use nalgebra::Isometry3;
 
-use crate::arm::{Arm, ArmError, MAX_DOF};
+use crate::arm::Arm;
+use crate::arm_error::{ArmError, MAX_DOF};
 use crate::dynamics::forward::felt_inertia;
 use crate::dynamics::mass_matrix::compose_inertias;
 use crate::joint::{Joint, JointKind};

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::arm::ArmError;
-use crate::model::Place;
+use crate::arm_error::ArmError;
+use crate::place::Place;
 
 /// A use of an arm, in the order of what it asks of the masses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

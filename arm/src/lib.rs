@@ -24,8 +24,10 @@
 //! (rad or m), v (rad/s or m/s), a (rad/s² or m/s²) and tau (N·m or N). No function of the loop allocates, locks or logs.
 
 mod arm;
+mod arm_error;
 mod brief;
 mod check;
+mod construction;
 mod dynamics;
 pub mod export;
 mod fitness;
@@ -34,10 +36,12 @@ mod joint;
 mod kinematics;
 mod link;
 mod model;
+mod place;
 mod spatial;
 mod workspace;
 
-pub use arm::{Arm, ArmError, MAX_DOF};
+pub use arm::Arm;
+pub use arm_error::{ArmError, MAX_DOF};
 pub use dynamics::energy::{kinetic_energy, potential_energy};
 pub use dynamics::forward::{Drive, aba, hybrid_aba};
 pub use dynamics::inverse::{bias, gravity_torque, joint_reaction, rnea};
@@ -50,7 +54,8 @@ pub use inverse::{
 pub use joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 pub use kinematics::{forward_kinematics, jacobian, tool_bias_acceleration};
 pub use model::{
-    ArmFile, EffectTable, MAX_FILE_BYTES, ModelError, Place, Selection, load, load_selected, match_joints,
+    ArmFile, EffectTable, MAX_FILE_BYTES, ModelError, Selection, load, load_selected, match_joints,
     paper_arm, parse_toml, parse_urdf, parse_urdf_selected, to_toml,
 };
+pub use place::Place;
 pub use workspace::Workspace;

@@ -17,6 +17,7 @@
 use nalgebra::DMatrix;
 
 use super::inertia::Principal;
+use super::mjcf_writer::{Marks, Writer};
 use super::names::Names;
 use super::parts::{JointParts, Parts};
 use super::rotation::quaternion;
@@ -165,13 +166,6 @@ fn inertias(parts: &Parts, arm: &Arm, number: u8) -> Vec<f64> {
     (0..dof).map(felt).collect()
 }
 
-/// The document as it grows.
-pub(super) struct Writer<'a> {
-    pub xml: Xml,
-    pub names: Names,
-    pub parts: &'a Parts,
-}
-
 impl Writer<'_> {
     fn write(&mut self, mechanism: &Mechanism, step: f64) {
         let arm = &mechanism.arm;
@@ -187,7 +181,7 @@ impl Writer<'_> {
             ],
         );
         self.write_defaults(step);
-        let mut marks = mjcf_tendon::Marks::default();
+        let mut marks = Marks::default();
         self.xml.start("worldbody", &[]);
         for (index, joint) in self.parts.joints.iter().enumerate() {
             self.write_body(index, joint, &mut marks);
@@ -227,7 +221,7 @@ impl Writer<'_> {
     }
 
     /// The beginning of the body that joint number `index` moves: its joints, its inertia and its shape.
-    fn write_body(&mut self, index: usize, parts: &JointParts, marks: &mut mjcf_tendon::Marks) {
+    fn write_body(&mut self, index: usize, parts: &JointParts, marks: &mut Marks) {
         let joint = &parts.joint;
         if parts.play.is_some() {
             let bearing = self.names.take(&format!("{}_bearing", joint.name));

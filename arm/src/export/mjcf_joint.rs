@@ -2,8 +2,7 @@
 
 use nalgebra::{Unit, Vector3};
 
-use super::mjcf::Writer;
-use super::mjcf_tendon::Marks;
+use super::mjcf_writer::{Marks, Writer};
 use super::parts::{Gear, JointParts};
 use super::xml::{number, numbers};
 use crate::joint::JointKind;

@@ -1,17 +1,7 @@
 //! Tendons of MJCF: friction behind a gap, radial play, shafts that two joints share.
 
-use std::collections::BTreeMap;
-
-use super::mjcf::Writer;
+use super::mjcf_writer::{Marks, Writer};
 use super::xml::{number, numbers};
-
-/// Names that were given while the bodies were written, by joint.
-#[derive(Debug, Default)]
-pub(super) struct Marks {
-    pub gears: BTreeMap<usize, String>,
-    pub bearings: BTreeMap<usize, String>,
-    pub journals: BTreeMap<usize, String>,
-}
 
 /// Writes all tendons.
 pub(super) fn write(writer: &mut Writer, marks: &Marks) {

@@ -8,6 +8,7 @@ mod inertia;
 mod mjcf;
 mod mjcf_joint;
 mod mjcf_tendon;
+mod mjcf_writer;
 mod names;
 mod parts;
 mod rotation;

@@ -9,12 +9,12 @@
 use std::collections::HashSet;
 
 use super::Selection;
-use super::error::{ModelError, Place};
+use super::error::ModelError;
 use super::names::{listed, match_joints};
-use super::urdf::{Joint, Robot};
+use super::robot::{Joint, Robot, Tree};
 use super::urdf_joint::Motion;
-use super::urdf_tree::Tree;
 use crate::joint::JointKind;
+use crate::place::Place;
 
 /// The name of the tool frame (REP-199 calls it so); in robots of several arms it ends the name.
 const TOOL: &str = "tool0";

@@ -5,9 +5,8 @@ use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion};
 use super::chain::Chain;
 use super::names::{counted, listed};
 use super::plausible::Body;
-use super::urdf::{Joint, Robot};
+use super::robot::{Joint, Robot, Tree};
 use super::urdf_joint::{Details, Motion};
-use super::urdf_tree::Tree;
 use crate::joint::{Inertia, Joint as ArmJoint, JointFriction, JointKind, Limits};
 
 /// Where a link rides: on which joint of the chain (`None`: the base), and at which pose in that link's frame.

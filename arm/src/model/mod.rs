@@ -8,6 +8,7 @@ mod names;
 mod numbers;
 mod plausible;
 mod prefixes;
+mod robot;
 mod toml_read;
 mod toml_tables;
 mod toml_write;
@@ -23,16 +24,14 @@ use freeplay_storage::plain_words;
 use serde::de::DeserializeOwned;
 
 use crate::arm::Arm;
+use crate::place::Place;
 
 use error::shortened;
-pub use error::{ModelError, Place};
+pub use error::{MAX_FILE_BYTES, ModelError};
 pub use names::match_joints;
 pub use toml_read::parse_toml;
 pub use toml_write::to_toml;
 pub use urdf::{parse_urdf, parse_urdf_selected};
-
-/// Largest model file that is read, bytes.
-pub const MAX_FILE_BYTES: u64 = freeplay_storage::CONFIG_LIMIT;
 
 /// An `[[effect]]` of an arm file as read: physics beyond the rigid body, to be interpreted by whoever knows the kind.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,15 +6,17 @@ use freeplay_storage::plain_words;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use toml::Spanned;
 
-use super::error::{ModelError, Place, shortened};
+use super::error::{ModelError, shortened};
 use super::numbers::{IMPOSSIBLE, NO_REAL_BODY, direction, rotation};
 use super::plausible::Body;
 use super::toml_tables::{ArmTable, FrameTable, InertiaTable, JointTable, KindName, LimitsTable};
 use super::urdf_tree::{GRAVITY, lacking};
 use super::{ArmFile, EffectTable, Selection, check_extent, load_selected, plausible};
-use crate::arm::{Arm, ArmError};
+use crate::arm::Arm;
+use crate::arm_error::ArmError;
 use crate::fitness::{Fitness, Origin, Shortfall};
 use crate::joint::{Inertia, Joint, JointFriction, JointKind, Limits};
+use crate::place::Place;
 
 /// Reads the arm file `text`; `path` names it in errors, and a `urdf` in it is looked for beside it.
 ///

@@ -5,49 +5,13 @@ use std::collections::HashMap;
 use nalgebra::Isometry3;
 use roxmltree::{Document, Node};
 
-use super::error::{ModelError, Place, shortened};
+use super::error::{ModelError, shortened};
 use super::numbers::pose;
 use super::prefixes::{Declared, MAX_ATTRIBUTES, crowded_tag, options};
-use super::urdf_inertial::Inertial;
-use super::urdf_joint::{Details, Motion};
+use super::robot::{Joint, Link, Robot};
 use super::urdf_xml::{Reader, Source, children};
 use super::{ArmFile, Selection, check_extent, mjcf, urdf_tree};
-
-/// A `<link>`.
-pub(super) struct Link {
-    pub name: String,
-    /// `None` where the file has no `<inertial>`; an error counts where the link moves.
-    pub inertial: Option<Result<Inertial, ModelError>>,
-    /// The link has a shape; a link without one is only a frame.
-    pub has_shape: bool,
-    /// Byte offset in the text.
-    pub at: usize,
-}
-
-/// A `<joint>`, with its links by index.
-pub(super) struct Joint {
-    pub name: String,
-    pub motion: Motion,
-    pub parent: usize,
-    pub child: usize,
-    /// An error counts where something of the arm hangs on the joint.
-    pub placement: Result<Isometry3<f64>, ModelError>,
-    /// An error counts where the joint is one of the arm.
-    pub details: Result<Details, ModelError>,
-    /// Notes for the user, given where the joint belongs to the arm.
-    pub notes: Vec<String>,
-    /// Byte offset in the text.
-    pub at: usize,
-}
-
-/// Everything of a `<robot>` that an arm needs.
-pub(super) struct Robot<'a> {
-    pub name: String,
-    pub links: Vec<Link>,
-    pub joints: Vec<Joint>,
-    pub notes: Vec<String>,
-    pub source: Source<'a>,
-}
+use crate::place::Place;
 
 /// Reads a URDF robot from `text`; `origin` names the text in errors. The arm is the one that the file shows by itself: see
 /// [`parse_urdf_selected`].

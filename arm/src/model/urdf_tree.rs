@@ -1,29 +1,20 @@
 //! The tree of URDF links → the arm: the tree is checked, the arm chosen and the rest folded into it.
 
-use std::collections::HashSet;
-
 use nalgebra::{Isometry3, Vector3};
 
 use super::chain::{Chain, choose};
 use super::error::ModelError;
 use super::fold::Fold;
 use super::names::listed;
-use super::urdf::Robot;
+use super::robot::{Robot, Tree, tree};
 use super::urdf_joint::{Details, Motion};
 use super::{ArmFile, Selection, plausible};
-use crate::arm::{Arm, ArmError, MAX_DOF};
+use crate::arm::Arm;
+use crate::arm_error::{ArmError, MAX_DOF};
 use crate::fitness::{Fitness, Origin, Purpose, Shortfall};
 
 /// Standard gravity of the model's files, m/s².
 pub(super) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
-
-/// The links in an order in which parents come before children.
-pub(super) struct Tree {
-    /// Link indices, roots first.
-    pub order: Vec<usize>,
-    /// Joint that each link hangs on, `None` for a root.
-    pub parent_joint: Vec<Option<usize>>,
-}
 
 /// The arm of a robot.
 pub(super) fn arm(mut robot: Robot<'_>, selection: &Selection) -> Result<ArmFile, ModelError> {
@@ -57,44 +48,6 @@ pub(super) fn arm(mut robot: Robot<'_>, selection: &Selection) -> Result<ArmFile
 pub(super) fn lacking(arm: &Arm) -> Option<String> {
     let lacks = |purpose| arm.require(purpose).err();
     lacks(Purpose::Torque).or_else(|| lacks(Purpose::Simulation)).map(|shortfall| shortfall.to_string())
-}
-
-/// Checks that the links make up trees.
-fn tree(robot: &Robot<'_>) -> Result<Tree, ModelError> {
-    let mut parent_joint: Vec<Option<usize>> = vec![None; robot.links.len()];
-    let mut children: Vec<Vec<usize>> = vec![Vec::new(); robot.links.len()];
-    for (index, joint) in robot.joints.iter().enumerate() {
-        if let Some(first) = parent_joint[joint.child] {
-            return Err(ModelError::TwoParents {
-                at: robot.source.place(joint.at),
-                link: robot.links[joint.child].name.clone(),
-                first: robot.joints[first].name.clone(),
-                second: joint.name.clone(),
-            });
-        }
-        parent_joint[joint.child] = Some(index);
-        children[joint.parent].push(joint.child);
-    }
-    let mut order: Vec<usize> = (0..robot.links.len()).filter(|&link| parent_joint[link].is_none()).collect();
-    let mut next = 0;
-    while let Some(&link) = order.get(next) {
-        order.extend(&children[link]);
-        next += 1;
-    }
-    if order.len() < robot.links.len() {
-        let reached: HashSet<usize> = order.iter().copied().collect();
-        if let Some(joint) = robot.joints.iter().find(|joint| !reached.contains(&joint.child)) {
-            return Err(ModelError::Loop { at: robot.source.place(joint.at), joint: joint.name.clone() });
-        }
-    }
-    if order.is_empty() {
-        return Err(ModelError::Missing {
-            at: robot.source.place(0),
-            what: "every <link>".to_owned(),
-            remedy: "a robot needs links and joints".to_owned(),
-        });
-    }
-    Ok(Tree { order, parent_joint })
 }
 
 /// The error in `slot`, which gets `blank`.

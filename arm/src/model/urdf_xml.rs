@@ -2,8 +2,9 @@
 
 use roxmltree::{Attribute, Node};
 
-use super::error::{ModelError, Place, shortened};
+use super::error::{ModelError, shortened};
 use super::numbers::parse_numbers;
+use crate::place::Place;
 
 /// The text and its name, for places in errors.
 #[derive(Clone, Copy)]

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Translation3, Vector3};
 use roxmltree::Node;
 
 use super::super::error::ModelError;
-use super::super::urdf::{Joint, Link};
+use super::super::robot::{Joint, Link};
 use super::super::urdf_joint::{Details, Motion};
 use super::super::urdf_xml::children;
 use super::Model;

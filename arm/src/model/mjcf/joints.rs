@@ -5,7 +5,7 @@ use roxmltree::Node;
 
 use super::super::error::ModelError;
 use super::super::numbers::{direction, parse_number};
-use super::super::urdf::Joint;
+use super::super::robot::Joint;
 use super::super::urdf_joint::{Details, Motion};
 use super::Model;
 use crate::joint::{JointFriction, JointKind, Limits};

@@ -20,7 +20,7 @@ use nalgebra::Vector3;
 use roxmltree::{Document, Node};
 
 use super::error::{ModelError, shortened};
-use super::urdf::{Joint, Link, Robot};
+use super::robot::{Joint, Link, Robot};
 use super::urdf_xml::{Reader, children};
 use super::{ArmFile, Selection, urdf_tree};
 use crate::arm::Arm;

@@ -1,0 +1,88 @@
+//! Why a chain of joints is not an arm.
+
+use thiserror::Error;
+
+/// Most joints an arm may have. It bounds what a broken or hostile file can ask for.
+pub const MAX_DOF: usize = 64;
+
+/// Why a chain of joints is not an arm.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ArmError {
+    /// No joint at all.
+    #[error("the arm has no moving joint; it needs at least one revolute or prismatic joint")]
+    NoJoints,
+    /// More joints than [`MAX_DOF`].
+    #[error(
+        "the arm has {count} moving joints, more than the {MAX_DOF} allowed; lock or leave out the joints not needed"
+    )]
+    TooManyJoints {
+        /// How many there are.
+        count: usize,
+    },
+    /// Two joints share a name.
+    #[error("two joints are called `{name}`; every joint needs a name of its own")]
+    DuplicateName {
+        /// The name.
+        name: String,
+    },
+    /// A joint without a name.
+    #[error("joint number {number} has an empty name; give it one")]
+    EmptyName {
+        /// Position in the chain, from 1.
+        number: usize,
+    },
+    /// A joint whose name has a line break, so that no table and no message can carry it.
+    #[error("joint number {number} is called {name:?}; remove the line break from its name")]
+    NameOfLines {
+        /// Position in the chain, from 1.
+        number: usize,
+        /// The name.
+        name: String,
+    },
+    /// A value outside its range, NaN or infinite.
+    #[error("{}: {quantity} is {value}, but must be {must}", joint.as_ref().map_or("the arm".to_owned(), |name| format!("joint `{name}`")))]
+    Value {
+        /// The joint whose value it is; `None` for the arm as a whole.
+        joint: Option<String>,
+        /// Which quantity, with its unit.
+        quantity: String,
+        /// The value found.
+        value: String,
+        /// What is allowed.
+        must: &'static str,
+    },
+    /// A joint whose motion no inertia resists.
+    #[error(
+        "joint `{name}` moves no inertia (felt inertia {felt:e}): no mass beyond it resists its motion, so its acceleration would be \
+         infinite; give its link or one beyond it a mass away from the axis or an inertia about it, or lock the joint"
+    )]
+    MovesNoInertia {
+        /// The joint.
+        name: String,
+        /// Inertia felt at the joint, kg·m² or kg.
+        felt: f64,
+    },
+    /// An index that names no joint.
+    #[error("there is no joint number {index} (from 0) in an arm of {dof} joints")]
+    NoSuchJoint {
+        /// The index asked for.
+        index: usize,
+        /// Number of joints.
+        dof: usize,
+    },
+}
+
+impl ArmError {
+    /// The joint that the error is about, if it is about one.
+    pub fn joint(&self) -> Option<&str> {
+        match self {
+            ArmError::Value { joint, .. } => joint.as_deref(),
+            ArmError::MovesNoInertia { name, .. } | ArmError::DuplicateName { name } => Some(name),
+            ArmError::NoJoints
+            | ArmError::TooManyJoints { .. }
+            | ArmError::EmptyName { .. }
+            | ArmError::NameOfLines { .. }
+            | ArmError::NoSuchJoint { .. } => None,
+        }
+    }
+}
