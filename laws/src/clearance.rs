@@ -8,7 +8,7 @@ use freeplay_arm::EffectTable;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::effects::LawError;
+use crate::law_error::LawError;
 use crate::{ContactFriction, FrictionLaw, Material, NormalContact, NormalLaw, hertz_stiffness};
 
 /// A clearance as it is written in files, every field but `clearance` optional.

@@ -2,8 +2,6 @@
 
 use std::ops::{Index, IndexMut};
 
-use crate::scene::Prediction;
-
 /// Numbers `[column][point]`, all zero at first. A column takes room when it is first written to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Columns {
@@ -68,50 +66,6 @@ impl From<Vec<Vec<f64>>> for Columns {
     /// All columns written, of equal length.
     fn from(columns: Vec<Vec<f64>>) -> Columns {
         Columns { points: columns.first().map_or(0, Vec::len), columns }
-    }
-}
-
-/// By how much an effect changes what is predicted: a [`Prediction`] less another.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Change {
-    /// Joint torques, `[joint][point]`, N·m (N).
-    pub torque: Columns,
-    /// Tool position in the base frame, `[axis][point]`, m.
-    pub tool: Columns,
-    /// Link-side position of each joint, `[joint][point]`, rad (m).
-    pub link: Columns,
-}
-
-impl Change {
-    /// No change, for an arm of `dof` joints and a motion of `points`.
-    pub fn nothing(dof: usize, points: usize) -> Change {
-        let joints = Columns::zero(dof, points);
-        Change { torque: joints.clone(), tool: Columns::zero(3, points), link: joints }
-    }
-
-    /// What has changed from `before` to `after`.
-    pub fn between(before: &Prediction, mut after: Prediction) -> Change {
-        after.subtract(before);
-        Change { torque: after.torque.into(), tool: Vec::from(after.tool).into(), link: after.link.into() }
-    }
-
-    /// Adds `factor` times `other`, of the same shape.
-    pub fn add(&mut self, other: &Change, factor: f64) {
-        for (columns, other) in self.parts_mut().into_iter().zip([&other.torque, &other.tool, &other.link]) {
-            columns.add(other, factor);
-        }
-    }
-
-    /// Multiplies every number by `factor`.
-    pub fn scale(&mut self, factor: f64) {
-        for columns in self.parts_mut() {
-            columns.change_written(|column| column.iter_mut().for_each(|x| *x *= factor));
-        }
-    }
-
-    /// Torques, tool and links.
-    pub(crate) fn parts_mut(&mut self) -> [&mut Columns; 3] {
-        [&mut self.torque, &mut self.tool, &mut self.link]
     }
 }
 

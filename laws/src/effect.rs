@@ -2,17 +2,19 @@
 
 use std::fmt::Debug;
 
+use freeplay_arm::Joint;
 use freeplay_arm::export::Element;
-use freeplay_arm::{Arm, Fitness, Joint};
-use nalgebra::{Isometry3, Vector3};
 use toml::Value;
 
 use crate::LawError;
+use crate::arm_parts::ArmParts;
 use crate::basis::vector;
-use crate::columns::{Change, Columns};
+use crate::columns::Columns;
 use crate::injection::Injection;
 use crate::play::across;
-use crate::scene::{Prediction, Scene};
+use crate::prediction::Change;
+use crate::prediction::Prediction;
+use crate::scene::Scene;
 
 /// An effect with its parameters, at its place. The stages are called in the order in which they stand here; each effect does
 /// something in one or a few of them.
@@ -109,43 +111,5 @@ impl Start {
                 vector((first * e1.into_inner() + second * e2.into_inner()).into())
             }
         }
-    }
-}
-
-/// The parts of an arm, to be changed and put together again.
-#[derive(Clone, Debug)]
-pub struct ArmParts {
-    /// The joints from the base outwards, each with the link it moves.
-    pub joints: Vec<Joint>,
-    /// Pose of the tool in the last link's frame.
-    pub tool: Isometry3<f64>,
-    /// Gravity in the base frame, m/s².
-    pub gravity: Vector3<f64>,
-    /// What the arm lacks that they are of.
-    fitness: Fitness,
-}
-
-impl ArmParts {
-    /// The parts of `arm`.
-    pub fn of(arm: &Arm) -> ArmParts {
-        ArmParts {
-            joints: arm.joints().to_vec(),
-            tool: *arm.tool(),
-            gravity: *arm.gravity(),
-            fitness: arm.fitness().clone(),
-        }
-    }
-
-    /// Whether they are the parts of `arm`, unchanged.
-    pub fn are_of(&self, arm: &Arm) -> bool {
-        self.joints == arm.joints() && self.tool == *arm.tool() && self.gravity == *arm.gravity()
-    }
-
-    /// The arm called `name` that these parts make.
-    ///
-    /// # Errors
-    /// [`LawError::Changed`]: no such arm can exist.
-    pub fn into_arm(self, name: &str) -> Result<Arm, LawError> {
-        Arm::derived(name, self.joints, self.tool, self.gravity, &self.fitness).map_err(LawError::Changed)
     }
 }

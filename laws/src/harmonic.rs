@@ -2,9 +2,11 @@
 
 use toml::Table;
 
-use crate::basis::{Place, Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::kind::Kind;
+use crate::kind::Terms;
 use crate::parameter::Parameter;
+use crate::place::Place;
 use crate::{LawError, Values};
 
 /// Name of the parameter that says how often a wave repeats.

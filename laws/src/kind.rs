@@ -2,27 +2,16 @@
 
 use std::fmt::Debug;
 
-use freeplay_arm::{Joint, JointKind};
+use freeplay_arm::{Arm, EffectTable, Joint, JointKind};
+use toml::Table;
 
-use crate::basis::{Place, Term, Terms, with};
-use crate::beyond::BEYOND_CATALOGUE;
-use crate::catalogue::{CATALOGUE, COMMANDED};
+use crate::basis::{Term, with};
 use crate::effect::Effect;
-use crate::nameless::NAMELESS;
-use crate::needs::Need;
+use crate::law_error::LawError;
+use crate::needs::{Need, Recorded};
 use crate::parameter::{Parameter, Range, Role};
-use crate::{LawError, Values};
-
-/// Where an effect can sit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Site {
-    /// On any joint, or the link that it moves.
-    Joint,
-    /// On a revolute joint.
-    Revolute,
-    /// On the arm as a whole.
-    Arm,
-}
+use crate::place::{Place, Site};
+use crate::values::Values;
 
 /// A number of a data sheet: how far a machine may be from its model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,20 +125,19 @@ pub struct Kind {
     pub build: fn(&Values) -> Result<Box<dyn Effect>, LawError>,
 }
 
+/// How an effect is a sum of terms.
+#[derive(Clone, Copy)]
+pub struct Terms {
+    /// The terms at a place for a shape.
+    pub list: fn(&Kind, &Place, &Table) -> Vec<Term>,
+    /// The parameters for a shape and the coefficients of the terms.
+    pub compose: fn(&Kind, &Table, &[f64]) -> Table,
+}
+
 impl Debug for Kind {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(formatter, "Kind({})", self.name)
     }
-}
-
-/// Every kind that shows in torques or poses, those of the catalogue first; see [`COMMANDED`] for the others.
-pub fn kinds() -> impl Iterator<Item = &'static Kind> {
-    CATALOGUE.iter().chain(BEYOND_CATALOGUE).copied()
-}
-
-/// The kind called `name`: in the catalogue, beyond it, among those of commanded positions or without a name for a diagnosis.
-pub fn kind(name: &str) -> Option<&'static Kind> {
-    kinds().chain(COMMANDED.iter().chain(NAMELESS).copied()).find(|kind| kind.name == name)
 }
 
 /// The shapes of an effect that has one only.
@@ -164,11 +152,6 @@ pub fn small_and_about(shape: toml::Table, coefficients: impl IntoIterator<Item 
 }
 
 impl Kind {
-    /// Whether the catalogue has it; else it is a law that the catalogue is compared with.
-    pub fn is_catalogued(&self) -> bool {
-        CATALOGUE.iter().any(|kind| kind.name == self.name)
-    }
-
     /// The parameter called `name`.
     pub fn parameter(&self, name: &str) -> Option<&'static Parameter> {
         self.parameters.iter().find(|parameter| parameter.name == name)
@@ -247,5 +230,27 @@ impl Kind {
         let mut parameters = (self.terms.compose)(self, shape, coefficients);
         parameters.remove(ABOUT);
         parameters
+    }
+
+    /// What a recording with `recorded` lacks for this effect at `place`: a plain sentence, or `None` if nothing.
+    pub fn missing(&self, place: &Place, recorded: &Recorded) -> Option<String> {
+        let name = place.joint().map_or("the arm", |joint| &joint.name);
+        self.needs.iter().find_map(|need| need.missing(place, recorded, self.site, name))
+    }
+
+    /// The same without what the motion covers too little of: with that, the effect can be fitted, if not told from others.
+    pub fn cannot_be_fitted(&self, place: &Place, recorded: &Recorded) -> Option<String> {
+        let name = place.joint().map_or("the arm", |joint| &joint.name);
+        let needs = self.needs.iter().filter(|need| !need.is_coverage());
+        needs.copied().find_map(|need| need.missing(place, recorded, self.site, name))
+    }
+
+    /// The values of `table`, checked against this kind and the joints of `arm`.
+    ///
+    /// # Errors
+    /// [`LawError`] with the line of the table: a joint that is not there or cannot have the effect; a parameter that is unknown,
+    /// missing, of the wrong type or out of its range.
+    pub fn values(&self, table: &EffectTable, arm: &Arm) -> Result<Values, LawError> {
+        Values::new(self.name, self.site, self.parameters, table, arm)
     }
 }

@@ -26,6 +26,7 @@
 //! - [`mechanism`]: an arm file for the formats of other tools; [`ExportCoverage`]: how much of an effect they can say.
 
 mod archive;
+mod arm_parts;
 mod basis;
 mod bearing;
 mod bearing_course;
@@ -45,51 +46,63 @@ mod injection;
 mod joint_law;
 mod journal_flight;
 mod kind;
+mod law_error;
+mod lookup;
 mod lubrication;
 mod manual;
 mod mechanism;
 mod nameless;
 mod needs;
 mod parameter;
+mod place;
+mod placed;
 mod play;
 mod predict;
+mod prediction;
 mod resonance;
 mod rest;
 mod sag;
 mod scene;
+mod term_columns;
+mod terms;
+mod trajectory;
 mod transmission;
 mod values;
 
 pub use archive::Archive;
-pub use basis::{Place, Term, Terms};
+pub use arm_parts::ArmParts;
+pub use basis::Term;
 pub use bearing::{Approach, BearingContact, Journal, bearing_contact};
 pub use bearing_load::BearingLoad;
 pub use beyond::BEYOND_CATALOGUE;
 pub use catalogue::{CATALOGUE, COMMANDED, holding};
 pub use clearance::{Clearance, ClearanceTable};
-pub use columns::{Change, Columns};
+pub use columns::Columns;
 pub use contact::{Material, NormalContact, NormalLaw, hertz_stiffness};
 pub use drive_friction::DriveFriction;
-pub use effect::{ArmParts, Effect, ExportCoverage, Start};
-pub use effects::{Effects, LawError, Placed};
+pub use effect::{Effect, ExportCoverage, Start};
+pub use effects::Effects;
 pub use friction::{ContactFriction, FrictionLaw};
 pub use harmonic::PERIODS;
 pub use injection::{
     DriveLaw, DriveState, Injection, Readings, SensorLaw, ServoLaw, ToolForce, Transmission,
 };
 pub use joint_law::{AtJoint, Instant, JointLaw};
-pub use kind::{ABOUT, Kind, Occurrence, START, Seen, Site, Tolerance, kind, kinds};
+pub use kind::{ABOUT, Kind, Occurrence, START, Seen, Terms, Tolerance};
+pub use law_error::LawError;
+pub use lookup::{kind, kinds};
 pub use lubrication::Film;
 pub use manual::manual;
 pub use mechanism::mechanism;
 pub use nameless::NAMELESS;
 pub use needs::{Need, Recorded};
 pub use parameter::{Absent, Parameter, Range, Role};
+pub use place::{Place, Site};
+pub use placed::Placed;
 pub use play::{ArmWithPlay, Play};
 pub use predict::{Baseline, LowPassed, changed, predict};
+pub use prediction::{Change, Prediction};
 pub use rest::{Rest, settle};
-pub use scene::{
-    Prediction, Scene, Trajectory, rigid_torques, tool_positions, tool_sensitivity, torque_sensitivity,
-    torque_unit,
-};
+pub use scene::{Scene, rigid_torques, tool_positions, tool_sensitivity, torque_sensitivity, torque_unit};
+pub use trajectory::Trajectory;
 pub use values::Values;

@@ -2,8 +2,9 @@
 
 use crate::beyond::BEYOND_CATALOGUE;
 use crate::catalogue::{CATALOGUE, COMMANDED};
-use crate::kind::{Kind, Site};
+use crate::kind::Kind;
 use crate::parameter::{Absent, Parameter, Range, Role};
+use crate::place::Site;
 
 /// What makes it.
 const MADE_BY: &str = "cargo run -p freeplay-laws --example effects";

@@ -2,8 +2,7 @@
 
 use freeplay_arm::JointKind;
 
-use crate::basis::Place;
-use crate::kind::{Kind, Site};
+use crate::place::{Place, Site};
 use crate::scene::torque_unit;
 
 /// What was recorded beside the motion.
@@ -51,29 +50,20 @@ pub enum Need {
 /// Speed below which a joint stands, rad/s (m/s).
 const STILL: f64 = 1e-4;
 
-impl Kind {
-    /// What a recording with `recorded` lacks for this effect at `place`: a plain sentence, or `None` if nothing.
-    pub fn missing(&self, place: &Place, recorded: &Recorded) -> Option<String> {
-        let name = place.joint().map_or("the arm", |joint| &joint.name);
-        self.needs.iter().find_map(|need| need.missing(place, recorded, self.site, name))
-    }
-
-    /// The same without what the motion covers too little of: with that, the effect can be fitted, if not told from others.
-    pub fn cannot_be_fitted(&self, place: &Place, recorded: &Recorded) -> Option<String> {
-        let name = place.joint().map_or("the arm", |joint| &joint.name);
-        let needs = self.needs.iter().filter(|need| !need.is_coverage());
-        needs.copied().find_map(|need| need.missing(place, recorded, self.site, name))
-    }
-}
-
 impl Need {
     /// Whether it asks for a motion that tells the effect from others that are as plain. A law of a quantity that the motion keeps constant
     /// is another, plainer law.
-    fn is_coverage(self) -> bool {
+    pub(crate) fn is_coverage(self) -> bool {
         matches!(self, Need::Reversals(_) | Need::Speeds(_))
     }
 
-    fn missing(self, place: &Place, recorded: &Recorded, site: Site, name: &str) -> Option<String> {
+    pub(crate) fn missing(
+        self,
+        place: &Place,
+        recorded: &Recorded,
+        site: Site,
+        name: &str,
+    ) -> Option<String> {
         let link = match (site, place.joint) {
             (Site::Arm, _) | (_, None) => recorded.link.contains(&true),
             (_, Some(joint)) => recorded.link.get(joint).copied().unwrap_or(false),

@@ -7,12 +7,15 @@ use std::rc::Rc;
 
 use freeplay_arm::Arm;
 
-use crate::columns::{Change, Columns};
-use crate::effect::{ArmParts, Effect};
+use crate::arm_parts::ArmParts;
+use crate::columns::Columns;
+use crate::effect::Effect;
+use crate::prediction::Change;
+use crate::prediction::Prediction;
 use crate::scene::{
-    Prediction, Scene, Trajectory, rigid_torques, rotor_torques, tool_positions, tool_sensitivity,
-    torque_sensitivity,
+    Scene, rigid_torques, rotor_torques, tool_positions, tool_sensitivity, torque_sensitivity,
 };
+use crate::trajectory::Trajectory;
 use crate::{DriveFriction, LawError, Placed};
 
 /// The low-pass that a measured column has gone through, applied to one column of the trajectory's points.

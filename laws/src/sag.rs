@@ -13,9 +13,10 @@ use freeplay_arm::{Arm, JointKind, Workspace, joint_reaction, rnea};
 use nalgebra::{Point3, Vector3};
 
 use crate::archive::Archive;
-use crate::columns::{Change, Columns};
+use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw};
+use crate::prediction::Change;
 use crate::scene::Scene;
 
 /// How something gives under the arm.

@@ -1,76 +1,14 @@
 //! What effects see, and what they change: the arm in its motion, and everything that is predicted of it.
 
 use std::cell::OnceCell;
-use std::ops::Range;
 
 use freeplay_arm::{Arm, Inertia, JointKind, Workspace, crba, forward_kinematics, jacobian, rnea};
 use nalgebra::{DMatrix, Isometry3};
 
 use crate::LawError;
+use crate::arm_parts::ArmParts;
 use crate::bearing_course::BearingCourse;
-use crate::columns::Change;
-use crate::effect::ArmParts;
-
-/// A motion of all joints over time, as the motor-side encoders read it.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Trajectory {
-    /// Time, s; evenly spaced within a stretch.
-    pub t: Vec<f64>,
-    /// Position, `[joint][point]`, rad (m).
-    pub q: Vec<Vec<f64>>,
-    /// Velocity, `[joint][point]`, rad/s (m/s).
-    pub v: Vec<Vec<f64>>,
-    /// Acceleration, `[joint][point]`, rad/s² (m/s²).
-    pub a: Vec<Vec<f64>>,
-    /// Stretches without gaps, as ranges of points. A law with a memory starts anew in each.
-    pub stretches: Vec<Range<usize>>,
-}
-
-impl Trajectory {
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.t.len()
-    }
-
-    /// Whether there are no points.
-    pub fn is_empty(&self) -> bool {
-        self.t.is_empty()
-    }
-
-    /// Time between two points of `stretch`, s.
-    pub fn step(&self, stretch: &Range<usize>) -> f64 {
-        let points = stretch.len().saturating_sub(1).max(1);
-        (self.t[stretch.end - 1] - self.t[stretch.start]) / points as f64
-    }
-
-    /// The same motion with each position `shift`, `[joint][point]`, further; velocities and accelerations by central differences within
-    /// each stretch.
-    #[must_use]
-    pub fn shifted(&self, shift: &[Vec<f64>]) -> Trajectory {
-        let mut shifted = self.clone();
-        for (joint, shift) in shift.iter().enumerate().filter(|(_, shift)| shift.iter().any(|&x| x != 0.0)) {
-            shifted.q[joint].iter_mut().zip(shift).for_each(|(q, shift)| *q += shift);
-            for stretch in self.stretches.iter().filter(|stretch| stretch.len() > 2) {
-                let step = self.step(stretch);
-                for point in stretch.clone() {
-                    let middle = point.clamp(stretch.start + 1, stretch.end - 2);
-                    let [before, at, after] = [shift[middle - 1], shift[middle], shift[middle + 1]];
-                    shifted.v[joint][point] += (after - before) / (2.0 * step);
-                    shifted.a[joint][point] += (after - 2.0 * at + before) / (step * step);
-                }
-            }
-        }
-        shifted
-    }
-
-    /// Position, velocity and acceleration of all joints at `point` into slices of one number per joint.
-    pub fn at(&self, point: usize, q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
-        for joint in 0..self.q.len() {
-            (q[joint], v[joint], a[joint]) =
-                (self.q[joint][point], self.v[joint][point], self.a[joint][point]);
-        }
-    }
-}
+use crate::trajectory::Trajectory;
 
 /// What effects see: the arm, its motion, and what the rigid arm makes of it.
 #[derive(Clone, Debug)]
@@ -150,60 +88,6 @@ pub(crate) fn loaded(arm: &Arm, mass: f64) -> Result<Arm, LawError> {
         last.inertia = last.inertia.joined_with(&point, &Isometry3::identity());
     }
     parts.into_arm(arm.name())
-}
-
-/// What a model says in place of each measured channel.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Prediction {
-    /// Joint torques, `[joint][point]`, N·m (N).
-    pub torque: Vec<Vec<f64>>,
-    /// The part of them that is the nominal friction of the drives.
-    pub friction: Vec<Vec<f64>>,
-    /// Tool position in the base frame, `[axis][point]`, m.
-    pub tool: [Vec<f64>; 3],
-    /// Link-side position of each joint, `[joint][point]`, rad (m).
-    pub link: Vec<Vec<f64>>,
-}
-
-impl Prediction {
-    /// All zeros, for an arm of `dof` joints and a motion of `points`.
-    pub fn blank(dof: usize, points: usize) -> Prediction {
-        let joints = || vec![vec![0.0; points]; dof];
-        let tool = [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; points]);
-        Prediction { torque: joints(), friction: joints(), tool, link: joints() }
-    }
-
-    /// Every column.
-    pub fn columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
-        let joints = self.torque.iter_mut().chain(&mut self.friction).chain(&mut self.link);
-        joints.chain(&mut self.tool)
-    }
-
-    /// Every column, in the same order.
-    pub fn columns(&self) -> impl Iterator<Item = &Vec<f64>> {
-        self.torque.iter().chain(&self.friction).chain(&self.link).chain(&self.tool)
-    }
-
-    /// Adds `change`, point by point.
-    pub fn add(&mut self, change: &Change) {
-        let parts = [
-            (&mut self.torque[..], &change.torque),
-            (&mut self.tool, &change.tool),
-            (&mut self.link, &change.link),
-        ];
-        for (columns, change) in parts {
-            for (index, change) in change.all_written() {
-                columns[index].iter_mut().zip(change).for_each(|(x, change)| *x += change);
-            }
-        }
-    }
-
-    /// Subtracts `other`, point by point.
-    pub fn subtract(&mut self, other: &Prediction) {
-        for (column, other) in self.columns_mut().zip(other.columns()) {
-            column.iter_mut().zip(other).for_each(|(x, other)| *x -= other);
-        }
-    }
 }
 
 /// Torque of the rigid arm along `motion`, with the links `shift` away from where the encoders have them, `[joint][point]`, N·m (N).

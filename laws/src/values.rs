@@ -3,38 +3,41 @@
 use freeplay_arm::{Arm, EffectTable, JointFriction};
 use serde::de::DeserializeOwned;
 
-use crate::LawError;
-use crate::kind::{Kind, Site};
-use crate::parameter::{Absent, Range};
+use crate::law_error::LawError;
+use crate::parameter::{Absent, Parameter, Range};
+use crate::place::Site;
 
 /// The values of an effect's parameters, at its place in an arm; every value is in its range.
 #[derive(Clone, Debug)]
 pub struct Values {
-    kind: &'static Kind,
+    kind: &'static str,
+    parameters: &'static [Parameter],
     joint: Option<usize>,
     arm: Arm,
     table: EffectTable,
 }
 
 impl Values {
-    /// Checks `table` against `kind` and the joints of `arm`.
-    ///
-    /// # Errors
-    /// [`LawError`] with the line of the table: a joint that is not there or cannot have the effect; a parameter that is unknown,
-    /// missing, of the wrong type or out of its range.
-    pub fn of(kind: &'static Kind, table: &EffectTable, arm: &Arm) -> Result<Values, LawError> {
+    /// Checks `table` against the `parameters` and the `site` of the kind called `kind` and the joints of `arm`.
+    pub(crate) fn new(
+        kind: &'static str,
+        site: Site,
+        parameters: &'static [Parameter],
+        table: &EffectTable,
+        arm: &Arm,
+    ) -> Result<Values, LawError> {
         let joints = names(arm);
         let unknown_joint = |name: &str| LawError::UnknownJoint {
-            kind: kind.name.to_owned(),
+            kind: kind.to_owned(),
             line: table.line,
             joint: name.to_owned(),
             joints: joints.join(", "),
         };
-        let joint = match (kind.site, &table.joint) {
+        let joint = match (site, &table.joint) {
             (Site::Arm, None) => None,
             (Site::Arm, Some(name)) => {
                 return Err(LawError::Unreadable {
-                    kind: kind.name.to_owned(),
+                    kind: kind.to_owned(),
                     line: table.line,
                     message: format!("it belongs to the whole arm, not to joint {name}: remove `joint`"),
                 });
@@ -44,15 +47,15 @@ impl Values {
                 Some(arm.joint_index(&name).ok_or_else(|| unknown_joint(&name))?)
             }
         };
-        if let (Site::Revolute, Some(at)) = (kind.site, joint)
+        if let (Site::Revolute, Some(at)) = (site, joint)
             && arm.joints()[at].kind != freeplay_arm::JointKind::Revolute
         {
-            let (kind, joint) = (kind.name.to_owned(), joints[at].to_owned());
+            let (kind, joint) = (kind.to_owned(), joints[at].to_owned());
             return Err(LawError::WrongJoint { kind, line: table.line, joint });
         }
-        let values = Values { kind, joint, arm: arm.clone(), table: table.clone() };
+        let values = Values { kind, parameters, joint, arm: arm.clone(), table: table.clone() };
         values.check_names()?;
-        for parameter in kind.parameters {
+        for parameter in parameters {
             values.check(parameter.name, parameter.range)?;
         }
         Ok(values)
@@ -89,7 +92,7 @@ impl Values {
     /// # Errors
     /// [`LawError::Unreadable`] if it has to be given and is not, or is not a number.
     pub fn optional(&self, name: &str) -> Result<Option<f64>, LawError> {
-        let range = self.kind.parameter(name).map(|parameter| parameter.range);
+        let range = self.parameter(name).map(|parameter| parameter.range);
         match (self.table.parameters.get(name), range) {
             (Some(value), _) => {
                 let number = value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));
@@ -116,7 +119,7 @@ impl Values {
     /// # Errors
     /// [`LawError::Unreadable`] if it has to be given and is not, or is not three numbers.
     pub fn optional_vector(&self, name: &str) -> Result<Option<[f64; 3]>, LawError> {
-        let range = self.kind.parameter(name).map(|parameter| parameter.range);
+        let range = self.parameter(name).map(|parameter| parameter.range);
         match (self.table.parameters.get(name), range) {
             (Some(value), _) => {
                 let numbers: Result<[f64; 3], _> = value.clone().try_into();
@@ -138,7 +141,7 @@ impl Values {
         let other = self.table.parameters.get(name).and_then(|value| value.as_str()).unwrap_or_default();
         let found = self.arm.joint_index(other).filter(|&found| Some(found) != self.joint);
         found.ok_or_else(|| LawError::UnknownJoint {
-            kind: self.kind.name.to_owned(),
+            kind: self.kind.to_owned(),
             line: self.table.line,
             joint: other.to_owned(),
             joints: names(&self.arm).join(", "),
@@ -150,7 +153,7 @@ impl Values {
     /// # Errors
     /// [`LawError::Unreadable`] if it is none of those allowed.
     pub fn word(&self, name: &str) -> Result<&'static str, LawError> {
-        let Some(Range::Word(words)) = self.kind.parameter(name).map(|parameter| parameter.range) else {
+        let Some(Range::Word(words)) = self.parameter(name).map(|parameter| parameter.range) else {
             return Err(self.unreadable(format!("`{name}` is not a word")));
         };
         let Some(value) = self.table.parameters.get(name) else { return Ok(words[0]) };
@@ -171,13 +174,17 @@ impl Values {
         self.table.line
     }
 
+    fn parameter(&self, name: &str) -> Option<&'static Parameter> {
+        self.parameters.iter().find(|parameter| parameter.name == name)
+    }
+
     /// Refuses parameters that the kind does not have.
     fn check_names(&self) -> Result<(), LawError> {
-        match self.table.parameters.keys().find(|name| self.kind.parameter(name).is_none()) {
+        match self.table.parameters.keys().find(|name| self.parameter(name).is_none()) {
             None => Ok(()),
             Some(unknown) => {
                 let known: Vec<String> =
-                    self.kind.parameters.iter().map(|parameter| format!("`{}`", parameter.name)).collect();
+                    self.parameters.iter().map(|parameter| format!("`{}`", parameter.name)).collect();
                 Err(self
                     .unreadable(format!("unknown field `{unknown}`, expected one of {}", known.join(", "))))
             }
@@ -215,7 +222,7 @@ impl Values {
 
     /// That the table can't be taken, because of `message`.
     pub(crate) fn unreadable(&self, message: String) -> LawError {
-        LawError::Unreadable { kind: self.kind.name.to_owned(), line: self.table.line, message }
+        LawError::Unreadable { kind: self.kind.to_owned(), line: self.table.line, message }
     }
 }
 

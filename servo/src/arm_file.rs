@@ -4,7 +4,7 @@ use freeplay_arm::ArmFile;
 use freeplay_laws::{Effects, LawError, Values, kind};
 
 use crate::joint::JointServo;
-use crate::rollout::ServoArm;
+use crate::servo_arm::ServoArm;
 
 /// Kinds of effects at a joint that a rollout knows; effects that change the arm itself act, too.
 const AT_JOINTS: [&str; 9] = [
@@ -34,7 +34,7 @@ impl ServoArm {
             for table in file.effects.iter().filter(|table| (table.kind == "servo") == of_servos) {
                 let known = kind(&table.kind).filter(|kind| AT_JOINTS.contains(&kind.name));
                 let Some(known) = known else { continue };
-                let values = Values::of(known, table, &file.arm)?;
+                let values = known.values(table, &file.arm)?;
                 let joint = &mut joints[values.joint()?];
                 match joint {
                     None if of_servos => *joint = Some(servo(&values)?),
@@ -72,7 +72,7 @@ fn encoders_late(file: &ArmFile) -> Result<f64, LawError> {
     let mut late = 0.0;
     for table in file.effects.iter().filter(|table| table.kind == LATE) {
         let Some(known) = kind(LATE) else { continue };
-        let values = Values::of(known, table, &file.arm)?;
+        let values = known.values(table, &file.arm)?;
         if values.word("channel")? == "position" {
             late += values.number("delay")?;
         }

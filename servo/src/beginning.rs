@@ -4,12 +4,10 @@ use freeplay_arm::{Arm, JointKind, Workspace, crba, gravity_torque};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::joint::JointServo;
-use crate::track::Track;
+use crate::track::{REACH, Track};
 
 /// Longest lag that is looked for, s: industrial controllers answer after up to 0.15 s, small servos after 0.1 s.
 const LONGEST_LAG: f64 = 1.0;
-/// Rows on each side from which velocities, accelerations and increments are taken.
-pub(crate) const REACH: usize = 2;
 /// A stiffness is told by the load where its coefficient is so many of its standard deviations from none.
 const TOLD: f64 = 3.0;
 

@@ -4,7 +4,7 @@ use freeplay_arm::{Arm, ArmFile, EffectTable};
 use freeplay_laws::Effects;
 use toml::{Table, Value};
 
-use crate::unknowns::Quantity;
+use crate::quantity::Quantity;
 
 /// The burden of an arm.
 #[derive(Clone, Debug)]

@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use crate::bounded::descend;
 use crate::noise::Noise;
 use crate::parallel::each;
-use crate::rollout::{Rollout, ServoArm};
+use crate::rollout::Rollout;
+use crate::servo_arm::ServoArm;
 use crate::track::Track;
 use crate::unknowns::Unknown;
 
@@ -458,7 +459,8 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     use super::{Curvature, deviations, student};
-    use crate::unknowns::{Quantity, Unknown};
+    use crate::quantity::Quantity;
+    use crate::unknowns::Unknown;
 
     #[test]
     fn students_points_are_those_of_tables() {

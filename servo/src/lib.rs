@@ -12,6 +12,7 @@
 //! - [`Unknown`]: a [`Quantity`] of a joint that a fit looks for, with what is believed of it before ([`unknowns`]).
 //! - [`Problem`]: windows of recordings; [`Fitted`]: what came out of them, with the [`Noise`] that is left.
 
+mod alone;
 mod arm_file;
 mod beginning;
 mod bounded;
@@ -23,7 +24,9 @@ mod load;
 mod noise;
 mod parallel;
 mod priors;
+mod quantity;
 mod rollout;
+mod servo_arm;
 mod solve;
 mod track;
 mod unknowns;
@@ -37,7 +40,9 @@ pub use load::Load;
 pub use noise::{DEGREES_OF_FREEDOM, Noise};
 pub use parallel::each;
 pub use priors::{DIFFERENCE_STEP, unknowns};
-pub use rollout::{Course, Rollout, ServoArm, State};
+pub use quantity::Quantity;
+pub use rollout::{Course, Rollout, State};
+pub use servo_arm::ServoArm;
 pub use solve::Sliding;
 pub use track::Track;
-pub use unknowns::{Quantity, Unknown};
+pub use unknowns::Unknown;

@@ -1,8 +1,9 @@
 //! The numbers of a joint's servo that a fit looks for, each with the belief about it before.
 
 use crate::beginning::Sight;
-use crate::rollout::ServoArm;
-use crate::unknowns::{Quantity, Unknown};
+use crate::quantity::Quantity;
+use crate::servo_arm::ServoArm;
+use crate::unknowns::Unknown;
 
 /// Step of a finite difference over the size of what it changes. Dry friction makes a rollout a chain of small slips, whose derivative is rough below
 /// a few hundredths of that size; far above it a rollout bends.

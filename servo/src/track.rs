@@ -4,10 +4,13 @@ use std::ops::Range;
 
 use crate::command::Commands;
 use crate::load::Load;
-use crate::rollout::{Course, Rollout, ServoArm, State};
+use crate::rollout::{Course, Rollout, State};
+use crate::servo_arm::ServoArm;
 
 /// Rows at the beginning of a window from which its initial state is estimated.
 const START_ROWS: usize = 5;
+/// Rows on each side from which velocities, accelerations and increments are taken.
+pub(crate) const REACH: usize = 2;
 
 /// A recording of commanded and measured positions.
 #[derive(Clone, Debug)]

@@ -9,13 +9,16 @@ use freeplay_arm::{Arm, Workspace, rnea};
 use toml::{Table, Value};
 
 use crate::archive::Archive;
-use crate::basis::{Place, Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
+use crate::place::Place;
+use crate::place::Site;
 use crate::scene::{Scene, loaded};
 
 /// On which side of the time the load is there.

@@ -9,10 +9,11 @@
 use freeplay_arm::{Arm, Workspace};
 use nalgebra::Vector3;
 
-use crate::basis::Terms;
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 use crate::sag::{Sag, SagLaw, Sagging, pressure};
 
 /// The entry.

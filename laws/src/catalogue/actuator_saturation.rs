@@ -8,13 +8,17 @@ use freeplay_arm::export::Element;
 use toml::Table;
 
 use crate::DriveFriction;
-use crate::basis::{Place, Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::scene::{Prediction, Scene};
+use crate::place::Place;
+use crate::place::Site;
+use crate::prediction::Prediction;
+use crate::scene::Scene;
 
 /// The entry.
 pub static KIND: Kind = Kind {

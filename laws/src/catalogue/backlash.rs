@@ -23,14 +23,18 @@ use nalgebra::DMatrix;
 use toml::{Table, Value};
 
 use crate::archive::Archive;
-use crate::basis::{Place, Term, Terms, with};
-use crate::columns::{Change, Columns};
+use crate::basis::{Term, with};
+use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage, Start};
 use crate::flight::Flight;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
-use crate::kind::{Kind, Occurrence, START, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, START, Seen};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
+use crate::place::Place;
+use crate::place::Site;
+use crate::prediction::Change;
 use crate::scene::Scene;
 
 /// Frequency at which a link swings on flanks that are as good as rigid in the plant, Hz: above all that an arm follows, and slow

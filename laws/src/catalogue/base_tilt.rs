@@ -9,12 +9,15 @@ use freeplay_arm::export::Element;
 use nalgebra::{Isometry3, UnitQuaternion};
 
 use crate::LawError;
-use crate::basis::{Term, Terms, with};
-use crate::effect::{ArmParts, Effect, ExportCoverage};
+use crate::arm_parts::ArmParts;
+use crate::basis::{Term, with};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
+use crate::place::Site;
 
 /// Where the tracker stands, in arm files.
 const TRACKERS: &[&str] = &["base", "level"];

@@ -3,9 +3,10 @@
 
 use toml::Table;
 
-use crate::basis::{Place, Terms};
 use crate::effect::Effect;
 use crate::injection::Injection;
+use crate::kind::Terms;
+use crate::place::Place;
 
 /// No column of torque or pose is made of them.
 pub const NO_TERMS: Terms = Terms { list: |_, _, _| Vec::new(), compose: |_, shape, _| shape.clone() };

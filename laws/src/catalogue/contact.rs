@@ -5,9 +5,10 @@
 //! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces Jᵀ f).
 
 use super::commanded::{NO_TERMS, Unseen, no_shape};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

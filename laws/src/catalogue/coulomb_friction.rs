@@ -8,12 +8,14 @@
 use freeplay_arm::EffectTable;
 use freeplay_arm::export::Element;
 
-use crate::basis::{Terms, with};
+use crate::basis::with;
 use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

@@ -11,9 +11,10 @@ use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage};
 use crate::harmonic::TERMS;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 use crate::scene::Scene;
 
 /// The entry.

@@ -6,13 +6,15 @@
 use freeplay_arm::export::Element;
 
 use crate::archive::Archive;
-use crate::basis::{Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 use crate::scene::Scene;
 
 /// Farther off than this, no encoder's zero is taken for, rad (m): the arm would not have come up.

@@ -6,13 +6,16 @@
 use nalgebra::Vector3;
 use toml::Table;
 
-use crate::basis::{Place, Term, Terms, along, vector, with};
+use crate::basis::{Term, along, vector, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, ToolForce};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Place;
+use crate::place::Site;
 use crate::scene::Scene;
 
 /// The entry.

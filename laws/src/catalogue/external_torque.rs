@@ -4,11 +4,12 @@
 //! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces), with the force on one coordinate.
 
 use super::external_force::windows;
-use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

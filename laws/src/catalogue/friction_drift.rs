@@ -8,13 +8,16 @@ use toml::Table;
 
 use crate::DriveFriction;
 use crate::archive::Archive;
-use crate::basis::{Place, Terms, with};
+use crate::basis::with;
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Place;
+use crate::place::Site;
 use crate::scene::Scene;
 
 /// The entry.

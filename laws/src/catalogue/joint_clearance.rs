@@ -12,15 +12,19 @@
 use freeplay_arm::export::Element;
 use toml::{Table, Value};
 
-use crate::basis::{Place, Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::bearing_course::BearingCourse;
-use crate::columns::{Change, Columns};
+use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
 use crate::journal_flight::JournalFlight;
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
+use crate::place::Place;
+use crate::place::Site;
+use crate::prediction::Change;
 use crate::scene::Scene;
 use crate::{Clearance, ClearanceTable, Rest, settle};
 

@@ -11,13 +11,16 @@ use freeplay_arm::export::Element;
 use toml::{Table, Value};
 
 use crate::archive::Archive;
-use crate::basis::{Place, Terms, with};
+use crate::basis::with;
 use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
+use crate::place::Place;
+use crate::place::Site;
 use crate::scene::Scene;
 
 /// The two forms of the law.

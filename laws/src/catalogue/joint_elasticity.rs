@@ -9,13 +9,15 @@
 use freeplay_arm::export::Element;
 use toml::{Table, Value};
 
-use crate::basis::{Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Transmission};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 use crate::resonance::Resonance;
 use crate::scene::Scene;
 

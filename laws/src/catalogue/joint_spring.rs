@@ -6,12 +6,14 @@
 
 use freeplay_arm::export::Element;
 
-use crate::basis::{Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

@@ -14,10 +14,12 @@ use freeplay_arm::{Arm, Workspace};
 use nalgebra::Vector3;
 use toml::Value;
 
-use crate::basis::{Term, Terms, with};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::basis::{Term, with};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
+use crate::place::Site;
 use crate::sag::{Sag, SagLaw, Sagging, pressure};
 
 /// Links shorter than this do not bend, m.

@@ -9,12 +9,15 @@ use nalgebra::{Isometry3, Vector3};
 use toml::{Table, Value};
 
 use crate::LawError;
-use crate::basis::{Term, Terms, with};
-use crate::effect::{ArmParts, Effect, ExportCoverage};
+use crate::arm_parts::ArmParts;
+use crate::basis::{Term, with};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
-use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, Tolerance};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
+use crate::place::Site;
 
 /// Directions, in arm files.
 const DIRECTIONS: &[&str] = &["way", "x", "y", "z"];

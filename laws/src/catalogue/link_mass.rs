@@ -11,12 +11,16 @@ use nalgebra::Vector3;
 use toml::{Table, Value};
 
 use crate::LawError;
-use crate::basis::{Place, Term, Terms, along, vector, with};
-use crate::effect::{ArmParts, Effect, ExportCoverage};
+use crate::arm_parts::ArmParts;
+use crate::basis::{Term, along, vector, with};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
-use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Place;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

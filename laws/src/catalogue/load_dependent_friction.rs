@@ -4,11 +4,12 @@
 //! measured torque holds the friction itself and must not be used. τ is what the drive spends: positive for a positive velocity.
 //! Source: Bittencourt & Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134:051013, Eq. 9.
 
-use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

@@ -13,12 +13,16 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use toml::{Table, Value};
 
 use crate::LawError;
-use crate::basis::{Place, Term, Terms, along, vector};
-use crate::effect::{ArmParts, Effect, ExportCoverage};
+use crate::arm_parts::ArmParts;
+use crate::basis::{Term, along, vector};
+use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Place;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

@@ -7,8 +7,9 @@
 
 use crate::harmonic::{TERMS, TORQUE_PARAMETERS, Wave, orders};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
+use crate::kind::{Kind, Occurrence, Seen, Tolerance};
 use crate::needs::Need;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

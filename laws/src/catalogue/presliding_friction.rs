@@ -12,13 +12,16 @@ use toml::Table;
 
 use crate::DriveFriction;
 use crate::archive::Archive;
-use crate::basis::{Place, Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage, Start};
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Site, Tolerance};
+use crate::kind::Terms;
+use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Place;
+use crate::place::Site;
 use crate::scene::Scene;
 
 /// The entry.

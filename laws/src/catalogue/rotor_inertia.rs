@@ -6,13 +6,14 @@
 
 use freeplay_arm::export::Element;
 
-use crate::basis::Terms;
 use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
-use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 use crate::scene::Scene;
 
 /// The entry.

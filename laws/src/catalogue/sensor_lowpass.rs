@@ -11,13 +11,16 @@ use freeplay_arm::export::Element;
 use toml::Table;
 
 use crate::archive::Archive;
-use crate::basis::{Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, small_and_about};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, small_and_about};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::scene::{Prediction, Scene};
+use crate::place::Site;
+use crate::prediction::Prediction;
+use crate::scene::Scene;
 
 /// Greatest cutoff, Hz.
 const MOST: f64 = 1e6;

@@ -11,9 +11,10 @@ use freeplay_arm::export::Element;
 use super::commanded::{NO_TERMS, no_shape};
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, ServoLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

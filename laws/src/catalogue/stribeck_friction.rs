@@ -7,11 +7,14 @@
 
 use toml::Table;
 
-use crate::basis::{Place, Terms, with};
+use crate::basis::with;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Place;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

@@ -9,13 +9,17 @@ use freeplay_arm::export::{Channel, Element};
 use toml::{Table, Value};
 
 use crate::archive::Archive;
-use crate::basis::{Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, small_and_about};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, Tolerance, small_and_about};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
-use crate::scene::{Prediction, Scene, Trajectory};
+use crate::place::Site;
+use crate::prediction::Prediction;
+use crate::scene::Scene;
+use crate::trajectory::Trajectory;
 
 /// Channels that can be late, in arm files.
 const CHANNELS: &[&str] = &["torque", "tool", "link", "position"];

@@ -7,13 +7,16 @@ use freeplay_arm::export::Element;
 use toml::Table;
 
 use crate::archive::Archive;
-use crate::basis::{Term, Terms, with};
+use crate::basis::{Term, with};
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::scene::{Prediction, Scene};
+use crate::place::Site;
+use crate::prediction::Prediction;
+use crate::scene::Scene;
 
 /// The entry.
 pub static KIND: Kind = Kind {

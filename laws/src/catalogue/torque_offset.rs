@@ -6,13 +6,15 @@
 use freeplay_arm::export::Element;
 
 use crate::archive::Archive;
-use crate::basis::Terms;
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::scene::{Prediction, Scene};
+use crate::place::Site;
+use crate::prediction::Prediction;
+use crate::scene::Scene;
 
 /// The entry.
 pub static KIND: Kind = Kind {

@@ -6,8 +6,9 @@
 
 use crate::harmonic::{TERMS, TORQUE_PARAMETERS, Wave, orders};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

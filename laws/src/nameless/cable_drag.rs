@@ -9,13 +9,14 @@ use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian};
 use nalgebra::{DMatrix, Vector3};
 
 use crate::archive::Archive;
-use crate::basis::Terms;
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 use crate::scene::Scene;
 
 /// The entry.

@@ -4,11 +4,12 @@
 //! Source: the shape of a magnetic spring between two poles near its rest (Akoun & Yonnet 1984, IEEE Trans. Magn. 20:1962), as the
 //! gradient of a Gaussian well. Departure: losses are left out.
 
-use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 
 /// The entry.
 pub static KIND: Kind = Kind {

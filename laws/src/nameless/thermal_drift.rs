@@ -7,13 +7,14 @@
 use nalgebra::Vector3;
 
 use crate::archive::Archive;
-use crate::basis::Terms;
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::Terms;
+use crate::kind::{Kind, Occurrence, Seen, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::place::Site;
 use crate::scene::Scene;
 
 /// The entry.

@@ -1,0 +1,48 @@
+//! The columns of an effect's terms: by how much each changes what is predicted.
+
+use freeplay_arm::EffectTable;
+use toml::Table;
+
+use crate::basis::Term;
+use crate::kind::Kind;
+use crate::law_error::LawError;
+use crate::place::Place;
+use crate::placed::Placed;
+use crate::predict::Baseline;
+use crate::prediction::Change;
+
+impl Kind {
+    /// The effect of this kind with `parameters`, sitting at `joint` (an index; `None`: on the whole arm) of the scene's arm.
+    ///
+    /// # Errors
+    /// See [`LawError`]: parameters that are missing or out of range.
+    pub fn place(&'static self, place: &Place, parameters: Table) -> Result<Placed, LawError> {
+        let joint = place.joint().map(|joint| joint.name.clone());
+        let table = EffectTable { kind: self.name.to_owned(), joint, parameters, line: 0 };
+        Placed::new(&table, &place.scene.arm)
+    }
+
+    /// One column for each term of the effect at `joint` with `shape`: the change of everything that is predicted per unit of the
+    /// term's coefficient, about `baseline`. For small effects the prediction is the baseline's plus Σ coefficient × column; how well,
+    /// [`Baseline::change`] says.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn columns(
+        &'static self,
+        baseline: &Baseline,
+        joint: Option<usize>,
+        shape: &Table,
+    ) -> Result<Vec<(Term, Change)>, LawError> {
+        let place = Place { scene: baseline.scene(), joint };
+        let column = |term: Term| {
+            let mut column = baseline.change(&self.place(&place, term.plus.clone())?)?;
+            if let Some(minus) = &term.minus {
+                column.add(&baseline.change(&self.place(&place, minus.clone())?)?, -1.0);
+            }
+            column.scale(term.weight);
+            Ok((term, column))
+        };
+        self.terms_at(&place, shape).into_iter().map(column).collect()
+    }
+}

@@ -1,0 +1,39 @@
+//! An arm on position servos.
+
+use freeplay_arm::Arm;
+
+use crate::burden::Burden;
+use crate::joint::JointServo;
+use crate::quantity::Quantity;
+
+/// An arm and the servo of each of its joints.
+#[derive(Clone, Debug)]
+pub struct ServoArm {
+    /// The rigid arm, under its burden.
+    pub arm: Arm,
+    /// One servo a joint.
+    pub joints: Vec<JointServo>,
+    /// What the arm carries beside what its file says; `None` where that was never asked.
+    pub burden: Option<Box<Burden>>,
+}
+
+impl ServoArm {
+    /// An arm with the servo of each of its joints, as its file has it.
+    pub fn new(arm: Arm, joints: Vec<JointServo>) -> ServoArm {
+        ServoArm { arm, joints, burden: None }
+    }
+
+    /// Gives the burden's number `quantity` of the link of `joint`, or of the whole arm, the value `x`. The arm stays as it is where there can be none under that.
+    pub(crate) fn bear(&mut self, joint: usize, quantity: Quantity, x: f64) {
+        let mut burden = self.burden.take().unwrap_or_else(|| Box::new(Burden::none(&self.arm)));
+        let before = burden.of(joint, quantity);
+        if x != before {
+            burden.set(joint, quantity, x);
+            match burden.arm() {
+                Some(arm) => self.arm = arm,
+                None => burden.set(joint, quantity, before),
+            }
+        }
+        self.burden = Some(burden);
+    }
+}
