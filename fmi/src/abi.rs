@@ -14,7 +14,8 @@ use std::path::Path;
 use freeplay_arm::parse_toml;
 
 use crate::description::token;
-use crate::instance::{Fault, Instance};
+use crate::fault::Fault;
+use crate::instance::Instance;
 use crate::package::MODEL;
 use crate::state::State;
 use crate::variables::Value;

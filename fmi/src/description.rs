@@ -8,9 +8,11 @@ use freeplay_laws::LawError;
 use sha2::{Digest, Sha256};
 
 use crate::machine::PERIOD;
-use crate::package::LIBRARY;
 use crate::units::{BASES, exponents};
 use crate::variables::{Causality, Value, Variable, Variables};
+
+/// Name of the library in an FMU, without its ending.
+pub const LIBRARY: &str = "freeplay_fmi";
 
 /// The instantiation token of an FMU whose arm file has this `text`: by it an importer knows that description and library belong together.
 pub(crate) fn token(text: &str) -> String {

@@ -11,6 +11,7 @@
 
 mod abi;
 mod description;
+mod fault;
 pub mod guest;
 mod instance;
 mod machine;
@@ -19,9 +20,11 @@ mod state;
 mod units;
 mod variables;
 
+pub use description::LIBRARY;
 pub use description::description;
-pub use instance::{Fault, Instance};
+pub use fault::Fault;
+pub use instance::Instance;
 pub use machine::{Contact, Machine, PERIOD, Readout, Stimulus};
-pub use package::{LIBRARY, PackageError, archive, write_fmu};
+pub use package::{PackageError, archive, write_fmu};
 pub use state::State;
 pub use variables::{Causality, Quantity, Value, Variable, Variables};

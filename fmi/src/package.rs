@@ -11,10 +11,7 @@ use freeplay_storage::StorageError;
 use rawzip::{CompressionMethod, ZipArchiveWriter};
 use thiserror::Error;
 
-use crate::description::description;
-
-/// Name of the library in an FMU, without its ending.
-pub const LIBRARY: &str = "freeplay_fmi";
+use crate::description::{LIBRARY, description};
 
 /// Name of the arm file among the resources of an FMU.
 pub(crate) const MODEL: &str = "model.toml";

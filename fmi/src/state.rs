@@ -5,7 +5,7 @@
 
 use sha2::{Digest, Sha256};
 
-use crate::instance::Fault;
+use crate::fault::Fault;
 use crate::variables::Value;
 
 /// First bytes of a serialised state; the number rises with the format.

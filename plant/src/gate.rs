@@ -9,56 +9,7 @@ use freeplay_shm::{Command, CommandKind, CommandStatus, Joints, MAX_JOINTS, Mode
 use serde::{Deserialize, Serialize};
 
 use crate::limit_violation::{LimitViolation, Quantity};
-
-/// Why a command did not pass.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Rejection {
-    /// None came in time.
-    Missing,
-    /// It echoes another tick than the one it was due for.
-    Stale,
-    /// Its magic, layout, run, slot or number of joints is not this run's, its status is unknown, or it is of the wrong kind for the mode.
-    Malformed,
-    /// The controller itself says that it has no answer.
-    NoAnswer,
-    /// A value is NaN or infinite.
-    NotFinite,
-    /// A torque is above the joint's effort limit, or a position outside its range.
-    OutOfRange,
-    /// A value changes faster than the joint allows.
-    TooFast,
-    /// It is a possible command, but not what the other controllers make of the same state.
-    Disagrees,
-}
-
-impl Rejection {
-    /// All reasons, in the order in which they are looked for.
-    pub const ALL: [Rejection; 8] = [
-        Self::Missing,
-        Self::Malformed,
-        Self::Stale,
-        Self::NoAnswer,
-        Self::NotFinite,
-        Self::OutOfRange,
-        Self::TooFast,
-        Self::Disagrees,
-    ];
-
-    /// The name in `summary.json`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Missing => "missing",
-            Self::Stale => "stale",
-            Self::Malformed => "malformed",
-            Self::NoAnswer => "no_answer",
-            Self::NotFinite => "not_finite",
-            Self::OutOfRange => "out_of_range",
-            Self::TooFast => "too_fast",
-            Self::Disagrees => "disagrees",
-        }
-    }
-}
+use crate::rejection::Rejection;
 
 /// What is in force on the joints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

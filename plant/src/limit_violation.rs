@@ -3,7 +3,7 @@
 use freeplay_arm::JointKind;
 use serde::Serialize;
 
-use crate::Rejection;
+use crate::rejection::Rejection;
 
 /// What is limited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

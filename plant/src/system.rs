@@ -8,120 +8,22 @@
 mod state;
 
 use freeplay_arm::{
-    Arm, Drive, Purpose, Shortfall, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction,
-    kinetic_energy, potential_energy,
+    Arm, Drive, Purpose, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction, kinetic_energy,
+    potential_energy,
 };
-use freeplay_laws::{ArmParts, ArmWithPlay, BearingContact, Injection, Journal, LawError, ServoLaw};
+use freeplay_laws::{ArmParts, ArmWithPlay, BearingContact, Injection, Journal, ServoLaw};
 use nalgebra::Isometry3;
-use thiserror::Error;
 
 use crate::drives::{Drives, Motor};
 use crate::position_servo::PositionServo;
 use crate::rotor::{check_step, share_out, with_rotors};
 use crate::stiction::stopping_torques;
+use crate::system_error::{MAX_CONTACT_STEP, SystemError};
 use crate::tool_forces::ToolForces;
 use crate::{Bearing, Braking, ContactTally, Ledger, LimitViolation, Motion, ReflexLimits};
 
-/// The longest sub-step that is allowed where a contact can happen, s.
-pub const MAX_CONTACT_STEP: f64 = 1e-4;
-
 /// Rounds in which the twist of transmissions at rest is found.
 const WINDING_ROUNDS: usize = 8;
-
-/// Why a system can't be built or went wrong.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum SystemError {
-    /// The sub-step is too long for contacts.
-    #[error(
-        "a sub-step of {step:e} s can't resolve a contact (it lasts about 5e-4 s); take {MAX_CONTACT_STEP:e} s or less: more sub-steps a tick"
-    )]
-    StepTooLong {
-        /// The step asked for, s.
-        step: f64,
-    },
-    /// There must be at least one sub-step, of a positive length.
-    #[error("a tick of {period} s in {substeps} sub-steps is not possible; both must be above zero")]
-    NoStep {
-        /// The tick's length, s.
-        period: f64,
-        /// Its sub-steps.
-        substeps: u32,
-    },
-    /// A transmission swings too fast for the sub-step.
-    #[error(
-        "the transmission of {joint} swings at {frequency:.0} Hz against a rotor inertia of {motor:.2e}: too fast for a sub-step of {step:e} s; take {needed} sub-steps a tick or more, or give the joint a larger rotor_inertia"
-    )]
-    TransmissionTooStiff {
-        /// The joint.
-        joint: String,
-        /// Frequency with which motor and link swing against each other, Hz.
-        frequency: f64,
-        /// The step asked for, s.
-        step: f64,
-        /// Sub-steps a tick that would do.
-        needed: f64,
-        /// Inertia on the motor's side, kg·m² (kg).
-        motor: f64,
-    },
-    /// A joint has no servo.
-    #[error(
-        "joint `{joint}` has no position servo, which mode servo needs at each joint: give it an [[effect]] of the kind \"servo\" in the arm file; \
-         freeplay diagnose writes them from a recording of commanded and measured positions"
-    )]
-    NoServo {
-        /// The joint.
-        joint: String,
-    },
-    /// A joint's commands would act before they are sent.
-    #[error("joint `{joint}` has a command_delay of {delay} s; a simulation needs 0 or more")]
-    NegativeDelay {
-        /// The joint.
-        joint: String,
-        /// Its delay, s.
-        delay: f64,
-    },
-    /// The links behind the transmissions have no inertia of their own.
-    #[error(
-        "a joint with a transmission moves no inertia beyond its rotor along this motion; give its link mass"
-    )]
-    NoInertiaLeft,
-    /// The damping of a joint stops it faster than a sub-step.
-    #[error(
-        "joint `{joint}`: a damping of {damping} {} stops its inertia of {inertia:.1e} {} within {:.1e} s: too fast for a sub-step of \
-         {step:.1e} s; correct the damping or the inertia, give the joint a rotor_inertia in an arm file, or take {needed} sub-steps a tick",
-        units[0], units[1], inertia / damping
-    )]
-    DampingTooStiff {
-        /// The joint.
-        joint: String,
-        /// Its damping.
-        damping: f64,
-        /// The least inertia that it feels along the motion, all others free.
-        inertia: f64,
-        /// Units of the two.
-        units: [&'static str; 2],
-        /// The sub-step, s.
-        step: f64,
-        /// Sub-steps a tick that would do.
-        needed: f64,
-    },
-    /// The arm can't be simulated as its file has it.
-    #[error(transparent)]
-    Unfit(#[from] Shortfall),
-    /// The effects leave no arm that can be.
-    #[error(transparent)]
-    Law(#[from] LawError),
-    /// A coordinate is no longer finite.
-    #[error(
-        "coordinate {coordinate} is not finite at t = {time} s; the sub-steps are too long for this contact or the command is too wild"
-    )]
-    NotFinite {
-        /// Name of the coordinate.
-        coordinate: String,
-        /// Simulated time, s.
-        time: f64,
-    },
-}
 
 /// What acts on the joints during a tick.
 pub struct Input<'a> {

@@ -33,6 +33,7 @@ pub mod narx;
 pub mod network;
 pub mod normal_equations;
 pub mod predictor;
+pub mod push_error;
 pub mod scaling;
 pub mod series;
 pub mod split;

@@ -6,7 +6,7 @@
 //! 1990.)
 
 use crate::network::{Network, NetworkError};
-use crate::predictor::{Predictor, PushError};
+use crate::push_error::PushError;
 use crate::scaling::Scaling;
 use crate::series::{Series, SeriesError};
 use crate::window::{Layout, Window, WindowError, check_windows};
@@ -285,42 +285,6 @@ impl Narx {
             let row = predictions.len();
             predictions.extend_from_slice(self.network.forward(&x, &mut scratch));
             self.output_scaling.reverse(&mut predictions[row..]);
-        }
-        Ok(predictions)
-    }
-
-    /// Closed loop: the outputs of samples `start` to `start + steps − 1` of one run, row-major, looking at measured inputs
-    /// but, from `start` on, at the model's own outputs.
-    ///
-    /// # Errors
-    /// When the series has other channels, `start` has less than memory + horizon samples before it, the run ends too
-    /// early, or a prediction is not finite.
-    pub fn free_run(
-        &self,
-        series: &Series,
-        run: usize,
-        start: usize,
-        steps: usize,
-    ) -> Result<Vec<f64>, PredictError> {
-        series.check_channels(&self.input_names, &self.output_names)?;
-        let Layout { horizon, .. } = self.layout;
-        let present = start.saturating_sub(horizon);
-        let edge = |ahead: usize| Window {
-            run,
-            present: present.saturating_add(ahead),
-            target: start.saturating_add(ahead),
-        };
-        let ends = [edge(0), edge(steps.saturating_sub(1))];
-        check_windows(series, &ends, self.layout.memory(), horizon)?;
-        let mut predictor = Predictor::new(self.clone());
-        let mut predictions = Vec::with_capacity(steps * series.outputs());
-        for sample in present - self.layout.memory()..present + steps {
-            let measured = (sample < start).then(|| series.output(run, sample));
-            let ahead = self.layout.input_at_target.then(|| series.input(run, sample + horizon));
-            let prediction = predictor
-                .advance(series.input(run, sample), ahead, measured)
-                .map_err(|source| PredictError::FreeRun { run, start, source })?;
-            predictions.extend(prediction.into_iter().flatten());
         }
         Ok(predictions)
     }

@@ -5,52 +5,11 @@
 //! loop); before there is one, the last outputs known, and before those the outputs given to
 //! [`Predictor::start_from`] (zero if none are).
 
-use crate::narx::Narx;
+use crate::narx::{Narx, PredictError};
 use crate::network::Scratch;
-use crate::window::Layout;
-
-/// Why a sample is not taken. The predictor is unchanged, but a sample is missing: repeat it or reset.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum PushError {
-    /// A sample has another number of channels.
-    #[error("{given} {kind} values for {channels} channels")]
-    WrongLength {
-        /// `input`, `planned input` or `output`.
-        kind: &'static str,
-        /// Values given.
-        given: usize,
-        /// Channels of the model.
-        channels: usize,
-    },
-    /// A value is NaN or infinite.
-    #[error("{kind} channel {channel} is {value}: only finite samples can be used")]
-    NonFinite {
-        /// `input`, `planned input` or `output`.
-        kind: &'static str,
-        /// Index of the channel.
-        channel: usize,
-        /// The value.
-        value: f64,
-    },
-    /// The model looks at the inputs of the predicted instant, and they are not given (or the reverse).
-    #[error(
-        "inputs at the predicted instant: the model uses them: {used}, they are given: {given}; call the matching push"
-    )]
-    Planned {
-        /// Whether the model uses them.
-        used: bool,
-        /// Whether they are given.
-        given: bool,
-    },
-    /// The network's output overflowed. This sample *is* taken; its prediction counts as unknown.
-    #[error("prediction of output channel {channel} is {value}: reset the predictor")]
-    NonFinitePrediction {
-        /// Index of the channel.
-        channel: usize,
-        /// The value.
-        value: f64,
-    },
-}
+use crate::push_error::PushError;
+use crate::series::Series;
+use crate::window::{Layout, Window, check_windows};
 
 /// The latest rows of a signal, scaled; lag 0 is the newest.
 #[derive(Debug, Clone)]
@@ -236,5 +195,43 @@ fn check(kind: &'static str, values: &[f64], channels: usize) -> Result<(), Push
     match values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
         None => Ok(()),
         Some((channel, &value)) => Err(PushError::NonFinite { kind, channel, value }),
+    }
+}
+
+impl Narx {
+    /// Closed loop: the outputs of samples `start` to `start + steps − 1` of one run, row-major, looking at measured inputs
+    /// but, from `start` on, at the model's own outputs.
+    ///
+    /// # Errors
+    /// When the series has other channels, `start` has less than memory + horizon samples before it, the run ends too
+    /// early, or a prediction is not finite.
+    pub fn free_run(
+        &self,
+        series: &Series,
+        run: usize,
+        start: usize,
+        steps: usize,
+    ) -> Result<Vec<f64>, PredictError> {
+        series.check_channels(&self.input_names, &self.output_names)?;
+        let Layout { horizon, .. } = self.layout;
+        let present = start.saturating_sub(horizon);
+        let edge = |ahead: usize| Window {
+            run,
+            present: present.saturating_add(ahead),
+            target: start.saturating_add(ahead),
+        };
+        let ends = [edge(0), edge(steps.saturating_sub(1))];
+        check_windows(series, &ends, self.layout.memory(), horizon)?;
+        let mut predictor = Predictor::new(self.clone());
+        let mut predictions = Vec::with_capacity(steps * series.outputs());
+        for sample in present - self.layout.memory()..present + steps {
+            let measured = (sample < start).then(|| series.output(run, sample));
+            let ahead = self.layout.input_at_target.then(|| series.input(run, sample + horizon));
+            let prediction = predictor
+                .advance(series.input(run, sample), ahead, measured)
+                .map_err(|source| PredictError::FreeRun { run, start, source })?;
+            predictions.extend(prediction.into_iter().flatten());
+        }
+        Ok(predictions)
     }
 }

@@ -1,11 +1,10 @@
 //! Documents, sections and the blocks they are made of.
 
-use std::path::{Path, PathBuf};
-
 use crate::chart::Chart;
 use crate::drawing::Drawing;
 use crate::film::Film;
 use crate::table::Table;
+use crate::verdict::Verdict;
 
 /// A report: what is written into one HTML file.
 ///
@@ -77,19 +76,6 @@ pub enum Block {
     },
 }
 
-/// How something came out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// As it should be.
-    Ok,
-    /// Works, but the reader should know.
-    Warn,
-    /// Not as it should be.
-    Fail,
-    /// Neither good nor bad.
-    Info,
-}
-
 /// A key number, drawn as a tile.
 #[derive(Debug, Clone, Default)]
 pub struct Figure {
@@ -103,19 +89,6 @@ pub struct Figure {
     pub note: String,
     /// How it came out, if it is judged.
     pub verdict: Option<Verdict>,
-}
-
-/// Why a report could not be written.
-#[derive(Debug, thiserror::Error)]
-pub enum ReportError {
-    /// The file system refused.
-    #[error("cannot write the report {}: {source}; free some space or choose another folder", path.display())]
-    Write {
-        /// The file that was to be written.
-        path: PathBuf,
-        /// What the file system said.
-        source: std::io::Error,
-    },
 }
 
 impl Document {
@@ -152,21 +125,6 @@ impl Document {
         self.footer.push(line.into());
         self
     }
-
-    /// The whole page, with style, charts and data in it.
-    #[must_use]
-    pub fn to_html(&self) -> String {
-        crate::html::page(self)
-    }
-
-    /// Writes the page to `path`, whose folder must exist. An existing file is replaced only once the new one is whole.
-    ///
-    /// # Errors
-    /// [`ReportError::Write`] when the file cannot be written; nothing new is left behind then.
-    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
-        let written = freeplay_storage::write(path, self.to_html());
-        written.map_err(|error| ReportError::Write { path: path.to_owned(), source: error.into() })
-    }
 }
 
 impl Section {
@@ -181,25 +139,6 @@ impl Section {
     pub fn with(mut self, block: impl Into<Block>) -> Self {
         self.blocks.push(block.into());
         self
-    }
-}
-
-impl Verdict {
-    /// [`Verdict::Ok`] or [`Verdict::Fail`].
-    #[must_use]
-    pub fn passed(ok: bool) -> Self {
-        if ok { Self::Ok } else { Self::Fail }
-    }
-
-    /// The word it is shown with.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Warn => "warn",
-            Self::Fail => "fail",
-            Self::Info => "info",
-        }
     }
 }
 

@@ -45,11 +45,4 @@ impl Drawing {
         self.beside = true;
         self
     }
-
-    /// The panels side by side as an SVG file of its own, with title and legend, in the colours of the reader's light or dark scheme; none
-    /// where there is nothing to draw.
-    #[must_use]
-    pub fn to_svg(&self) -> Option<String> {
-        crate::standalone::standalone_svg(self)
-    }
 }

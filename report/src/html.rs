@@ -4,7 +4,10 @@ mod blocks;
 mod drawing;
 mod figure;
 mod film;
+mod inline;
 mod table;
+
+use std::path::{Path, PathBuf};
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -23,6 +26,36 @@ const UPLOT_LICENCE: &str = include_str!("../vendor/uplot/LICENSE");
 const POLICY: &str =
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
 
+/// Why a report could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The file system refused.
+    #[error("cannot write the report {}: {source}; free some space or choose another folder", path.display())]
+    Write {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// What the file system said.
+        source: std::io::Error,
+    },
+}
+
+impl Document {
+    /// The whole page, with style, charts and data in it.
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        page(self)
+    }
+
+    /// Writes the page to `path`, whose folder must exist. An existing file is replaced only once the new one is whole.
+    ///
+    /// # Errors
+    /// [`ReportError::Write`] when the file cannot be written; nothing new is left behind then.
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
+        let written = freeplay_storage::write(path, self.to_html());
+        written.map_err(|error| ReportError::Write { path: path.to_owned(), source: error.into() })
+    }
+}
+
 /// What blocks need to know of the document they stand in.
 pub(crate) struct Context<'a> {
     pub(crate) colours: Colours<'a>,
@@ -30,7 +63,7 @@ pub(crate) struct Context<'a> {
 }
 
 /// The whole page.
-pub(crate) fn page(document: &Document) -> String {
+fn page(document: &Document) -> String {
     let context = Context { colours: Colours::of(document), most_points: points_per_series(document) };
     let contents = document.sections.len() > 1;
     let whole = html! {
@@ -108,7 +141,7 @@ fn sections(document: &Document, context: &Context<'_>) -> Markup {
 fn footer(document: &Document) -> Markup {
     html! {
         footer {
-            @for line in &document.footer { p { (blocks::inline(line)) } }
+            @for line in &document.footer { p { (inline::inline(line)) } }
             p { (program()) " · charts: uPlot, © Leon Sorokin, MIT licence" }
             noscript { p { "The charts need JavaScript; the text below each chart says the same in words." } }
         }

@@ -59,12 +59,15 @@ mod table;
 pub mod text;
 mod thin;
 pub mod units;
+mod verdict;
 mod visible;
 
 pub use chart::{Axis, Chart, Mark, Scale, Series, Style};
-pub use document::{Block, Document, Figure, ReportError, Section, Verdict};
+pub use document::{Block, Document, Figure, Section};
 pub use drawing::Drawing;
 pub use film::{Film, Moving, Scene};
+pub use html::ReportError;
 pub use table::{Best, Cell, Column, Content, Table};
 pub use thin::thin;
+pub use verdict::Verdict;
 pub use visible::{is_visible, one_line, visible};

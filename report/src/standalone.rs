@@ -16,8 +16,17 @@ const LETTER: usize = 8;
 /// The colours of the page, light and dark: those of the style sheet of reports.
 const STYLE: &str = include_str!("report.css");
 
+impl Drawing {
+    /// The panels side by side as an SVG file of its own, with title and legend, in the colours of the reader's light or dark scheme; none
+    /// where there is nothing to draw.
+    #[must_use]
+    pub fn to_svg(&self) -> Option<String> {
+        standalone_svg(self)
+    }
+}
+
 /// The file; none where there is nothing to draw.
-pub(crate) fn standalone_svg(drawing: &Drawing) -> Option<String> {
+fn standalone_svg(drawing: &Drawing) -> Option<String> {
     let document = Document::new("").overview(drawing.clone());
     let colours = Colours::of(&document);
     let drawn: Vec<String> = drawing

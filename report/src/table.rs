@@ -1,7 +1,7 @@
 //! Tables: columns with units, cells with their meaning.
 
-use crate::document::Verdict;
 use crate::text::Digits;
+use crate::verdict::Verdict;
 
 /// A table. The first cell of a row names the row.
 #[derive(Debug, Clone, Default)]

@@ -5,13 +5,10 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use crate::error::LinkError;
+use crate::limits::MAX_ROOT;
 
 /// Environment variable that carries an [`Address`] to another process.
 pub const RUN_ENV: &str = "FREEPLAY_RUN";
-
-/// Longest path of a run's folder, bytes. iceoryx2 takes paths of up to 255 bytes; the longest it makes within the folder,
-/// `/nodes/<39 digits>/freeplay-<id>_<40 digits>.service_tag`, takes 109 and the id.
-pub(crate) const MAX_ROOT: usize = 112;
 
 /// Longest run id, bytes.
 const MAX_ID: usize = 32;

@@ -21,7 +21,8 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use crate::address::Address;
 use crate::error::LinkError;
 use crate::messages::{Command, State};
-use crate::services::{Ipc, transport};
+use crate::outbox::Ipc;
+use crate::services::transport;
 
 const STATES: &str = "state";
 const COMMANDS: &str = "command";

@@ -11,12 +11,13 @@ use crate::address::Address;
 use crate::error::LinkError;
 use crate::handshake::{Hello, Verdict, Welcome};
 use crate::messages::{Command, LAYOUT_VERSION, MAGIC, State};
+use crate::outbox::Ipc;
 use crate::outbox::Outbox;
 use crate::run_root::Share;
 use crate::seat::Seat;
 use crate::segments::Segments;
 use crate::services::{
-    self, DoorClient, Ipc, STATE_SERVICE, StateSample, StateSubscriber, command_service, transport,
+    self, DoorClient, STATE_SERVICE, StateSample, StateSubscriber, command_service, transport,
 };
 
 /// How often a controller looks whether the plant is there, and whether it has answered.

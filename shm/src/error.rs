@@ -6,9 +6,8 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::address::MAX_ROOT;
 use crate::handshake::Verdict;
-use crate::services::MAX_SLOTS;
+use crate::limits::{MAX_ROOT, MAX_SLOTS};
 
 /// Why a run or a link could not be opened or used, with the remedy.
 #[derive(Debug, Error)]

@@ -27,11 +27,13 @@
 pub mod address;
 pub mod bare;
 pub mod controller_link;
+mod cores;
 pub mod error;
 mod folder;
 pub mod handshake;
 pub mod layout;
 pub mod layout_text;
+mod limits;
 pub mod machine;
 pub mod messages;
 mod outbox;
@@ -48,6 +50,7 @@ pub use bare::{BareController, BarePlant};
 pub use controller_link::ControllerLink;
 pub use error::LinkError;
 pub use handshake::{Greeting, Hello, Offer, Pace, Verdict, Welcome};
+pub use limits::MAX_SLOTS;
 pub use machine::Machine;
 pub use messages::{
     Command, CommandKind, CommandStatus, Joints, LAYOUT_VERSION, MAGIC, MAX_JOINTS, MessageFault, Mode,
@@ -58,4 +61,4 @@ pub use plant_link::{Foreign, PlantLink};
 pub use realtime::{Outcome, RtReport, RtRequest, prepare};
 pub use run_root::{RunRoot, SHM_ENV};
 pub use segments::ROOM;
-pub use services::{COMMAND_BUFFER, MAX_SLOTS, MEMORY, STATE_BUFFER};
+pub use services::{COMMAND_BUFFER, MEMORY, STATE_BUFFER};

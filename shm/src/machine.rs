@@ -2,12 +2,11 @@
 
 use std::fs;
 use std::path::Path;
-use std::sync::OnceLock;
-use std::thread::available_parallelism;
 
 use rustix::fs::statfs;
 use serde::Serialize;
 
+use crate::cores::cores;
 use crate::pacing::Backoff;
 use crate::run_root::all_runs;
 
@@ -56,12 +55,6 @@ impl Machine {
             wait_policy: Backoff::for_this_machine().name(),
         }
     }
-}
-
-/// Number of cores this process may use, as it was when first asked: a thread tied to one core later does not count.
-pub(crate) fn cores() -> usize {
-    static CORES: OnceLock<usize> = OnceLock::new();
-    *CORES.get_or_init(|| available_parallelism().map_or(1, usize::from))
 }
 
 fn read(path: &str) -> String {

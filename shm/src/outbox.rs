@@ -6,10 +6,11 @@ use std::mem::MaybeUninit;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{LoanError, SendError};
-use iceoryx2::prelude::ZeroCopySend;
+use iceoryx2::prelude::{ZeroCopySend, ipc};
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 
-use crate::services::Ipc;
+/// Between processes, each port used by one thread.
+pub(crate) type Ipc = ipc::Service;
 
 /// The sending end of a service. It loans the memory for the next message right after sending one, while the peer is at
 /// work, so that sending is but writing and handing over.

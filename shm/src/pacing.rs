@@ -7,7 +7,7 @@ use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
-use crate::machine::cores;
+use crate::cores::cores;
 
 const NS_PER_S: u64 = 1_000_000_000;
 

@@ -6,14 +6,16 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use crate::address::Address;
 use crate::error::LinkError;
 use crate::handshake::{Greeting, Hello, Offer, Verdict};
+use crate::limits::MAX_SLOTS;
 use crate::messages::{Command, State};
+use crate::outbox::Ipc;
 use crate::outbox::Outbox;
 use crate::run_root::Share;
 use crate::seat::Seat;
 use crate::segments::Segments;
 use crate::services::{
-    self, COMMAND_BUFFER, CommandSample, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS,
-    STATE_SERVICE, command_service, process_of, transport,
+    self, COMMAND_BUFFER, CommandSample, CommandSubscriber, DOOR_SERVICE, DoorServer, STATE_SERVICE,
+    command_service, process_of, transport,
 };
 
 /// Commands for a slot that came from elsewhere than the process that holds its seat, and were not used.

@@ -9,7 +9,8 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-use crate::machine::{Machine, cores};
+use crate::cores::cores;
+use crate::machine::Machine;
 
 /// What to ask of the system for the calling thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -13,9 +13,10 @@ use std::time::Duration;
 
 use rustix::process::getuid;
 
-use crate::address::{Address, MAX_ROOT};
+use crate::address::Address;
 use crate::error::{LinkError, folder_fault};
 use crate::folder::{Folder, is_own_file};
+use crate::limits::MAX_ROOT;
 
 /// Where Linux keeps POSIX shared memory objects.
 pub(crate) const SEGMENTS: &str = "/dev/shm";

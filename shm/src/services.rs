@@ -25,7 +25,7 @@ use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{
-    FileName, LogLevel, Path, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend, ipc,
+    FileName, LogLevel, Path, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend,
     set_log_level_from_env_or,
 };
 use iceoryx2::sample::Sample;
@@ -37,12 +37,11 @@ use iceoryx2::service::port_factory::request_response::PortFactory as ReqRes;
 use crate::address::Address;
 use crate::error::LinkError;
 use crate::handshake::{Hello, Welcome};
+use crate::limits::MAX_SLOTS;
 use crate::messages::{Command, State};
-use crate::outbox::Outbox;
+use crate::outbox::{Ipc, Outbox};
 use crate::segments::Segments;
 
-/// Between processes, each port used by one thread.
-pub(crate) type Ipc = ipc::Service;
 pub(crate) type StateSubscriber = Subscriber<Ipc, State, ()>;
 pub(crate) type CommandSubscriber = Subscriber<Ipc, Command, ()>;
 pub(crate) type StateSample = Sample<Ipc, State, ()>;
@@ -57,8 +56,6 @@ pub(crate) const STATE_SERVICE: &str = "freeplay/state";
 /// Name of the service of hellos and welcomes.
 pub(crate) const DOOR_SERVICE: &str = "freeplay/hello";
 
-/// Largest number of slots of a run.
-pub const MAX_SLOTS: usize = 8;
 /// States a subscriber can fall behind before it loses the oldest.
 pub const STATE_BUFFER: usize = 16;
 /// Commands the plant can fall behind before it loses the oldest.

@@ -10,11 +10,12 @@ use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
-use crate::call::{Call, perform};
+use crate::call::Call;
 use crate::error::{Operation, Refusal, StorageError};
 use crate::folder::{remove, sync_folder};
 use crate::handle::Handle;
 use crate::path::{check_path, file_name, parent};
+use crate::perform::perform;
 
 /// The end of the name of every temporary file.
 pub const TEMPORARY_SUFFIX: &str = ".freeplay-part";
@@ -147,7 +148,7 @@ fn check_replaceable(target: &Path) -> io::Result<()> {
             return Err(rustix::io::Errno::ISDIR.into());
         }
         if !is_replaceable(kind) || kind.is_char_device() {
-            return Err(Refusal::NotRegular(crate::input::kind(kind)).into());
+            return Err(Refusal::NotRegular(crate::handle::kind(kind)).into());
         }
     }
     let folder = std::fs::canonicalize(parent(target)).unwrap_or_default();

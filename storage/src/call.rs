@@ -1,6 +1,5 @@
-//! The function that every call to the operating system passes through.
+//! The calls to the operating system.
 
-use std::io;
 use std::path::Path;
 
 /// A call to the operating system. `handle` numbers the files that a process has created, from 1.
@@ -40,15 +39,4 @@ pub(crate) enum Call<'a> {
     Remove(&'a Path),
     /// Removes an empty folder.
     RemoveFolder(&'a Path),
-}
-
-/// Makes `call` by `act`.
-pub(crate) fn perform<T>(call: &Call, act: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
-    #[cfg(debug_assertions)]
-    return crate::injection::perform(call, act);
-    #[cfg(not(debug_assertions))]
-    {
-        let _ = call;
-        act()
-    }
 }

@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+/// The longest path that is accepted, bytes. Linux stops at 4,096; a path has to leave room for the names of results below it.
+pub const PATH_LIMIT: usize = 1024;
+
 /// What was tried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
@@ -34,8 +37,8 @@ pub enum Refusal {
     /// A path that cannot be printed or stored as text.
     #[error("the path is not UTF-8")]
     PathNotUtf8,
-    /// A path above [`crate::PATH_LIMIT`].
-    #[error("the path has {length} bytes, above the limit of {limit}", limit = crate::PATH_LIMIT)]
+    /// A path above [`PATH_LIMIT`].
+    #[error("the path has {length} bytes, above the limit of {limit}", limit = PATH_LIMIT)]
     PathTooLong {
         /// Its length, bytes.
         length: usize,

@@ -8,10 +8,11 @@ use std::time::SystemTime;
 
 use rustix::fs::OFlags;
 
-use crate::call::{Call, perform};
+use crate::call::Call;
 use crate::error::{Operation, Refusal, StorageError};
 use crate::handle::flags;
 use crate::path::{check_path, parent};
+use crate::perform::perform;
 
 /// Open to its owner alone.
 const PRIVATE: u32 = 0o700;

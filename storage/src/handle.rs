@@ -1,21 +1,33 @@
 //! An open file whose writes, cuts and syncs pass through [`perform`].
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, FileType, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rustix::fs::{FlockOperation, OFlags, flock};
 
-use crate::call::{Call, perform};
+use crate::call::Call;
 use crate::error::Refusal;
+use crate::perform::perform;
 
 /// Readable and writable by its owner alone.
 const PRIVATE: u32 = 0o600;
 
 /// The number of the next created file.
 static NEXT: AtomicU64 = AtomicU64::new(1);
+
+/// A kind of file in words.
+pub(crate) fn kind(found: FileType) -> &'static str {
+    match found {
+        found if found.is_fifo() => "a pipe",
+        found if found.is_socket() => "a socket",
+        found if found.is_block_device() || found.is_char_device() => "a device",
+        found if found.is_dir() => "a folder",
+        _ => "of another kind",
+    }
+}
 
 /// Flags for `open`: no link is followed, no pipe is waited for.
 pub(crate) fn flags(flags: OFlags) -> i32 {
@@ -53,7 +65,7 @@ impl Handle {
         })?;
         let metadata = file.metadata()?;
         if !metadata.is_file() {
-            return Err(Refusal::NotRegular(crate::input::kind(metadata.file_type())).into());
+            return Err(Refusal::NotRegular(kind(metadata.file_type())).into());
         }
         Ok(Self { file, path: path.to_path_buf(), number, offset: metadata.len() })
     }

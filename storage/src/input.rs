@@ -1,16 +1,17 @@
 //! Regular files open for reading, and whole files up to a limit.
 
-use std::fs::{File, FileType, OpenOptions};
+use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
-use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::OFlags;
 
-use crate::call::{Call, perform};
+use crate::call::Call;
 use crate::error::{Operation, Refusal, StorageError};
-use crate::handle::flags;
+use crate::handle::{flags, kind};
 use crate::path::check_path;
+use crate::perform::perform;
 
 /// The most that is read of a document: a model, scenario, task, mapping, weight file, path, diagnosis, summary or receipt; bytes.
 /// Parsers hold a document in memory several times over; the largest of the project, the receipt of a full blind set, has 3 MB.
@@ -78,17 +79,6 @@ fn explained(path: &Path, error: io::Error) -> io::Error {
         (Ok(found), Some(rustix::io::Errno::LOOP)) if found.is_symlink() => Refusal::Link.into(),
         (Ok(found), Some(rustix::io::Errno::NXIO)) => Refusal::NotRegular(kind(found)).into(),
         _ => error,
-    }
-}
-
-/// A kind of file in words.
-pub(crate) fn kind(found: FileType) -> &'static str {
-    match found {
-        found if found.is_fifo() => "a pipe",
-        found if found.is_socket() => "a socket",
-        found if found.is_block_device() || found.is_char_device() => "a device",
-        found if found.is_dir() => "a folder",
-        _ => "of another kind",
     }
 }
 

@@ -28,10 +28,11 @@ mod input;
 mod live;
 mod output_folder;
 mod path;
+mod perform;
 mod plain_words;
 
 pub use atomic::{AtomicFile, TEMPORARY_SUFFIX, write};
-pub use error::{Operation, Refusal, StorageError};
+pub use error::{Operation, PATH_LIMIT, Refusal, StorageError};
 pub use exposure::Exposure;
 pub use folder::{
     Entry, EntryKind, FileIdentity, check_target, list, make_folder, remove_file, remove_folder, same_file,
@@ -42,5 +43,5 @@ pub use input::{
 };
 pub use live::LiveFile;
 pub use output_folder::{Claim, OutputFolder};
-pub use path::{PATH_LIMIT, check_path};
+pub use path::check_path;
 pub use plain_words::{plain_words, without_error_number};

@@ -4,11 +4,12 @@ use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use crate::call::{Call, perform};
+use crate::call::Call;
 use crate::error::{Operation, Refusal, StorageError};
 use crate::folder::{ReservedFolder, make_missing, open_folder};
 use crate::handle::{is_at, lock};
 use crate::path::check_path;
+use crate::perform::perform;
 
 /// What a command wants of its folder.
 #[derive(Clone, Copy, Debug)]

@@ -3,10 +3,7 @@
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-use crate::error::Refusal;
-
-/// The longest path that is accepted, bytes. Linux stops at 4,096; a path has to leave room for the names of results below it.
-pub const PATH_LIMIT: usize = 1024;
+use crate::error::{PATH_LIMIT, Refusal};
 
 /// Whether `path` is UTF-8 and no longer than [`PATH_LIMIT`].
 ///

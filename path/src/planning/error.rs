@@ -4,6 +4,9 @@ use crate::planning::file::{Content, Rows};
 use crate::planning::file_error::{FileError, Place};
 use crate::spec::SpecError;
 
+/// Highest rate of ticks that is planned for, Hz.
+pub const HIGHEST_RATE: f64 = 1e5;
+
 /// Why no joint path came out of [`crate::JointPath::plan`]. Times are those of the motion, from 0.
 #[derive(thiserror::Error, Debug)]
 pub enum PathError {
@@ -14,7 +17,7 @@ pub enum PathError {
     #[error(transparent)]
     File(#[from] FileError),
     /// The rate of the ticks is no rate.
-    #[error("rate = {value} Hz: write a positive rate of at most {highest} Hz", highest = crate::HIGHEST_RATE)]
+    #[error("rate = {value} Hz: write a positive rate of at most {highest} Hz", highest = HIGHEST_RATE)]
     Rate {
         /// The value found, Hz.
         value: f64,

@@ -14,8 +14,7 @@ mod table;
 mod tool;
 mod track;
 
-pub use error::PathError;
+pub use error::{HIGHEST_RATE, PathError};
 pub use file_error::{FEWEST_ROWS, FileError, Place};
-pub use plan::HIGHEST_RATE;
 pub use table::{JointPath, Sample};
 pub use tool::{ToolPath, ToolSample};

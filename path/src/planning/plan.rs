@@ -4,7 +4,7 @@ use std::path::Path;
 
 use freeplay_arm::Arm;
 
-use crate::planning::error::PathError;
+use crate::planning::error::{HIGHEST_RATE, PathError};
 use crate::planning::file::{Content, Rows};
 use crate::planning::laps::Laps;
 use crate::planning::nodes::{Grid, Nodes};
@@ -16,8 +16,6 @@ use crate::planning::tool::ToolPath;
 use crate::planning::track::{FEWEST_JOINTS, Lost, Tracker};
 use crate::spec::{PathKind, PathSpec, Size, check_duration};
 
-/// Highest rate of ticks that is planned for, Hz.
-pub const HIGHEST_RATE: f64 = 1e5;
 /// Samples a second through which the sharp square's joint path runs.
 const SHARP_RATE: f64 = 4000.0;
 /// Most samples of a lap of the sharp square.

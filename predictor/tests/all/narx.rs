@@ -4,7 +4,7 @@ use freeplay_predictor::baselines::persistence;
 use freeplay_predictor::levenberg_marquardt::{Settings, Stop};
 use freeplay_predictor::metrics::{by_part, score, skill};
 use freeplay_predictor::narx::PredictError;
-use freeplay_predictor::predictor::PushError;
+use freeplay_predictor::push_error::PushError;
 use freeplay_predictor::split::{Fractions, Split, by_block};
 use freeplay_predictor::training::{Recipe, TrainError, Trained};
 use freeplay_predictor::window::{WindowError, targets, windows};

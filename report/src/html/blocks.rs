@@ -2,8 +2,10 @@
 
 use maud::{Markup, html};
 
+use super::inline::{badge, badge_with, inline};
 use super::{Context, drawing, figure, film, table};
-use crate::document::{Block, Figure, Verdict};
+use crate::document::{Block, Figure};
+use crate::verdict::Verdict;
 
 /// Blocks, one below the other.
 pub(crate) fn blocks(blocks: &[Block], context: &Context<'_>) -> Markup {
@@ -29,38 +31,6 @@ fn one(block: &Block, context: &Context<'_>) -> Markup {
         Block::Details { summary, blocks: hidden } => html! {
             details { summary { (summary) } (blocks(hidden, context)) }
         },
-    }
-}
-
-/// Text with what stands between backticks set as code.
-pub(crate) fn inline(text: &str) -> Markup {
-    let parts: Vec<&str> = text.split('`').collect();
-    // An odd number of backticks leaves the last one as it is.
-    let closed = if parts.len().is_multiple_of(2) { parts.len() - 1 } else { parts.len() };
-    html! {
-        @for (place, part) in parts.iter().enumerate() {
-            @if place >= closed { "`" (part) }
-            @else if place % 2 == 1 { code { (part) } }
-            @else { (part) }
-        }
-    }
-}
-
-/// The sign and the word of a verdict.
-pub(crate) fn badge(verdict: Verdict) -> Markup {
-    badge_with(verdict, verdict.word())
-}
-
-/// The sign of a verdict with a word of its own.
-pub(crate) fn badge_with(verdict: Verdict, word: &str) -> Markup {
-    let sign = match verdict {
-        Verdict::Ok => "✓",
-        Verdict::Warn => "!",
-        Verdict::Fail => "✕",
-        Verdict::Info => "i",
-    };
-    html! {
-        span.badge.(verdict.word()) { span.sign aria-hidden="true" { (sign) } " " (word) }
     }
 }
 

@@ -3,8 +3,8 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::Context;
-use super::blocks::inline;
 use super::figure::in_words;
+use super::inline::inline;
 use crate::chart::{Chart, Series};
 use crate::colours::PALETTE;
 use crate::drawing::Drawing;

@@ -3,7 +3,7 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::Context;
-use super::blocks::inline;
+use super::inline::inline;
 use crate::chart::{Chart, Mark, Scale, Series};
 use crate::chart_data::ChartData;
 use crate::text::{Digits, number};

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use serde::Serialize;
 
 use super::Context;
-use super::blocks::inline;
+use super::inline::inline;
 use crate::colours::PALETTE;
 use crate::film::{Film, Moving, Scene};
 

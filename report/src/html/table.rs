@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::Context;
-use super::blocks::{badge, badge_with, inline};
+use super::inline::{badge, badge_with, inline};
 use crate::table::{Best, Cell, Column, Content, Table};
 use crate::text::{number, uncertain};
 
