@@ -3,7 +3,7 @@
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use freeplay_report::one_line;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::messages::{Common, color_among};
+use freeplay_terminal::flags::{Common, color_among};
 
 use crate::help::grouped;
 use crate::manual::EXIT_CODES;
@@ -35,7 +35,7 @@ enum Command {
     /// Check whether this machine is fit for runs, for median latencies and for their tails, and say what to change.
     Doctor(freeplay_doctor::DoctorArgs),
     /// Find where a model and recordings differ, name the missing physics, and write a better model.
-    Diagnose(crate::diagnose::DiagnoseArgs),
+    Diagnose(crate::diagnose_args::DiagnoseArgs),
     /// Close the loop: simulate machines with concealed physics, diagnose them, and control them with the model found.
     Demo(freeplay_proof::demo::DemoArgs),
     /// Design the next motion where two causes are possible: a safe motion that tells them apart.

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use clap::Args;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::messages;
+use freeplay_terminal::flags;
 
 /// What the package's own command understands, for `--help`, which needs no Python.
 const OPTIONS: &str = "\
@@ -50,7 +50,7 @@ pub fn campaign(args: &CampaignArgs) -> Result<Exit, Failure> {
     })?;
     let mut command = Command::new(&python);
     command.args(["-m", "freeplay", "campaign"]).args(&args.arguments).env("FREEPLAY_EXECUTABLE", &this);
-    if messages::is_quiet() {
+    if flags::is_quiet() {
         command.arg("--quiet");
     }
     // `exec` comes back only if it fails.

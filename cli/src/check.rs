@@ -1,9 +1,9 @@
 //! The first thing that a person should see: recording and model don't mean the same.
 
 use freeplay_diagnosis::{Certainty, SetupFinding, sentences};
-use freeplay_terminal::messages;
+use freeplay_terminal::flags;
 
-use crate::diagnose_screen::{MARGIN, wrapped};
+use crate::margin::{MARGIN, wrapped};
 
 /// The block CHECK: each fault of the set-up with its remedy. Where a fault is sure, the command `again` follows, which reads the recording as mended or writes a
 /// mapping file that does. A fault that is only likely is worded as a question. Empty without faults.
@@ -17,7 +17,7 @@ pub fn block(findings: &[SetupFinding], again: &str) -> String {
         text.push_str(if index == 0 { "\n" } else { "" });
         text.push_str(&wrapped(if index == 0 { "CHECK" } else { "" }, MARGIN, &words));
     }
-    if findings.iter().any(|finding| finding.certainty == Certainty::Sure) && !messages::is_quiet() {
+    if findings.iter().any(|finding| finding.certainty == Certainty::Sure) && !flags::is_quiet() {
         // In one line, so that it can be pasted.
         text.push_str(&format!("{:MARGIN$}{again}\n", ""));
     }

@@ -16,6 +16,7 @@ use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Serie
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
+use freeplay_terminal::flags;
 use freeplay_terminal::layout::text_table;
 use freeplay_terminal::messages;
 use freeplay_terminal::output::{say, show};
@@ -157,7 +158,7 @@ impl View<'_> {
         }
         let next = match report {
             Some(path) => format!("report      {}", pasted(path)),
-            None if messages::is_quiet() => return text,
+            None if flags::is_quiet() => return text,
             None => "next        add --out DIR for the curves, measured against model; --lowpass HZ for another filter".into(),
         };
         let _ = writeln!(text, "{next}");

@@ -10,14 +10,14 @@ use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
 use freeplay_report::units::{people, written};
-use freeplay_terminal::messages::{GOOD, UNDECIDED, is_quiet, styled, width};
+use freeplay_terminal::flags::is_quiet;
+use freeplay_terminal::messages::width;
+use freeplay_terminal::styles::{GOOD, UNDECIDED, styled};
 
-use crate::diagnose::{View, file_name};
+use crate::diagnose_view::{View, file_name};
+use crate::margin::{MARGIN, wrapped};
 use freeplay_report::paste::pasted;
-use freeplay_terminal::outside::on_one_line;
 
-/// Width of what stands before a line, characters.
-pub const MARGIN: usize = 9;
 /// Width of the longest bar, characters.
 const BAR: f64 = 24.0;
 /// Up to how many channels have a bar for every model.
@@ -309,12 +309,4 @@ fn indented(mut table: Table, right: &[usize]) -> String {
 
 fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
-}
-
-/// `words` behind `word`, in lines of the screen's width, all but the first `margin` characters in.
-pub fn wrapped(word: &str, margin: usize, words: &str) -> String {
-    let (first, others) = (format!("{word:margin$}"), " ".repeat(margin));
-    let options = textwrap::Options::new(width()).initial_indent(&first).subsequent_indent(&others);
-    // Wrapping would take a name with a line break in it apart.
-    textwrap::fill(&on_one_line(words), options) + "\n"
 }

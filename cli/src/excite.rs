@@ -21,7 +21,7 @@ use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{read_json, write};
 use freeplay_terminal::output::{say, show};
 use freeplay_terminal::target::{asked_file, claim_out, folder_of};
-use freeplay_terminal::{messages, progress};
+use freeplay_terminal::{flags, messages, progress};
 use serde_json::Value;
 
 use crate::inputs::Measured;
@@ -427,7 +427,7 @@ fn text(found: &Excitation, file: &ArmFile, path: &Path) -> String {
         pasted(&path.with_extension("csv")),
         found.motion.duration
     );
-    if !messages::is_quiet() {
+    if !flags::is_quiet() {
         let _ = writeln!(text, "next    freeplay run {}", pasted(path));
     }
     text

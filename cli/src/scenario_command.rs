@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use freeplay_harness::run::{ControllerSelection, load};
+use freeplay_harness::controller_selection::ControllerSelection;
+use freeplay_harness::run::load;
 use freeplay_harness::scenario::Scenario;
 use freeplay_harness::scenario_place::{located, place_of};
 use freeplay_harness::setup::Setup;

@@ -1,7 +1,8 @@
 //! The controllers that come with the project, by name.
 
+use freeplay_controller_sdk::Controller;
+
 use crate::computed_torque::{COMPUTED_TORQUE, ComputedTorque};
-use crate::controller::Controller;
 use crate::narx_qp::{NARX_QP, NarxQp};
 use crate::quasi_static::{QUASI_STATIC, QuasiStaticControl};
 

@@ -7,11 +7,11 @@
 //! Source: Åström & Murray 2008, Feedback Systems, §12.2 (feed-forward by inversion).
 
 use freeplay_arm::Joint;
+use freeplay_controller_sdk::Answer;
 use freeplay_laws::{Baseline, Injection, Placed, ServoLaw};
 use freeplay_path::JointPath;
 use freeplay_shm::Reference;
 
-use crate::controller::Answer;
 use crate::displacement_preview::SAME_PATH;
 use crate::known_effects::{BLEND, HALF_SPAN, MOST_ROWS, averaged, begun, by_row, rate_of, sampled};
 use crate::model::Model;

@@ -15,7 +15,7 @@
 //! (stationary, feasible, all multipliers zero), and nothing is iterated: [`CompensationStatus::Free`]. Else Clarabel solves.
 //!
 //! A desired motion that leaves no room would forbid the correction even to come to rest: the room is never less than
-//! [`LEAST_SHARE`] of the limit. Towards a position limit the correction is no faster than it can brake with that share. Where the intervals do not meet or the programme fails, the correction is held, braking within the
+//! [`LEAST_SHARE`](crate::correction_bounds::LEAST_SHARE) of the limit. Towards a position limit the correction is no faster than it can brake with that share. Where the intervals do not meet or the programme fails, the correction is held, braking within the
 //! acceleration limit, and the report names the cause.
 
 use freeplay_arm::{Arm, Limits};
@@ -26,10 +26,6 @@ use crate::correction_bounds::CorrectionBounds;
 use crate::free_minimiser::FreeMinimiser;
 use crate::qp::{Qp, QpError, QpStatus};
 
-/// Largest correction of a joint, rad or m: more is not a correction.
-pub const LARGEST_CORRECTION: f64 = 0.1;
-/// Share of the speed and acceleration limits that the correction may always use.
-pub const LEAST_SHARE: f64 = 0.01;
 /// From SI to the units of the programme: mm and mrad.
 pub(crate) const MILLI: f64 = 1e3;
 

@@ -5,13 +5,13 @@
 //! `command_filter` as the command with which the servos of the model follow it.
 
 use freeplay_arm::{Arm, Workspace, rnea};
+use freeplay_controller_sdk::{Answer, Controller, ControllerError, RunInfo};
 use freeplay_laws::DriveFriction;
 use freeplay_path::JointPath;
 use freeplay_shm::{Joints, Reference, State};
 
 use crate::command_filter::CommandFilter;
 use crate::compensation::Motion;
-use crate::controller::{Answer, Controller, ControllerError, RunInfo};
 use crate::look_ahead::{JointState, LookAhead, drive_frictions};
 use crate::model::Model;
 use crate::task::{Gains, Task, TaskMode};

@@ -11,7 +11,10 @@
 
 use freeplay_arm::Limits;
 
-use crate::compensation::{LARGEST_CORRECTION, LEAST_SHARE};
+/// Largest correction of a joint, rad or m: more is not a correction.
+pub const LARGEST_CORRECTION: f64 = 0.1;
+/// Share of the speed and acceleration limits that the correction may always use.
+pub const LEAST_SHARE: f64 = 0.01;
 
 /// The room of one joint at one instant, rad (m).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -55,7 +55,9 @@ pub mod look_ahead;
 pub mod model;
 pub mod narx_qp;
 pub mod not_ready;
+pub mod observed_remainder;
 pub mod passage;
+pub mod passage_corner;
 pub mod passage_layout;
 pub mod passage_limits;
 pub mod passage_planner;
@@ -73,8 +75,8 @@ pub mod trial;
 
 pub use acceleration_programme::{AccelerationProgramme, ContactGuard, Wanted};
 pub use freeplay_controller_sdk::{
-    Answer, Controller, ControllerError, Ended, Gains, LimitsFrom, RunInfo, ServeError, ServeOptions,
-    ServeReport, Task, TaskError, TaskMode, controller, serve, serve_with, task,
+    Answer, Controller, ControllerError, Ended, Gains, LimitsFrom, PATIENCE_ENV, RunInfo, SLOT_ENV,
+    ServeError, ServeOptions, ServeReport, Task, TaskError, TaskMode, controller, serve, serve_with, task,
 };
 
 pub use built_in::{BUILT_IN, built_in};

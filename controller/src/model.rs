@@ -1,5 +1,6 @@
 //! What a controller knows of the arm: the model file of its task.
 
+use freeplay_controller_sdk::RunInfo;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -7,7 +8,6 @@ use freeplay_arm::{Arm, Limits};
 use freeplay_laws::{Clearance, Effects};
 use nalgebra::Vector3;
 
-use crate::controller::RunInfo;
 use crate::identity::{identity, model_identity};
 use crate::not_ready::NotReady;
 use crate::task::{LimitsFrom, PAPER_MODEL, Task};

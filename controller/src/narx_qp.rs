@@ -5,6 +5,7 @@
 //! physics. With a tracked tool what is left of both is learned online ([`ToolResidual`]): a wrong clearance, a friction that the model
 //! leaves out.
 
+use freeplay_controller_sdk::{Answer, Controller, ControllerError, RunInfo};
 use std::path::Path;
 
 use freeplay_path::JointPath;
@@ -12,7 +13,6 @@ use freeplay_shm::State;
 use serde::{Deserialize, Serialize};
 
 use crate::compensation::Weights;
-use crate::controller::{Answer, Controller, ControllerError, RunInfo};
 use crate::model::Model;
 use crate::not_ready::NotReady;
 use crate::passage::{PassageOptions, Unplanned};

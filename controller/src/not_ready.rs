@@ -1,11 +1,11 @@
 //! Why a built-in controller cannot start.
 
 use freeplay_arm::{ArmError, ModelError};
+use freeplay_controller_sdk::ControllerError;
 use freeplay_laws::LawError;
 use freeplay_path::PathError;
 use thiserror::Error;
 
-use crate::controller::ControllerError;
 use crate::horizon::HorizonError;
 use crate::qp::QpError;
 use crate::remainder::WeightError;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use crate::passage_corner::Corner;
 use crate::passage_layout::{Layout, MILLI, second_difference};
-use crate::passage_programme::Corner;
 use crate::passage_trajectory::PassageTrajectory;
 use crate::sparse_programme::{Row, SparseProgramme};
 

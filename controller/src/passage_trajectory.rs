@@ -7,7 +7,6 @@
 use freeplay_laws::{Clearance, Play};
 
 use crate::compensation::Motion;
-use crate::passage_programme::Change;
 use crate::pin_force::PinForce;
 
 /// A motion of joints or journals at one tick that owns its numbers: positions, velocities, accelerations.
@@ -54,6 +53,21 @@ pub struct PassageTrajectory {
     pub angles: Vec<Vec<f64>>,
     /// Radii r of the journals, m.
     pub radii: Vec<Vec<f64>>,
+}
+
+/// A change of a course.
+pub struct Change {
+    /// δΔq, rad (m), tick by tick.
+    pub corrections: Vec<Vec<f64>>,
+    /// δφ, rad, tick by tick.
+    pub angles: Vec<Vec<f64>>,
+}
+
+impl Change {
+    /// The largest change of an angle, rad.
+    pub fn largest_turn(&self) -> f64 {
+        self.angles.iter().flatten().fold(0.0, |most, turn| turn.abs().max(most))
+    }
 }
 
 /// How one journal meets its bearing on a course.

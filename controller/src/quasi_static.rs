@@ -2,11 +2,11 @@
 //!
 //! All of it is in [`Tracking`].
 
+use freeplay_controller_sdk::{Answer, Controller, ControllerError, RunInfo};
 use freeplay_path::JointPath;
 use freeplay_shm::State;
 use nalgebra::Vector3;
 
-use crate::controller::{Answer, Controller, ControllerError, RunInfo};
 use crate::model::Model;
 use crate::not_ready::NotReady;
 use crate::task::Task;

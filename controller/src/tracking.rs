@@ -9,6 +9,7 @@
 //! is said at the start, and the answer at its first tick has the status `QpFailed`.
 
 use freeplay_arm::Arm;
+use freeplay_controller_sdk::Answer;
 use freeplay_laws::{ArmWithPlay, DriveFriction};
 use freeplay_path::JointPath;
 use freeplay_shm::{CommandStatus, Joints, Reference, State, now_ns};
@@ -19,7 +20,6 @@ use crate::centred::Centred;
 use crate::command_filter::CommandFilter;
 use crate::compensation::{CompensationStatus, Motion, Weights};
 use crate::computed_torque::{add_drive_friction, feedback};
-use crate::controller::Answer;
 use crate::corners::CornerSearch;
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;

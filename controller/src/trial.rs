@@ -6,7 +6,7 @@
 
 use freeplay_laws::ArmWithPlay;
 
-use crate::passage_programme::Frame;
+use crate::passage_corner::Frame;
 use crate::passage_trajectory::Instant;
 use crate::rollout::{Driven, Rollout};
 

@@ -3,6 +3,7 @@
 mod clocks;
 mod facts;
 mod findings;
+mod judge;
 mod probe;
 mod system;
 
@@ -14,8 +15,9 @@ use freeplay_report::{Block, Document, Section, Verdict as Mark};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
-use freeplay_terminal::messages::{self, styled};
+use freeplay_terminal::messages;
 use freeplay_terminal::output::{say, show};
+use freeplay_terminal::styles::styled;
 use serde_json::{Value, json};
 
 use crate::facts::Facts;
@@ -63,7 +65,7 @@ impl Examination {
 
     fn of(root: &Path, probe: Option<Probe>) -> Self {
         let findings =
-            findings::judge(&Facts::read(root), &SystemState::read(), probe.as_ref(), DEFAULT_PRIORITY);
+            judge::judge(&Facts::read(root), &SystemState::read(), probe.as_ref(), DEFAULT_PRIORITY);
         Self { verdict: Verdict::of(&findings), findings, probe }
     }
 

@@ -4,8 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use freeplay_harness::controller_selection::ControllerSelection;
 use freeplay_harness::ending;
-use freeplay_harness::run::{ControllerSelection, Files, play};
+use freeplay_harness::run::play;
+use freeplay_harness::run_files::Files;
 use freeplay_harness::scenario::{Drive, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;

@@ -9,7 +9,8 @@ use clap::Args;
 use comfy_table::CellAlignment;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_harness::run::{ControllerSelection, load};
+use freeplay_harness::controller_selection::ControllerSelection;
+use freeplay_harness::run::load;
 use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
@@ -19,7 +20,7 @@ use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{claim, write};
 use freeplay_terminal::layout::text_table;
 use freeplay_terminal::output::{say, show};
-use freeplay_terminal::{messages, progress};
+use freeplay_terminal::{progress, styles};
 use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -396,7 +397,7 @@ fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
         verdicts.swaps, played.runs, verdicts.with_contact_event
     );
     for (holds, words) in verdicts.lines() {
-        text += &format!("{} {words}\n", messages::judgement(holds));
+        text += &format!("{} {words}\n", styles::judgement(holds));
     }
     if verdicts.undisturbed < verdicts.swaps {
         text += &format!(

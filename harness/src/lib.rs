@@ -18,6 +18,7 @@
 pub mod closed_loop;
 pub mod columns;
 pub mod controller_command;
+pub mod controller_selection;
 mod gains;
 pub mod histogram_files;
 mod live;
@@ -29,6 +30,7 @@ mod recorder;
 pub mod replay;
 pub mod report_command;
 pub mod run;
+pub mod run_files;
 mod run_film;
 mod run_report;
 pub mod scenario;
@@ -36,8 +38,10 @@ pub mod scenario_place;
 mod screen;
 pub mod setup;
 pub mod summary;
+pub mod swap_tables;
 pub mod swaps;
 mod verdict;
 pub mod weights;
+mod weights_reach;
 
 pub use screen::ending;

@@ -6,16 +6,17 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use freeplay_controller::serve::{PATIENCE_ENV, SLOT_ENV};
+use freeplay_controller::{PATIENCE_ENV, SLOT_ENV};
 use freeplay_fmi::guest::FmuController;
 use freeplay_shm::{Address, LinkError, RUN_ENV, RunRoot};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::guard::Group;
-use freeplay_terminal::process::Running;
+use freeplay_terminal::running::Running;
 use rustix::process::{Pid, Signal, kill_process};
 
+use crate::controller_selection::ControllerSelection;
 use crate::live::Watch;
-use crate::run::{ControllerSelection, Files};
+use crate::run_files::Files;
 use crate::scenario::{Pacing, Scenario};
 use freeplay_terminal::messages;
 

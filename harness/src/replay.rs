@@ -17,8 +17,8 @@ use freeplay_terminal::output::{say, show};
 use serde::Serialize;
 
 use crate::columns::state_at;
+use crate::controller_selection::ControllerSelection;
 use crate::processes::{new_run, start_controller};
-use crate::run::ControllerSelection;
 use crate::scenario::{Pacing, Scenario};
 use crate::setup::Setup;
 

@@ -7,10 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
-use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_fmi::guest::FmuController;
-use freeplay_recording::ReadError;
 use freeplay_shm::RunRoot;
 use freeplay_storage::{Entry, FileIdentity, list, read_text, remove_file};
 use freeplay_terminal::arguments::Format;
@@ -18,24 +15,25 @@ use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{claim, write};
 use freeplay_terminal::hex::hex;
 use freeplay_terminal::output::{say, show};
-use freeplay_terminal::process::Running;
-use freeplay_terminal::{messages, progress};
+use freeplay_terminal::running::Running;
+use freeplay_terminal::{flags, messages, progress};
 use indicatif::ProgressBar;
-use rustix::fs::{Access, access};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
+use crate::controller_selection::ControllerSelection;
 use crate::live::{Title, Watch};
 use crate::plant_command::pace_name;
 use crate::processes::{
     Ended, exit as exit_of, new_run, start_in_slot, start_plant, start_watched_plant, supervise,
 };
+use crate::run_files::{Files, RECORDED};
 use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::scenario_place::located;
 use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
 
-use crate::{gains, run_report, screen, swaps, weights};
+use crate::{gains, run_report, screen, swaps, weights, weights_reach};
 
 /// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
 const LAST_WORDS: usize = 2000;
@@ -47,9 +45,6 @@ const RESULTS: [&str; 5] =
 /// Patience of runs in lockstep with built-in controllers that other commands start, s: these hang nowhere, and are slow where the machine has much else
 /// to do.
 pub const BUILT_IN_PATIENCE: f64 = 60.0;
-
-/// Endings of recordings.
-const RECORDED: [&str; 2] = ["mcap", "csv"];
 
 /// Runs a scenario.
 #[derive(Args, Debug)]
@@ -103,73 +98,12 @@ pub struct RunArgs {
     controller_delay: f64,
 }
 
-/// One controller to run.
-#[derive(Clone, Debug)]
-pub struct ControllerSelection {
-    /// As it was asked for.
-    asked: String,
-    /// Name of its files.
-    name: String,
-    /// Executable of its own, if it is none of the built-in.
-    pub executable: Option<PathBuf>,
-    /// File with the plan of faults to inject into it.
-    pub faults: Option<PathBuf>,
-}
-
-impl ControllerSelection {
-    /// As it was asked for.
-    pub fn asked(&self) -> &str {
-        &self.asked
-    }
-
-    /// Name of its files.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// The same with the faults of the file `plan`.
-    pub fn with_faults(self, plan: PathBuf) -> Self {
-        Self { faults: Some(plan), ..self }
-    }
-
-    /// The controller `asked`: a built-in name, or the path of an FMU or an executable.
-    ///
-    /// # Errors
-    /// Neither of the two.
-    pub fn of(asked: &str) -> Result<Self, Failure> {
-        let built_in = BUILT_IN.contains(&asked);
-        let path = Path::new(asked);
-        if !built_in && !path.is_file() {
-            return Err(if path.is_dir() && asked.contains('/') {
-                Failure::input(format!("controller {asked} is a folder; name the executable in it"))
-            } else if asked.contains('/') {
-                Failure::input(format!(
-                    "controller {asked}: the executable does not exist; build it, and check the path"
-                ))
-            } else {
-                crate::controller_command::unknown(asked)
-            });
-        }
-        let is_fmu = FmuController::is_named(path);
-        if !built_in && !is_fmu && access(path, Access::EXEC_OK).is_err() {
-            return Err(Failure::input(format!(
-                "controller {asked}: not executable: name a program, or allow it with chmod +x"
-            )));
-        }
-        let name =
-            path.file_name().map_or_else(|| asked.to_owned(), |name| name.to_string_lossy().into_owned());
-        let executable =
-            (!built_in).then(|| std::path::absolute(path)).transpose().map_err(Failure::input)?;
-        Ok(Self { asked: asked.to_owned(), name, executable, faults: None })
-    }
-}
-
 /// Runs the scenario of `args` with each of its controllers.
 ///
 /// # Errors
 /// Bad input, a controller that does not start, a process that fails.
 pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
-    if args.live && messages::is_quiet() {
+    if args.live && flags::is_quiet() {
         return Err(Failure::usage("--live cannot be used with --quiet: choose one of them"));
     }
     let mut scenario = effective(args)?;
@@ -197,7 +131,8 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     }
     let folder = claim(args.out.as_deref(), &RESULTS, args.force)?;
     let files = Files::write(&scenario, &setup, folder.path())?;
-    let learned = |contestant: &ControllerSelection| weights::reach(&scenario, &setup, &contestant.asked);
+    let learned =
+        |contestant: &ControllerSelection| weights_reach::reach(&scenario, &setup, &contestant.asked);
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     stands_still(&setup).into_iter().chain(weights::left_alone(&scenario)).for_each(messages::note);
@@ -309,53 +244,6 @@ fn title(contestant: &ControllerSelection, scenario: &Scenario, setup: &Setup) -
     }
 }
 
-/// The files that the processes of a run share.
-pub struct Files {
-    /// The effective scenario.
-    pub scenario: PathBuf,
-    /// What controllers are given.
-    pub task: PathBuf,
-    /// The model that controllers are given, where it was written for them.
-    pub model: Option<PathBuf>,
-    /// The folder of results.
-    pub out: PathBuf,
-}
-
-impl Files {
-    /// Writes them into the folder `out`, made first.
-    ///
-    /// # Errors
-    /// A folder or a file that can't be made.
-    pub fn write(scenario: &Scenario, setup: &Setup, out: &Path) -> Result<Self, Failure> {
-        freeplay_terminal::files::make_folder(out)?;
-        let out = std::path::absolute(out).map_err(Failure::input)?;
-        let model = out.join("model.toml");
-        let earlier = FileIdentity::of(&model);
-        let task = setup.write_task(scenario, &out)?;
-        let model = (FileIdentity::of(&model) != earlier).then_some(model);
-        let files = Self { scenario: out.join("scenario.toml"), task, model, out };
-        write(&files.scenario, &absolute(scenario)?.to_toml().map_err(Failure::internal)?)?;
-        Ok(files)
-    }
-
-    /// Removes them, and what the processes of runs of `contestants` that did not begin have left; nothing where one of them recorded a tick.
-    fn give_up(&self, contestants: &[ControllerSelection]) -> Result<(), Failure> {
-        let named = |ending: &str| {
-            let file =
-                |contestant: &ControllerSelection| self.out.join(format!("{}.{ending}", contestant.name));
-            contestants.iter().map(file).collect::<Vec<PathBuf>>()
-        };
-        let recordings = RECORDED.map(named).concat();
-        if recordings.iter().any(|file| file.exists() && !is_without_samples(file)) {
-            return Ok(());
-        }
-        let all = recordings.into_iter().chain(named("stderr"));
-        all.chain([self.scenario.clone(), self.task.clone()])
-            .chain(self.model.clone())
-            .try_for_each(|file| Ok(remove_file(&file)?))
-    }
-}
-
 /// Removes what the plant wrote of the run called `name` into the folder `out`.
 fn remove_run(out: &Path, name: &str) -> Result<(), Failure> {
     let is_of_run = |entry: &Entry| {
@@ -369,14 +257,6 @@ fn remove_run(out: &Path, name: &str) -> Result<(), Failure> {
         remove_file(&entry.path)?;
     }
     Ok(())
-}
-
-/// Whether the recording `file` was begun and holds nothing.
-fn is_without_samples(file: &Path) -> bool {
-    matches!(
-        freeplay_recording::read_overview(file, None, 1),
-        Err(ReadError::NoSamples { .. } | ReadError::Empty { .. })
-    )
 }
 
 fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
@@ -409,25 +289,6 @@ pub fn load(file: Option<&Path>, sets: &[String]) -> Result<Scenario, Failure> {
         ScenarioError::Set { .. } => Failure::usage(error),
         error => Failure::input(located(file, error.to_string())),
     })
-}
-
-/// The scenario with paths that hold in any folder.
-fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
-    let mut scenario = scenario.clone();
-    if scenario.model != freeplay_controller::task::PAPER_MODEL {
-        scenario.model = std::path::absolute(&scenario.model).map_err(Failure::input)?.display().to_string();
-    }
-    if let Some(model) = scenario.controller.model.as_mut()
-        && *model != freeplay_controller::task::PAPER_MODEL
-    {
-        *model = std::path::absolute(&*model).map_err(Failure::input)?.display().to_string();
-    }
-    scenario.controller.weights = weights::of(&scenario)?;
-    scenario.path.file = scenario.path.file.map(std::path::absolute).transpose().map_err(Failure::input)?;
-    if let Some(sound) = scenario.compare.as_mut().and_then(|compare| compare.sound.as_mut()) {
-        *sound = std::path::absolute(&*sound).map_err(Failure::input)?;
-    }
-    Ok(scenario)
 }
 
 /// The controllers of `scenario`, each with a name of its own.

@@ -16,7 +16,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::swaps::{CompareTable, SwapTable};
+use crate::swap_tables::{CompareTable, SwapTable};
 
 /// Who moves the joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -12,8 +12,8 @@ use crate::setup::Setup;
 use crate::summary::RunSummary;
 use crate::verdict::{failure_words, limit_words};
 use freeplay_report::paste::pasted;
+use freeplay_terminal::flags::is_quiet;
 use freeplay_terminal::layout::text_table;
-use freeplay_terminal::messages::is_quiet;
 
 /// Name of the rejection of an answer that is not there.
 const MISSING: &str = "missing";

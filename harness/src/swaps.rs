@@ -1,6 +1,6 @@
 //! Which controller is to be in charge when: from the names and times of a scenario to slots and ticks.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use freeplay_plant::{Comparison, ControllerSet, PlannedSwap, ReferenceDivergence};
@@ -8,45 +8,15 @@ use freeplay_shm::MAX_JOINTS;
 use freeplay_terminal::exit::Failure;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use crate::columns;
 use crate::scenario::Scenario;
+use crate::swap_tables::CompareTable;
 
 /// First tick at which a random swap may take place: before, nothing can be in force.
 const FIRST_TICK: u64 = 2;
 
-/// A change of controller at a tick.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SwapTable {
-    /// Tick whose answer is to be the new controller's; it is in force from the next tick on.
-    pub tick: u64,
-    /// The new controller: the one of the run or a standby, by its name.
-    pub to: String,
-}
-
-/// When two controllers disagree.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CompareTable {
-    /// Greatest difference of each joint's command between controllers that agree, N·m or rad; with `sound`: beyond what is usual.
-    pub tolerance: Vec<f64>,
-    /// A recording of a sound run of the same motion with the same controllers in the same order: what they differed by there within two
-    /// ticks is usual. Without it, the tolerance holds for the whole motion.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sound: Option<PathBuf>,
-    /// Ticks in a row for which they disagree before the one in charge is not believed.
-    #[serde(default = "CompareTable::default_ticks")]
-    pub ticks: u32,
-}
-
 impl CompareTable {
-    fn default_ticks() -> u32 {
-        2
-    }
-
     /// The comparison of `controllers` controllers.
     fn comparison(&self, controllers: usize) -> Result<Comparison, Failure> {
         if let Some(bad) = self.tolerance.iter().find(|value| value.is_nan() || **value < 0.0) {
@@ -163,6 +133,7 @@ fn random(seed: u64, count: u32, slots: usize, ticks: u64, apart: u64) -> Vec<Pl
 mod tests {
     use super::{controller_set, names};
     use crate::scenario::Scenario;
+    use crate::swap_tables::SwapTable;
 
     #[test]
     fn controllers_of_one_name_are_told_apart() {
@@ -192,7 +163,7 @@ mod tests {
             controller_set(&scenario, &alone, 6000, 1e-3).unwrap_err().message.contains("needs a standby")
         );
         scenario.random_swaps = 0;
-        scenario.swap = vec![super::SwapTable { tick: 3, to: "b".into() }];
+        scenario.swap = vec![SwapTable { tick: 3, to: "b".into() }];
         assert!(
             controller_set(&scenario, &alone, 6000, 1e-3).unwrap_err().message.contains("this run has a")
         );

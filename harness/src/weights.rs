@@ -1,16 +1,13 @@
-//! Which weight file the controllers of a scenario are given, and how far it reaches along the path of a run.
+//! Which weight file the controllers of a scenario are given.
 
 use std::path::{Path, PathBuf};
 
-use freeplay_arm::ArmFile;
-use freeplay_controller::compensation::Motion;
 use freeplay_controller::narx_qp::NARX_QP;
-use freeplay_controller::{Remainder, WeightFile};
+use freeplay_controller::task::PAPER_MODEL;
 use freeplay_terminal::exit::Failure;
 use serde_json::{Value, json};
 
 use crate::scenario::{Drive, NO_WEIGHTS, Scenario};
-use crate::setup::{PAPER_MODEL, Setup};
 
 /// Where the weights of the model `model` stand if nobody says where: `found/model.toml` has `found/model.weights.json`.
 pub fn beside(model: &Path) -> PathBuf {
@@ -59,43 +56,6 @@ pub fn left_alone(scenario: &Scenario) -> Option<String> {
         "{} is not used: it was learned in mode torque, and this run is of mode {mode}; physics alone compensates",
         found.display()
     ))
-}
-
-/// What the weights of `scenario` come to along its path for the controller `controller`: how much of it is inside the trained region, and how far
-/// the network moves the tool there. Null for a controller that uses none.
-pub fn reach(scenario: &Scenario, setup: &Setup, controller: &str) -> Value {
-    let Ok(Some(name)) = of(scenario) else { return Value::Null };
-    if controller != NARX_QP {
-        return Value::Null;
-    }
-    let Ok(file) = WeightFile::load(Path::new(&name)) else { return Value::Null };
-    let model = scenario
-        .controller
-        .model
-        .as_deref()
-        .map_or_else(|| Ok(setup.truth.clone()), crate::setup::load_model);
-    let usage = model.ok().and_then(|model| usage(&file, &model, setup));
-    let Some(usage) = usage else { return Value::Null };
-    let share = |count: u64| count as f64 / usage.instants.max(1) as f64;
-    json!({
-        "weights": name, "proved": file.receipt.proved,
-        "inside": share(usage.inside), "outside": share(usage.outside),
-        "trust": usage.trust / usage.instants.max(1) as f64, "greatest_mm": usage.greatest * 1e3,
-    })
-}
-
-fn usage(file: &WeightFile, model: &ArmFile, setup: &Setup) -> Option<freeplay_controller::remainder::Usage> {
-    let period = setup.plant.period_ns as f64 * 1e-9;
-    let effects = freeplay_laws::Effects::of(model).ok()?;
-    let arm = effects.changed(&model.arm).ok()?;
-    let mut remainder = Remainder::new(file, &arm, period).ok()?;
-    let blank = vec![0.0; arm.dof()];
-    let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank];
-    for tick in 0..setup.plant.ticks {
-        setup.path.at(tick as f64 * period, &mut q, &mut v, &mut a);
-        remainder.at(tick, Motion { q: &q, v: &v, a: &a });
-    }
-    Some(remainder.usage())
 }
 
 /// What a run says of the weights that its controller used, in one line; none for one that used none.

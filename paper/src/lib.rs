@@ -8,6 +8,7 @@
 mod bound;
 pub mod bound_table;
 pub mod cells;
+mod reference_pair;
 mod reference_report;
 pub mod reference_runs;
 pub mod reproduce;

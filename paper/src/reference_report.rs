@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use freeplay_report::{Cell, Column, Document, Section, Table, Verdict};
 use freeplay_terminal::exit::Failure;
 
-use crate::reference_runs::Pair;
+use crate::reference_pair::Pair;
 
 /// Writes `report.html` into `folder`; its path.
 ///

@@ -6,7 +6,7 @@ use std::io::Write;
 use anstream::{AutoStream, ColorChoice};
 use freeplay_storage::plain_words;
 
-use crate::messages::color_among;
+use crate::flags::color_among;
 
 /// Prints help, the version, or what is wrong with the command line: a value that is refused, in plain words.
 pub fn print(error: &clap::Error) {

@@ -6,12 +6,15 @@
 //! - [`internal_fault`]: panics and failed allocations, as one line and an exit code.
 //! - [`output`]: results, on standard output.
 //! - [`layout`]: text and tables as wide as the terminal.
-//! - [`messages`]: progress, notes, details and colour, on standard error.
+//! - [`flags`]: what every command understands: --quiet, --verbose, --color.
+//! - [`messages`]: progress, notes and details, on standard error.
+//! - [`styles`]: the colours of words that say how something came out.
 //! - [`files`]: files that a person names, and errors that say what to do.
 //! - [`progress`]: how far long work is, in one line.
 //! - [`outside`]: names from arguments and the environment, kept on one line.
 //! - [`target`]: whether `--out` names a file or a folder.
-//! - [`process`]: signals, parents and child processes.
+//! - [`process`]: signals and parents.
+//! - [`running`]: child processes that end with their owner.
 //! - [`guard`]: the process that ends an executable, with all that it has started, with its run.
 //! - [`parallel`]: the same work for many cases, on several cores.
 //! - [`hex`]: bytes as text.
@@ -20,6 +23,7 @@ pub mod arguments;
 pub mod command_line;
 pub mod exit;
 pub mod files;
+pub mod flags;
 pub mod guard;
 pub mod hex;
 pub mod internal_fault;
@@ -30,4 +34,7 @@ pub mod outside;
 pub mod parallel;
 pub mod process;
 pub mod progress;
+pub mod running;
+mod step_line;
+pub mod styles;
 pub mod target;

@@ -10,15 +10,15 @@ use freeplay_report::visible;
 
 use crate::exit::Failure;
 use crate::layout::{error_width, terminal_width, wrapped};
-use crate::messages::STYLES;
-use crate::{outside, progress};
+use crate::styles::STYLES;
+use crate::{outside, step_line};
 
 /// Writes `text` for a program or an editor: JSON and TOML, whose values and lines stay the same.
 ///
 /// # Errors
 /// Standard output can't be written otherwise.
 pub fn say(text: &str) -> Result<(), Failure> {
-    progress::clear();
+    step_line::clear();
     let text = outside::on_one_line(text);
     written(std::io::stdout().lock().write_all(visible(&text).as_bytes()))
 }
@@ -29,7 +29,7 @@ pub fn say(text: &str) -> Result<(), Failure> {
 /// # Errors
 /// As [`say`].
 pub fn show(text: &str) -> Result<(), Failure> {
-    progress::clear();
+    step_line::clear();
     written(anstream::stdout().lock().write_all(fitted(shown(text), terminal_width()).as_bytes()))
 }
 
@@ -43,7 +43,7 @@ pub fn raw(text: &str) -> Result<(), Failure> {
 
 /// Writes a line to standard error; where that is not possible, there is nobody to tell.
 pub fn tell(line: &str) {
-    progress::clear();
+    step_line::clear();
     let _ = writeln!(anstream::stderr().lock(), "{}", fitted(shown(line), error_width()));
 }
 
@@ -99,7 +99,7 @@ fn written(done: Result<(), Error>) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::shown;
-    use crate::messages::{BAD, GOOD, styled};
+    use crate::styles::{BAD, GOOD, styled};
 
     #[test]
     fn styles_of_this_program_stay_and_others_are_escaped() {

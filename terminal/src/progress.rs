@@ -2,21 +2,18 @@
 
 use std::fmt::Write;
 use std::io::IsTerminal;
-use std::sync::Mutex;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
-use crate::messages::is_quiet;
+use crate::flags::is_quiet;
 use crate::output::tell;
+use crate::step_line;
 
 /// Time between two pictures of a line that is rewritten.
 const PICTURE: Duration = Duration::from_millis(200);
 /// Time between two plain lines.
 const LINE: Duration = Duration::from_secs(10);
-
-/// The line of [`step`], while there is one.
-static STEP: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
 /// A bar on standard error up to `length`, which looks as the `template` of `indicatif` says, with the time left behind it.
 pub fn bar(length: u64, template: &str) -> ProgressBar {
@@ -38,18 +35,8 @@ pub fn step(words: &str) -> bool {
     if is_quiet() || !std::io::stderr().is_terminal() {
         return false;
     }
-    let Ok(mut step) = STEP.lock() else { return false };
-    let bar = step
-        .get_or_insert_with(|| dressed(ProgressBar::new_spinner(), "{spinner} {elapsed} {msg}", |_, _| {}));
-    bar.set_message(words.to_owned());
-    true
-}
-
-/// Removes the line of [`step`]: something else is going to be shown.
-pub fn clear() {
-    if let Some(bar) = STEP.lock().ok().and_then(|mut step| step.take()) {
-        bar.finish_and_clear();
-    }
+    let spinner = || dressed(ProgressBar::new_spinner(), "{spinner} {elapsed} {msg}", |_, _| {});
+    step_line::show(words, spinner)
 }
 
 fn dressed(

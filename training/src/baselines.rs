@@ -15,8 +15,9 @@ use freeplay_terminal::parallel::on_all_cores;
 use nalgebra::Vector3;
 
 use crate::bounds::around;
-use crate::choice::{Answers, PAPER, Tried, scored};
+use crate::choice::PAPER;
 use crate::data::{Channel, Data, OUTPUTS};
+use crate::held_out::{Answers, Tried, scored};
 use crate::structure::{Fitting, Structure, said, split, with_split};
 
 /// What something says of the windows of a held-out fold, m.

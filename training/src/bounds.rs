@@ -7,8 +7,8 @@
 use freeplay_controller::remainder::{Axis, InputGroup, Region};
 use freeplay_predictor::Window;
 
-use crate::choice::{Answers, correlation, range, rms};
 use crate::data::Data;
+use crate::held_out::{Answers, correlation, range, rms};
 
 /// Centres of a region.
 pub const CENTRES: usize = 48;

@@ -3,8 +3,8 @@
 use freeplay_controller::remainder::{Axis, InputGroup, Region};
 
 use crate::bounds::around;
-use crate::choice::Answers;
 use crate::data::Data;
+use crate::held_out::Answers;
 
 /// The forecast of one held-out run.
 #[derive(Clone, Debug, Default)]

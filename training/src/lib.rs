@@ -5,11 +5,11 @@
 //! 1. [`recorded`]: a [`RecordedRun`]: the reference, where the encoders were sent, and what the model leaves of the tool's deviation.
 //! 2. [`data`]: [`Data`]: runs with the inputs of the network at every instant; runs of one path are one fold, held out together.
 //! 3. [`structure`]: a [`Structure`]: inputs, layers, feedback of the own answer; how one is fitted and asked.
-//! 4. [`selection`]: which inputs, and [`choice`]: which layers predict held-out paths best; [`baselines`]: what needs no network, and the paper's, beside them.
+//! 4. [`held_out`]: paths predicted by what was trained on the others; [`selection`]: which inputs, and [`choice`]: which layers predict held-out paths best; [`baselines`]: what needs no network, and the paper's, beside them.
 //! 5. [`bounds`]: what held-out paths confirm: a share for each axis, and the trust by the distance from what trained.
 //! 6. [`weights`]: the weight files of all paths and of all but one; [`rehearsal`]: simulated runs of the model with the recorded remainder, which decide; [`significance`]: whether they are better, and not by chance.
 //! 7. [`forecast`]: forecasts of held-out paths; [`text`] and [`page`]: all of it for a terminal and as a page.
-//! 8. [`command`]: the command line; [`train`] is all of it in one call.
+//! 8. [`trained`]: what a training came to; [`command`]: the command line; [`train`] is all of it in one call.
 
 pub mod baselines;
 pub mod bounds;
@@ -17,6 +17,7 @@ pub mod choice;
 pub mod command;
 pub mod data;
 pub mod forecast;
+pub mod held_out;
 pub mod page;
 pub mod recorded;
 pub mod rehearsal;
@@ -24,9 +25,11 @@ pub mod selection;
 pub mod significance;
 pub mod structure;
 pub mod text;
+pub mod trained;
 pub mod weights;
 
-pub use command::{Settings, TrainArgs, Trained, train, train_command};
+pub use command::{Settings, TrainArgs, train, train_command};
 pub use data::Data;
 pub use recorded::RecordedRun;
 pub use structure::Structure;
+pub use trained::Trained;

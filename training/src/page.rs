@@ -5,10 +5,10 @@ use freeplay_report::{
     Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Mark, Section, Series, Table, Verdict,
 };
 
-use crate::choice::{Tried, rms};
-use crate::command::Trained;
 use crate::forecast::Forecast;
+use crate::held_out::{Tried, rms};
 use crate::rehearsal::DeviationCurve;
+use crate::trained::Trained;
 
 /// Names of the axes.
 const AXES: [&str; 3] = ["x", "y", "z"];

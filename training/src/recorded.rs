@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use freeplay_arm::Arm;
 use freeplay_controller::computed_torque::COMPUTED_TORQUE;
-use freeplay_controller::remainder::{Observed, remainder};
+use freeplay_controller::observed_remainder::{Observed, remainder};
 use freeplay_controller::{Model, Task};
 use freeplay_harness::columns::path_columns;
 use freeplay_laws::Trajectory;

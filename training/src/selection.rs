@@ -11,8 +11,8 @@
 use freeplay_controller::remainder::InputGroup;
 use freeplay_terminal::exit::Failure;
 
-use crate::choice::{Answers, HeldOut, Tried, held_out, scored};
 use crate::data::{Channel, Data};
+use crate::held_out::{Answers, HeldOut, Tried, held_out, scored};
 use crate::structure::{Fitting, Structure};
 
 /// Hidden layers with which inputs are chosen.

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use comfy_table::{CellAlignment, Table, presets};
 
-use crate::command::Trained;
+use crate::trained::Trained;
 
 /// The table of all that was tried, and what decided.
 pub fn text(trained: &Trained) -> String {

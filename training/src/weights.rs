@@ -7,8 +7,8 @@ use freeplay_predictor::narx::NarxError;
 use freeplay_terminal::exit::Failure;
 
 use crate::bounds::{around, confirmed};
-use crate::choice::{Answers, HeldOut, rms};
 use crate::data::{Channel, Data};
+use crate::held_out::{Answers, HeldOut, rms};
 use crate::recorded::RecordedRun;
 use crate::structure::{Fitting, Structure, fitted};
 

@@ -12,8 +12,10 @@ use freeplay_shm::{
 use signal_hook::SigId;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::controller::{Answer, Controller, RunInfo};
-use crate::serve::{Ended, ServeError, ServeOptions};
+use crate::controller::{Answer, Controller};
+use crate::run_info::RunInfo;
+use crate::serve_error::ServeError;
+use crate::serve_options::ServeOptions;
 
 /// How long before a tick is due a paced controller stops sleeping, ns: the system wakes sleepers 40 to 130 µs late.
 const EARLY_NS: u64 = 200_000;
@@ -61,6 +63,15 @@ pub fn guarded<T>(
     // The controller is not used again after a panic, but for its name.
     catch_unwind(AssertUnwindSafe(|| action(controller)))
         .map_err(|_| ServeError::Panicked { controller: controller.name().to_owned(), at: at() })
+}
+
+/// How a controller's process ended well.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// The last state of the run was answered.
+    LastTick,
+    /// SIGINT or SIGTERM came.
+    Interrupted,
 }
 
 /// The loop with its link.

@@ -1,9 +1,10 @@
 //! What a controller is: one trait, and what it is told and asked.
 
-use freeplay_shm::{CommandStatus, Joints, MAX_JOINTS, Mode, Pace, State};
-use thiserror::Error;
+use freeplay_shm::{CommandStatus, Joints, MAX_JOINTS, State};
 
-use crate::task::{Task, TaskError};
+use crate::controller_error::ControllerError;
+use crate::run_info::RunInfo;
+use crate::task::Task;
 
 /// A controller: it is started once with its task and then answers one state after another.
 ///
@@ -30,21 +31,6 @@ pub trait Controller {
     fn take_over(&mut self, state: &State) {
         let _ = state;
     }
-}
-
-/// What the plant says about the run in its welcome.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RunInfo {
-    /// Number of joints of the arm.
-    pub joints: usize,
-    /// Who moves the joints.
-    pub mode: Mode,
-    /// When the plant takes its next step.
-    pub pace: Pace,
-    /// Time between two ticks, ns.
-    pub period_ns: u64,
-    /// Length of the run, ticks.
-    pub ticks: u64,
 }
 
 /// The answer to one state: what becomes a command.
@@ -94,37 +80,4 @@ impl Answer {
     pub fn give_up(&mut self) {
         *self = Answer { status: CommandStatus::NoAnswer, ..Answer::BLANK };
     }
-}
-
-/// Why a controller cannot start.
-#[derive(Debug, Error)]
-pub enum ControllerError {
-    /// The task file cannot be used.
-    #[error(transparent)]
-    Task(#[from] TaskError),
-    /// The model has another number of joints than the plant's arm.
-    #[error(
-        "the model {model} has {found} joints, the plant's arm has {expected}: give the controller a model of the same joints"
-    )]
-    JointCount {
-        /// The model.
-        model: String,
-        /// Its number of joints.
-        found: usize,
-        /// The plant's.
-        expected: usize,
-    },
-    /// Task and plant disagree.
-    #[error("the task says {key} = {task}, the plant says {plant}: write the same in both")]
-    Disagreement {
-        /// The key of the task.
-        key: &'static str,
-        /// The task's value.
-        task: String,
-        /// The plant's value.
-        plant: String,
-    },
-    /// A fault of the controller's own: its model, its options, its set-up.
-    #[error("{0}")]
-    Custom(Box<dyn std::error::Error + Send + Sync>),
 }

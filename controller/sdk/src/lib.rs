@@ -15,9 +15,18 @@
 
 mod answer_loop;
 pub mod controller;
+mod controller_error;
+mod run_info;
 pub mod serve;
+mod serve_error;
+mod serve_options;
 pub mod task;
 
-pub use controller::{Answer, Controller, ControllerError, RunInfo};
-pub use serve::{Ended, ServeError, ServeOptions, ServeReport, serve, serve_with};
+pub use answer_loop::Ended;
+pub use controller::{Answer, Controller};
+pub use controller_error::ControllerError;
+pub use run_info::RunInfo;
+pub use serve::{ServeReport, serve, serve_with};
+pub use serve_error::ServeError;
+pub use serve_options::{PATIENCE_ENV, SLOT_ENV, ServeOptions};
 pub use task::{Gains, LimitsFrom, PAPER_MODEL, Task, TaskError, TaskMode};

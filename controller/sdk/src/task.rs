@@ -20,14 +20,11 @@
 use std::path::{Path, PathBuf};
 
 use freeplay_path::PathSpec;
-use freeplay_shm::Mode;
 use freeplay_storage::plain_words;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-
-use crate::controller::{ControllerError, RunInfo};
 
 /// Name of the model that ships with the project: the arm of Erkaya (2018), Table 1.
 pub const PAPER_MODEL: &str = "paper";
@@ -247,38 +244,6 @@ impl Task {
             controller: controller.to_owned(),
             source: Box::new(source),
         })
-    }
-
-    /// Checks the task and a model with `joints` joints against the plant's `run`.
-    ///
-    /// # Errors
-    /// [`ControllerError::JointCount`] or [`ControllerError::Disagreement`] with both values.
-    pub fn check(&self, joints: usize, run: &RunInfo) -> Result<(), ControllerError> {
-        if joints != run.joints {
-            let (model, found, expected) = (self.model.clone(), joints, run.joints);
-            return Err(ControllerError::JointCount { model, found, expected });
-        }
-        let mode = match self.mode {
-            TaskMode::Torque => Mode::Torque,
-            TaskMode::Driven => Mode::Driven,
-            TaskMode::Servo => Mode::Servo,
-        };
-        if mode != run.mode {
-            return Err(ControllerError::Disagreement {
-                key: "mode",
-                task: format!("{:?}", self.mode).to_lowercase(),
-                plant: format!("{:?}", run.mode).to_lowercase(),
-            });
-        }
-        // The plant counts in whole nanoseconds.
-        if (self.period() * 1e9 - run.period_ns as f64).abs() > 1.0 {
-            return Err(ControllerError::Disagreement {
-                key: "rate",
-                task: format!("{} per second", self.rate),
-                plant: format!("{} ns between ticks", run.period_ns),
-            });
-        }
-        Ok(())
     }
 
     fn out_of_range(&self) -> Option<(&'static str, f64, &'static str)> {

@@ -10,7 +10,6 @@
 mod file;
 mod inputs;
 mod region;
-mod target;
 
 use freeplay_arm::Arm;
 use freeplay_predictor::{Network, Scratch};
@@ -24,7 +23,6 @@ pub use file::{
 };
 pub use inputs::{InputGroup, Inputs};
 pub use region::Region;
-pub use target::{Observed, remainder};
 
 /// The remainder along one motion, instant by instant; nothing is allocated after [`Remainder::new`].
 pub struct Remainder {

@@ -2,9 +2,8 @@
 
 use crate::chain::chain;
 use freeplay_arm::{Arm, Joint, Limits, Workspace, forward_kinematics, jacobian, paper_arm};
-use freeplay_controller::compensation::{
-    CompensationStatus, Compensator, LARGEST_CORRECTION, LEAST_SHARE, Motion, Weights,
-};
+use freeplay_controller::compensation::{CompensationStatus, Compensator, Motion, Weights};
+use freeplay_controller::correction_bounds::{LARGEST_CORRECTION, LEAST_SHARE};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -2,7 +2,8 @@
 
 use crate::chain::chain;
 use freeplay_arm::{Arm, Limits, Workspace, jacobian, paper_arm};
-use freeplay_controller::compensation::{CompensationStatus, Compensator, LEAST_SHARE, Motion, Weights};
+use freeplay_controller::compensation::{CompensationStatus, Compensator, Motion, Weights};
+use freeplay_controller::correction_bounds::LEAST_SHARE;
 use freeplay_controller::horizon::MOST_TICKS;
 use freeplay_controller::sparse_programme::{Row, SparseProgramme};
 use freeplay_controller::{Correction, Horizon, HorizonError, HorizonStatus};

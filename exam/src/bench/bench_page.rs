@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::bench::bench_report::{CLOCK, EXCHANGE, Report, STAGES, causes_alone};
 use crate::bench::blocks::ByStage;
 use crate::bench::figures::{QUANTILES, curve};
-use crate::bench::{BROKEN, Step};
+use crate::bench::verdicts::{BROKEN, Step};
 
 /// Misses that are shown one by one.
 const MOST_SHOWN: usize = 20;

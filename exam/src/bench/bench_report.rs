@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::bench::blocks::{Block, ByStage};
 use crate::bench::figures::merged;
-use crate::bench::{Contest, LEAST_CAUSED, MOST_TRANSPORT, MOST_WAKE_UP, Step, Verdicts, cliff_of};
+use crate::bench::verdicts::{Contest, LEAST_CAUSED, MOST_TRANSPORT, MOST_WAKE_UP, Step, Verdicts, cliff_of};
 
 /// The schema of `bench.json`.
 const SCHEMA: &str = "freeplay.bench/1";

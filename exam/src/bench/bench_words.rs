@@ -4,12 +4,12 @@ use std::path::Path;
 
 use comfy_table::{CellAlignment, Table};
 use freeplay_terminal::layout::text_table;
-use freeplay_terminal::messages::judgement;
+use freeplay_terminal::styles::judgement;
 use hdrhistogram::Histogram;
 
-use crate::bench::Contest;
 use crate::bench::bench_report::{Report, STAGES, causes_alone};
 use crate::bench::figures::{QUANTILES, Ratio};
+use crate::bench::verdicts::Contest;
 
 impl Report<'_> {
     /// For the terminal.

@@ -5,16 +5,18 @@ use std::path::{Path, PathBuf};
 use std::process::{Command as Process, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use freeplay_harness::controller_selection::ControllerSelection;
 use freeplay_harness::histogram_files::read_hlog;
 use freeplay_harness::processes::new_run;
-use freeplay_harness::run::{ControllerSelection, Files, play, play_unseen};
+use freeplay_harness::run::{play, play_unseen};
+use freeplay_harness::run_files::Files;
 use freeplay_harness::scenario::Scenario;
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
 use freeplay_shm::Address;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::make_folder;
-use freeplay_terminal::process::Running;
+use freeplay_terminal::running::Running;
 use hdrhistogram::Histogram;
 
 /// Histograms by stage, ns.

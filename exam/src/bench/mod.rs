@@ -7,9 +7,9 @@ mod bench_words;
 mod blocks;
 mod cost;
 mod figures;
+mod verdicts;
 mod yardstick;
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -17,7 +17,8 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_harness::run::{ControllerSelection, load};
+use freeplay_harness::controller_selection::ControllerSelection;
+use freeplay_harness::run::load;
 use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
 use freeplay_harness::summary::RunSummary;
 use freeplay_terminal::arguments::Format;
@@ -26,26 +27,16 @@ use freeplay_terminal::output::{say, show};
 use freeplay_terminal::progress;
 use indicatif::ProgressBar;
 use rustix::thread::{CpuSet, sched_getaffinity};
-use serde::Serialize;
-use serde_json::{Value, json};
 
 use crate::bench::bench_report::Report;
 use crate::bench::blocks::{Block, Stand};
-use crate::bench::figures::{Compared, Ratio, caught_up, ratios};
+use crate::bench::verdicts::{Contest, Step, Verdicts};
 use freeplay_terminal::files::claim;
 
 pub use yardstick::{YardstickArgs, yardstick};
 
 /// Missed ticks that are bridged: a bench measures the stall of a machine and does not end at it.
 const HOLD: u32 = 1000;
-/// What the wake-up's p99 may be of the bare loop's.
-pub const MOST_WAKE_UP: f64 = 1.10;
-/// What the transport's p50 may be of bare iceoryx2's.
-pub const MOST_TRANSPORT: f64 = 1.15;
-/// What share of the missed deadlines must have a cause.
-pub const LEAST_CAUSED: f64 = 0.95;
-/// Share of missed deadlines at which the budget is broken.
-pub const BROKEN: f64 = 0.01;
 
 /// Times the loop.
 #[derive(Args, Debug)]
@@ -88,122 +79,6 @@ pub struct BenchArgs {
     /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
-}
-
-/// One controller against the yardsticks.
-#[derive(Debug, Serialize)]
-pub struct Contest {
-    /// The controller.
-    pub controller: String,
-    /// The wake-up of ticks that were waited for against the bare loop's at p50, p99, p99.9.
-    pub wake_up: [Option<Ratio>; 3],
-    /// The lateness of all ticks against the bare loop's.
-    pub lateness: [Option<Ratio>; 3],
-    /// The transport against bare iceoryx2's.
-    pub transport: [Option<Ratio>; 3],
-    /// Ticks played.
-    pub ticks: u64,
-    /// Ticks that were due before the loop got to them: it was catching up after a stall, and nothing woke it.
-    pub caught_up: u64,
-    /// The same of the bare loop.
-    pub bare_caught_up: u64,
-    /// Ticks without an answer in time, and ticks at which the plant itself was a period late.
-    pub missed: u64,
-    /// How many of them by cause.
-    pub causes: BTreeMap<String, u64>,
-}
-
-impl Contest {
-    fn of(blocks: &[Block], which: usize, controller: &str) -> Self {
-        let mut causes = BTreeMap::new();
-        let [mut ticks, mut missed, mut ours, mut bare] = [0; 4];
-        for (block, (run, stages)) in blocks.iter().map(|block| (block, &block.full[which])) {
-            ticks += run.ticks;
-            ours += caught_up(stages);
-            bare += caught_up(&block.clock);
-            missed += missed_of(run);
-            for (cause, count) in run.deadlines["by_evidence"].as_object().into_iter().flatten() {
-                *causes.entry(cause.clone()).or_insert(0) += count.as_u64().unwrap_or(0);
-            }
-        }
-        Self {
-            controller: controller.to_owned(),
-            wake_up: ratios(blocks, which, Compared::WakeUp),
-            lateness: ratios(blocks, which, Compared::Lateness),
-            transport: ratios(blocks, which, Compared::Transport),
-            ticks,
-            caught_up: ours,
-            bare_caught_up: bare,
-            missed,
-            causes,
-        }
-    }
-
-    /// What is compared, in words, with its ratios.
-    pub fn compared(&self) -> [(&'static str, &[Option<Ratio>; 3]); 3] {
-        [
-            ("wake-up", &self.wake_up),
-            ("lateness, catching up included", &self.lateness),
-            ("transport", &self.transport),
-        ]
-    }
-}
-
-/// Deadlines that a run missed, by the controller or by the plant.
-fn missed_of(run: &RunSummary) -> u64 {
-    ["missed", "plant_late"].iter().filter_map(|key| run.deadlines[key].as_u64()).sum()
-}
-
-/// What is asked of all of them together.
-#[derive(Debug, Serialize)]
-pub struct Verdicts {
-    /// Greatest ratio of a wake-up's p99, the median of the blocks: each is set against the bare loop's block next to it, and what the host
-    /// does to one block alone is no matter.
-    pub wake_up_p99: Option<f64>,
-    /// Greatest ratio of a transport's p50.
-    pub transport_p50: Option<f64>,
-    /// Missed deadlines.
-    pub missed: u64,
-    /// Of these, with a cause.
-    pub caused: u64,
-    limits: Value,
-}
-
-impl Verdicts {
-    fn of(contests: &[Contest]) -> Self {
-        let most = |of: &dyn Fn(&Contest) -> Option<f64>| contests.iter().filter_map(of).reduce(f64::max);
-        let unknown: u64 = contests.iter().filter_map(|contest| contest.causes.get("unknown")).sum();
-        let missed = contests.iter().map(|contest| contest.missed).sum::<u64>();
-        Self {
-            wake_up_p99: most(&|contest| contest.wake_up[1].map(|ratio| ratio.median)),
-            transport_p50: most(&|contest| contest.transport[0].map(|ratio| ratio.all)),
-            missed,
-            caused: contests.iter().flat_map(|contest| contest.causes.values()).sum::<u64>() - unknown,
-            limits: json!({ "wake_up_p99": MOST_WAKE_UP, "transport_p50": MOST_TRANSPORT, "caused": LEAST_CAUSED }),
-        }
-    }
-
-    /// Whether wake-up, transport and causes are within their limits, each.
-    pub fn hold(&self) -> [bool; 3] {
-        [
-            self.wake_up_p99.is_some_and(|ratio| ratio <= MOST_WAKE_UP),
-            self.transport_p50.is_some_and(|ratio| ratio <= MOST_TRANSPORT),
-            self.caused as f64 >= LEAST_CAUSED * self.missed as f64,
-        ]
-    }
-}
-
-/// A block with added compute.
-#[derive(Debug, Serialize)]
-pub struct Step {
-    /// The controller.
-    pub controller: String,
-    /// Added compute of each answer, µs.
-    pub load_us: f64,
-    /// Share of the ticks whose deadline was missed; 1 where the run ended otherwise than at its last tick.
-    pub missed_share: f64,
-    /// The round trip, µs.
-    pub round_trip_us: Value,
 }
 
 /// What was played.
@@ -354,33 +229,5 @@ fn step(run: &RunSummary, controller: &str, load_us: f64) -> Step {
         load_us,
         missed_share: if finished { missed } else { 1.0 },
         round_trip_us: run.latency_us.get("round_trip").cloned().unwrap_or_default(),
-    }
-}
-
-/// The largest added compute of `controller` before which the budget held, µs, and the first at which it broke.
-pub fn cliff_of(cliff: &[Step], controller: &str) -> Option<(Option<f64>, f64)> {
-    let steps = || cliff.iter().filter(|step| step.controller == controller);
-    let broken =
-        steps().filter(|step| step.missed_share > BROKEN).map(|step| step.load_us).reduce(f64::min)?;
-    let held = steps().map(|step| step.load_us).filter(|&load| load < broken).reduce(f64::max);
-    Some((held, broken))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Step, cliff_of};
-
-    #[test]
-    fn the_cliff_lies_between_the_last_load_that_held_and_the_first_that_did_not() {
-        let step = |load_us, missed_share| Step {
-            controller: "a".to_owned(),
-            load_us,
-            missed_share,
-            round_trip_us: serde_json::Value::Null,
-        };
-        let steps = [step(0.0, 0.0), step(400.0, 0.002), step(800.0, 0.3), step(1200.0, 1.0)];
-        assert_eq!(cliff_of(&steps, "a"), Some((Some(400.0), 800.0)));
-        assert_eq!(cliff_of(&steps[..2], "a"), None);
-        assert_eq!(cliff_of(&steps[2..], "a"), Some((None, 800.0)));
     }
 }

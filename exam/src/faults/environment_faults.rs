@@ -4,13 +4,14 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use freeplay_harness::controller_selection::ControllerSelection;
 use freeplay_harness::processes::{new_run, start_in_slot, start_plant};
-use freeplay_harness::run::{ControllerSelection, Files};
+use freeplay_harness::run_files::Files;
 use freeplay_harness::scenario::{RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::make_folder;
-use freeplay_terminal::process::Running;
+use freeplay_terminal::running::Running;
 use serde::Serialize;
 
 /// How long a process may take to end.

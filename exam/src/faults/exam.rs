@@ -4,11 +4,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use freeplay_harness::run::ControllerSelection;
+use freeplay_harness::controller_selection::ControllerSelection;
 use freeplay_harness::scenario::{Drive, Pacing, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
-use freeplay_harness::swaps::{CompareTable, SwapTable, names};
+use freeplay_harness::swap_tables::{CompareTable, SwapTable};
+use freeplay_harness::swaps::names;
 use freeplay_recording::Recording;
 use freeplay_shm::RunRoot;
 use freeplay_terminal::exit::Failure;

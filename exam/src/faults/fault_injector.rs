@@ -112,7 +112,7 @@ fn start(args: &ControllerArgs, address: &Address) -> Result<Child, Failure> {
         let priority = priority.saturating_sub(LOWER).max(1);
         process.args(["--priority", &priority.to_string()]);
     }
-    process.env(RUN_ENV, address.to_string()).env(freeplay_controller::serve::SLOT_ENV, "0");
+    process.env(RUN_ENV, address.to_string()).env(freeplay_controller::SLOT_ENV, "0");
     process.stdin(Stdio::null()).stdout(Stdio::null());
     process.spawn().map_err(|error| Failure::peer(format!("cannot start {}: {error}", args.name.display())))
 }

@@ -18,7 +18,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
-use freeplay_harness::run::{ControllerSelection, load};
+use freeplay_harness::controller_selection::ControllerSelection;
+use freeplay_harness::run::load;
 use freeplay_harness::scenario::{Pacing, RecordingKind};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};

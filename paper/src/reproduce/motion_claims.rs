@@ -100,7 +100,7 @@ impl Evidence<'_> {
         first: &Case,
         margin: f64,
         number: impl Fn(&Figures) -> f64,
-        theirs: impl Fn(&crate::reference_runs::Figures) -> Option<f64>,
+        theirs: impl Fn(&crate::reference_pair::Figures) -> Option<f64>,
     ) -> Option<Row> {
         let cases = CLEARANCES.map(|clearance| Case { clearance, ..*first });
         let extents: Option<Vec<Extent>> = cases.iter().map(|case| self.extent(case, &number)).collect();

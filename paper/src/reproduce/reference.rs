@@ -9,7 +9,8 @@ use freeplay_path::PathKind;
 use freeplay_terminal::exit::Failure;
 
 use super::case::Case;
-use crate::reference_runs::{Figures, Reference, read_reference};
+use crate::reference_pair::Figures;
+use crate::reference_runs::{Reference, read_reference};
 
 /// The independent numbers.
 pub struct Independent {

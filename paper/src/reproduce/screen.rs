@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use freeplay_terminal::messages::is_quiet;
+use freeplay_terminal::flags::is_quiet;
 
 use super::claim::{Claim, Ruling};
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use freeplay_storage::{EntryKind, list, open_without_links, plain_words};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::parallel::on_cores;
-use freeplay_terminal::process::Running;
+use freeplay_terminal::running::Running;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 

@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::answer::{Answer, Hypothesis};
 use super::controls::oracle;
 use super::interval::Median;
+use super::judged::Judged;
 use super::score::Outcome;
-use super::tally::Judged;
 use super::truth::at;
 
 /// Counts of what was said, by what was concealed.
@@ -184,7 +184,8 @@ mod tests {
     use serde_json::json;
 
     use super::super::answer::{Answer, Hypothesis, Named, Rival};
-    use super::super::tally::{Judged, Score};
+    use super::super::judged::Judged;
+    use super::super::tally::Score;
     use super::{matrix, mistakes};
 
     /// A backlash of the elbow of 3 floors, answered with `verdict` and those kinds and joints.

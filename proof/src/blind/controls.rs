@@ -6,8 +6,8 @@ use serde::Serialize;
 
 use super::answer::Named;
 use super::interval::{Median, Share};
+use super::judged::{Judged, of_sort};
 use super::score::Outcome;
-use super::tally::{Judged, of_sort};
 use super::truth::{Concealed, Sort, TruthKey};
 
 /// The controls.

@@ -4,12 +4,13 @@ use freeplay_report::text::{Digits, number};
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Figure, Section, Series, Table, Verdict};
 
 use super::interval::Share;
+use super::judged::{Judged, of_sort};
 use super::leak::Leak;
-use super::matrix;
+use super::matrix::{self, count};
 use super::receipt::Part;
 use super::score::Outcome;
 use super::screen::{is_failure, said};
-use super::tally::{Bin, Goal, Judged, Score, of_sort};
+use super::tally::{Bin, Goal, Score};
 use super::truth::Sort;
 use super::verify::start;
 
@@ -46,10 +47,6 @@ fn last(part: &Part) -> &str {
 
 fn percent(share: &Share) -> String {
     number(100.0 * share.value(), Digits::Fixed(1))
-}
-
-pub fn count(of: usize) -> Cell {
-    Cell::from(of as u64)
 }
 
 fn figures(score: &Score) -> Block {

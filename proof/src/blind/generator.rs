@@ -3,25 +3,24 @@
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitStatus;
 
 use clap::Args;
-use freeplay_concealed::{
-    Case, GenerateError, Made, Matrix, Quota, draw_set, make_case, make_here, write_sealed,
-};
+use freeplay_concealed::write_sealed;
 use freeplay_storage::{EntryKind, StorageError, list, plain_words, remove_folder, set_times};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::output::say;
 use freeplay_terminal::parallel::on_cores;
-use freeplay_terminal::process::{Running, die_with_parent};
+use freeplay_terminal::process::die_with_parent;
+use freeplay_terminal::running::Running;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::names::name;
+use super::order::Order;
 use super::source::Source;
-use super::truth::at;
 
 /// Makes sealed recordings as standard input asks; `freeplay blind` starts it.
 #[derive(Args, Debug)]
@@ -29,82 +28,6 @@ pub struct GenerateArgs {
     /// The process that it ends with.
     #[arg(long, value_name = "PID")]
     with_parent: u32,
-}
-
-/// What is to be made.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Order {
-    /// Everything that is drawn comes from it.
-    pub seed: u64,
-    /// How many cases of which sort, over all shards.
-    pub quota: Quota,
-    /// What is swept instead of drawn at random.
-    pub matrix: Option<Matrix>,
-    /// The key that the names of their folders follow from.
-    pub names: String,
-    /// Which part of the cases: every `shard[1]`-th, from the `shard[0]`-th on, counted from 1.
-    pub shard: [usize; 2],
-    /// Where the cases are written.
-    pub folder: PathBuf,
-    /// Cases made at a time.
-    pub jobs: usize,
-    /// Cases that are not to be made any more, by their place in the draw: an earlier generator made them, or died over them.
-    pub done: BTreeSet<usize>,
-}
-
-impl Order {
-    /// The cases of all shards.
-    fn cases(&self) -> Result<Vec<Case>, GenerateError> {
-        match &self.matrix {
-            Some(matrix) => matrix.draw(self.seed),
-            None => draw_set(&self.quota, self.seed),
-        }
-    }
-
-    /// The places in the draw of `count` cases that are still to be made in this shard.
-    pub fn open(&self, count: usize) -> Vec<usize> {
-        let [shard, shards] = self.shard;
-        (0..count).filter(|index| index % shards == shard - 1 && !self.done.contains(index)).collect()
-    }
-
-    /// How many cases `source` draws for all shards.
-    fn case_count(&self, source: &Source) -> Result<usize, GenerateError> {
-        match source {
-            Source::Own => Ok(self.cases()?.len()),
-            Source::Program(..) => Ok(self.quota.cases()),
-        }
-    }
-
-    /// What the case at `index` of the draw asks for, as far as it is known here.
-    fn asked_at(&self, index: usize, source: &Source) -> Result<String, GenerateError> {
-        match source {
-            Source::Own => Ok(self.asked(&self.cases()?[index])),
-            Source::Program(..) => Ok(format!("case {index}")),
-        }
-    }
-
-    /// Makes `case`: a place of a matrix is that place, anything else may go to another machine.
-    fn make(&self, case: &Case) -> Result<Made, GenerateError> {
-        if self.matrix.is_some() && !case.hollow { make_here(case) } else { make_case(case) }
-    }
-
-    /// What `case` asks for, in words: its kinds, or the [`place`] of a matrix.
-    fn asked(&self, case: &Case) -> String {
-        let words = case.effects.iter().map(|effect| {
-            if self.matrix.is_none() || case.hollow {
-                return effect.kind.clone();
-            }
-            let arm = case.machine.data_sheet().ok();
-            let joint = effect.joint.and_then(|joint| Some(arm?.joints().get(joint)?.name.clone()));
-            place(&effect.kind, joint.as_deref(), case.machine.name(), effect.severity.name())
-        });
-        words.collect::<Vec<_>>().join(" + ")
-    }
-}
-
-/// A place of a matrix in words.
-pub fn place(kind: &str, joint: Option<&str>, machine: &str, severity: &str) -> String {
-    format!("{} on {machine}, {severity}", at(kind, joint))
 }
 
 /// A case that was made, or not.
@@ -167,7 +90,7 @@ pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
 /// A process that can't be started, that fails otherwise than by being killed, or says what can't be read.
 pub fn made(order: &Order, source: &Source, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
     let (mut order, mut lines) = (order.clone(), Vec::new());
-    let count = order.case_count(source).map_err(Failure::internal)?;
+    let count = source.case_count(&order).map_err(Failure::internal)?;
     loop {
         let (told, killed) = made_until_killed(&order, source, bar)?;
         let begun: BTreeSet<usize> = told.iter().map(|(index, _)| *index).collect();
@@ -182,7 +105,7 @@ pub fn made(order: &Order, source: &Source, bar: &ProgressBar) -> Result<Vec<Lin
             lost.extend(order.open(count).first());
         }
         for &index in &lost {
-            let asked = order.asked_at(index, source).map_err(Failure::internal)?;
+            let asked = source.asked_at(&order, index).map_err(Failure::internal)?;
             lines.push(Line::NotMade {
                 asked,
                 why: format!("the generator was killed during this case ({how})"),

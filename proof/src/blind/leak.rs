@@ -8,9 +8,9 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
+use super::judged::Judged;
 use super::nearest::Tree;
 use super::receipt::Part;
-use super::tally::Judged;
 use super::truth::Sort;
 
 /// Neighbours that are asked.

@@ -6,16 +6,20 @@ use freeplay_concealed::{Matrix, Severity, seats};
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Drawing, Section, Series, Table};
 
 use super::confusion::Mistake;
-use super::document::count;
-use super::generator::place;
 use super::interval::Share;
+use super::judged::{Judged, of_sort};
+use super::order::place;
 use super::receipt::Part;
 use super::score::Outcome;
-use super::tally::{Bin, Judged, Score, WHOLE, of_sort};
+use super::tally::{Bin, Score, WHOLE};
 use super::truth::Sort;
 
 /// Places that are told of a confusion.
 const PLACES: usize = 4;
+
+pub fn count(of: usize) -> Cell {
+    Cell::from(of as u64)
+}
 
 /// The matrix as dots: what was concealed upwards, what was named across.
 pub fn confusion(score: &Score) -> Section {

@@ -5,9 +5,9 @@
 use std::path::{Path, PathBuf};
 
 use super::gathered::Gathered;
+use super::judged::Judged;
 use super::overlap::Overlap;
 use super::receipt::{Part, Program, Receipt};
-use super::tally::Judged;
 use super::verify::{broken, checks};
 use freeplay_terminal::exit::Failure;
 

@@ -16,8 +16,9 @@ use serde_json::Value;
 
 use super::analysis::{Analysts, isolation, sealed};
 use super::arrange::arrange;
-use super::generator::{Line, Order, made};
+use super::generator::{Line, made};
 use super::lures::Held;
+use super::order::Order;
 use super::receipt::{Draw, Part, Program, Receipt, Record, SCHEMA};
 use super::source::Source;
 use super::verify::{broken, checks};

@@ -13,9 +13,9 @@ use serde_json::{Value, json};
 use super::analysis::Sealed;
 use super::answer::Answer;
 use super::canonical::difference;
+use super::judged::Judged;
 use super::score::Outcome;
 use super::source::Other;
-use super::tally::Judged;
 use super::truth::Truth;
 use super::{hash, strict};
 

@@ -6,10 +6,11 @@ use std::path::Path;
 use freeplay_report::text::{Digits, number};
 
 use super::confusion::Mistake;
+use super::judged::Judged;
 use super::leak::Leak;
 use super::receipt::{Part, Receipt};
 use super::score::Outcome;
-use super::tally::{Bin, Goal, Judged, Score};
+use super::tally::{Bin, Goal, Score};
 use super::truth::{Sort, at};
 use freeplay_report::paste::pasted;
 

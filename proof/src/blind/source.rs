@@ -4,14 +4,15 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
+use freeplay_concealed::GenerateError;
 use freeplay_storage::{EntryKind, list, make_folder, remove_folder, write};
 use freeplay_terminal::exit::Failure;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::generator::Order;
 use super::hash;
 use super::names::name;
+use super::order::Order;
 
 /// The name of the generator in MuJoCo.
 pub const MUJOCO: &str = "mujoco";
@@ -107,6 +108,22 @@ impl Source {
                 _ => Failure::peer(format!("{program}: {error}; --generator takes mujoco or an executable")),
             }
         })
+    }
+
+    /// How many cases it draws for all shards of `order`.
+    pub fn case_count(&self, order: &Order) -> Result<usize, GenerateError> {
+        match self {
+            Self::Own => Ok(order.cases()?.len()),
+            Self::Program(..) => Ok(order.quota.cases()),
+        }
+    }
+
+    /// What the case at `index` of its draw for `order` asks for, as far as it is known here.
+    pub fn asked_at(&self, order: &Order, index: usize) -> Result<String, GenerateError> {
+        match self {
+            Self::Own => Ok(order.asked(&order.cases()?[index])),
+            Self::Program(..) => Ok(format!("case {index}")),
+        }
     }
 
     /// What the process is to read from standard input.

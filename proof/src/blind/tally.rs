@@ -4,81 +4,22 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::answer::{Answer, Errors};
+use super::answer::Errors;
 use super::confusion::{self, Confusion, Mistake};
 use super::controls::Controls;
 use super::interval::{Median, Share};
-use super::sandbox::Isolation;
-use super::score::{Hit, Outcome, hits, outcome};
-use super::truth::{Sort, Truth};
+use super::judged::{Judged, of_sort};
+use super::score::{Hit, Outcome};
+use super::truth::Sort;
 
 /// Bounds of the signal-to-floor ratios in which success is counted.
 const RATIOS: [f64; 8] = [0.0, 1.6, 2.0, 2.5, 3.5, 5.0, 9.0, f64::INFINITY];
 /// Bounds of the confidences in which they are compared with success.
 const CONFIDENCES: [f64; 6] = [0.0, 0.8, 0.95, 0.99, 0.999, 1.0 + f64::EPSILON];
-/// A channel whose error is no larger than this many times the floor has nothing to close.
-const NOTHING_TO_CLOSE: f64 = 1.05;
 /// What the place of an effect of the arm as a whole is called.
 pub const WHOLE: &str = "whole arm";
 /// What a recording is said to be, s: the goal of the time is for one of 16 s.
 const RECORDING: f64 = 16.0;
-
-/// A case with its answer and how that came out.
-#[derive(Clone, Debug)]
-pub struct Judged {
-    /// Name of its folder.
-    pub name: String,
-    /// What it conceals.
-    pub truth: Truth,
-    /// What was answered.
-    pub answer: Answer,
-    /// How that compares.
-    pub outcome: Outcome,
-    /// The parameters of what was rightly named.
-    pub hits: Vec<Hit>,
-}
-
-impl Judged {
-    /// Judges `answer` by `truth`.
-    pub fn new(name: &str, truth: Truth, answer: Answer) -> Self {
-        let hits = truth.effects.iter().flat_map(|concealed| hits(concealed, &answer)).collect();
-        Self { name: name.to_owned(), outcome: outcome(&truth, &answer), truth, answer, hits }
-    }
-
-    /// Without what only a person who looks into a failure asks for: of a right answer, all that was weighed but the truth, and where the analyst was.
-    pub fn slim(mut self) -> Self {
-        self.answer.isolation = Isolation::default();
-        if self.outcome == Outcome::Right {
-            let truth = &self.truth;
-            self.answer.hypotheses.retain(|row| truth.effects.iter().any(|concealed| concealed.names(row)));
-            self.answer.hypotheses.shrink_to_fit();
-        }
-        self
-    }
-
-    /// Share of the held-out error above the floor that is gone where `error` is what is left, mean over the channels in which the
-    /// named effects show; `None` where there is nothing to close.
-    pub fn closed(&self, error: impl Fn(&Errors) -> f64) -> Option<f64> {
-        let channels: std::collections::BTreeSet<_> =
-            self.answer.effects.iter().flat_map(|e| &e.channels).collect();
-        let errors = channels.into_iter().filter_map(|channel| self.answer.fit.get(channel));
-        let shares: Vec<f64> = errors
-            .filter(|e| e.before > NOTHING_TO_CLOSE * e.floor)
-            .map(|e| (e.before - error(e)) / (e.before - e.floor))
-            .collect();
-        (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)
-    }
-
-    /// Whether the answer names something that is not there.
-    fn names_wrongly(&self) -> bool {
-        self.answer.verdict == "named" && matches!(self.outcome, Outcome::Wrong | Outcome::Extra)
-    }
-
-    /// Whether the held-out error is less with what is named than without.
-    fn fits_better(&self) -> bool {
-        self.closed(|e| e.after).is_some_and(|closed| closed > 0.0)
-    }
-}
 
 /// A goal, and what was reached.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -198,11 +139,6 @@ impl Score {
             controls: Controls::of(cases),
         }
     }
-}
-
-/// The cases of one sort.
-pub fn of_sort(cases: &[Judged], sort: Sort) -> impl Iterator<Item = &Judged> + Clone {
-    cases.iter().filter(move |case| case.truth.sort() == sort)
 }
 
 fn strength(case: &Judged) -> f64 {

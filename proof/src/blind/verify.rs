@@ -11,7 +11,7 @@ use super::analysis::{isolation, sealed};
 use super::overlap::{Overlap, recorded};
 use super::receipt::{Part, Program, Receipt, link};
 use super::tally::Score;
-use super::{canonical, hash, names};
+use super::{canonical, hash, shard};
 
 /// One thing that was looked at.
 #[derive(Debug, PartialEq, Eq)]
@@ -121,7 +121,7 @@ fn draw(part: &Part) -> Check {
     let Some(draw) = &part.draw else {
         return Check::open("draw", "someone else drew and sealed the cases".to_owned());
     };
-    let mut wrong = names::wrong(part, draw);
+    let mut wrong = shard::wrong(part, draw);
     let mut seen = BTreeMap::new();
     for (hash, name) in recorded(part) {
         if let Some(twin) = seen.insert(hash, name) {

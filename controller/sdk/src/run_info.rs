@@ -1,0 +1,18 @@
+//! What the plant says about a run.
+
+use freeplay_shm::{Mode, Pace};
+
+/// What the plant says about the run in its welcome.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunInfo {
+    /// Number of joints of the arm.
+    pub joints: usize,
+    /// Who moves the joints.
+    pub mode: Mode,
+    /// When the plant takes its next step.
+    pub pace: Pace,
+    /// Time between two ticks, ns.
+    pub period_ns: u64,
+    /// Length of the run, ticks.
+    pub ticks: u64,
+}

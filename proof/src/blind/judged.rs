@@ -1,0 +1,71 @@
+//! A case with its answer and how that came out.
+
+use super::answer::{Answer, Errors};
+use super::sandbox::Isolation;
+use super::score::{Hit, Outcome, hits, outcome};
+use super::truth::{Sort, Truth};
+
+/// A channel whose error is no larger than this many times the floor has nothing to close.
+const NOTHING_TO_CLOSE: f64 = 1.05;
+
+/// A case with its answer and how that came out.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// Name of its folder.
+    pub name: String,
+    /// What it conceals.
+    pub truth: Truth,
+    /// What was answered.
+    pub answer: Answer,
+    /// How that compares.
+    pub outcome: Outcome,
+    /// The parameters of what was rightly named.
+    pub hits: Vec<Hit>,
+}
+
+impl Judged {
+    /// Judges `answer` by `truth`.
+    pub fn new(name: &str, truth: Truth, answer: Answer) -> Self {
+        let hits = truth.effects.iter().flat_map(|concealed| hits(concealed, &answer)).collect();
+        Self { name: name.to_owned(), outcome: outcome(&truth, &answer), truth, answer, hits }
+    }
+
+    /// Without what only a person who looks into a failure asks for: of a right answer, all that was weighed but the truth, and where the analyst was.
+    pub fn slim(mut self) -> Self {
+        self.answer.isolation = Isolation::default();
+        if self.outcome == Outcome::Right {
+            let truth = &self.truth;
+            self.answer.hypotheses.retain(|row| truth.effects.iter().any(|concealed| concealed.names(row)));
+            self.answer.hypotheses.shrink_to_fit();
+        }
+        self
+    }
+
+    /// Share of the held-out error above the floor that is gone where `error` is what is left, mean over the channels in which the
+    /// named effects show; `None` where there is nothing to close.
+    pub fn closed(&self, error: impl Fn(&Errors) -> f64) -> Option<f64> {
+        let channels: std::collections::BTreeSet<_> =
+            self.answer.effects.iter().flat_map(|e| &e.channels).collect();
+        let errors = channels.into_iter().filter_map(|channel| self.answer.fit.get(channel));
+        let shares: Vec<f64> = errors
+            .filter(|e| e.before > NOTHING_TO_CLOSE * e.floor)
+            .map(|e| (e.before - error(e)) / (e.before - e.floor))
+            .collect();
+        (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)
+    }
+
+    /// Whether the answer names something that is not there.
+    pub fn names_wrongly(&self) -> bool {
+        self.answer.verdict == "named" && matches!(self.outcome, Outcome::Wrong | Outcome::Extra)
+    }
+
+    /// Whether the held-out error is less with what is named than without.
+    pub fn fits_better(&self) -> bool {
+        self.closed(|e| e.after).is_some_and(|closed| closed > 0.0)
+    }
+}
+
+/// The cases of one sort.
+pub fn of_sort(cases: &[Judged], sort: Sort) -> impl Iterator<Item = &Judged> + Clone {
+    cases.iter().filter(move |case| case.truth.sort() == sort)
+}

@@ -1,0 +1,25 @@
+//! The styles of words that say how something came out.
+
+use std::fmt::Display;
+
+use clap::builder::styling::{AnsiColor, Style};
+
+/// A good result.
+pub const GOOD: Style = AnsiColor::Green.on_default().bold();
+/// An undecided or unknown result.
+pub const UNDECIDED: Style = AnsiColor::Yellow.on_default().bold();
+/// A bad result.
+pub const BAD: Style = AnsiColor::Red.on_default().bold();
+
+/// The styles of [`styled`] words, which alone may speak to the terminal.
+pub const STYLES: [Style; 3] = [GOOD, UNDECIDED, BAD];
+
+/// `words` in `style`, for [`show`](crate::output::show).
+pub fn styled(style: Style, words: impl Display) -> String {
+    format!("{style}{words}{style:#}")
+}
+
+/// The word before what was asked of a run, padded: whether it holds.
+pub fn judgement(holds: bool) -> String {
+    if holds { styled(GOOD, "holds  ") } else { styled(BAD, "FAILS  ") }
+}
