@@ -17,7 +17,7 @@ fn short(name: &str) -> String {
 }
 
 /// The packages of the workspace by their short names, as cargo describes them.
-fn packages() -> BTreeMap<String, Value> {
+pub fn packages() -> BTreeMap<String, Value> {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
         .current_dir(root())

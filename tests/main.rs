@@ -21,6 +21,7 @@ mod hostile;
 mod inputs;
 mod learned;
 mod live;
+mod modules;
 mod mujoco_proof;
 mod orphans;
 mod public_robots;

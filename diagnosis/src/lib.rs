@@ -1,7 +1,7 @@
 //! Where a model and a recording differ: residuals, and what they are made of.
 //!
 //! The folders follow the data, each below the one before: `signals`, `conventions`, `data`, `candidates`, `evidence`, `search`, `choice`, `report`, `findings`; beside
-//! them `compare`, `servo` and `next_motion`, and above all `diagnose` and [`page`]. A file names no folder after its own: `tests/all/rooms.rs` reads the paths.
+//! them `compare`, `servo` and `next_motion`, and above all `diagnose` and [`page`]. A file names no folder after its own: the command's test `modules` reads the paths.
 //!
 //! The nouns, in the order in which data passes through them:
 //!

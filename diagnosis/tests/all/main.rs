@@ -14,7 +14,6 @@ mod missing;
 mod notes;
 mod plain_recordings;
 mod real_recordings;
-mod rooms;
 mod servos;
 mod servos_beside_torque;
 mod set_up;
