@@ -16,11 +16,10 @@ use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Serie
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
-use freeplay_terminal::flags;
 use freeplay_terminal::layout::text_table;
-use freeplay_terminal::messages;
 use freeplay_terminal::output::{say, show};
 use freeplay_terminal::target::{asked_file, claim_out};
+use freeplay_terminal::{flags, messages};
 use serde_json::{Value, json};
 
 use crate::{curves, inputs};

@@ -17,8 +17,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::compensation::Weights;
 use crate::passage::{Passage, PassageFault, PassageOptions};
 use crate::passage_corner::{Corner, Frame};
-use crate::passage_trajectory::Change;
-use crate::passage_trajectory::{Instant, PassageTrajectory};
+use crate::passage_trajectory::{Change, Instant, PassageTrajectory};
 use crate::pin_force::PinForce;
 use crate::trial::Attempt;
 

@@ -12,8 +12,7 @@ use crate::basis::vector;
 use crate::columns::Columns;
 use crate::injection::Injection;
 use crate::play::across;
-use crate::prediction::Change;
-use crate::prediction::Prediction;
+use crate::prediction::{Change, Prediction};
 use crate::scene::Scene;
 
 /// An effect with its parameters, at its place. The stages are called in the order in which they stand here; each effect does

@@ -3,8 +3,7 @@
 use toml::Table;
 
 use crate::basis::{Term, with};
-use crate::kind::Kind;
-use crate::kind::Terms;
+use crate::kind::{Kind, Terms};
 use crate::parameter::Parameter;
 use crate::place::Place;
 use crate::{LawError, Values};

@@ -10,8 +10,7 @@ use freeplay_arm::Arm;
 use crate::arm_parts::ArmParts;
 use crate::columns::Columns;
 use crate::effect::Effect;
-use crate::prediction::Change;
-use crate::prediction::Prediction;
+use crate::prediction::{Change, Prediction};
 use crate::scene::{
     Scene, rigid_torques, rotor_torques, tool_positions, tool_sensitivity, torque_sensitivity,
 };

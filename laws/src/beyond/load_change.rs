@@ -13,12 +13,10 @@ use crate::basis::{Term, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen};
+use crate::kind::{Kind, Occurrence, Seen, Terms};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
-use crate::place::Place;
-use crate::place::Site;
+use crate::place::{Place, Site};
 use crate::scene::{Scene, loaded};
 
 /// On which side of the time the load is there.

@@ -9,8 +9,7 @@
 use freeplay_arm::{Arm, Workspace};
 use nalgebra::Vector3;
 
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Terms, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;

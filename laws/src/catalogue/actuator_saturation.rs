@@ -11,12 +11,10 @@ use crate::DriveFriction;
 use crate::basis::{Term, with};
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen};
+use crate::kind::{Kind, Occurrence, Seen, Terms};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::place::Place;
-use crate::place::Site;
+use crate::place::{Place, Site};
 use crate::prediction::Prediction;
 use crate::scene::Scene;
 

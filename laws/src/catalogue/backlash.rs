@@ -28,12 +28,10 @@ use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage, Start};
 use crate::flight::Flight;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, START, Seen};
+use crate::kind::{Kind, Occurrence, START, Seen, Terms};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
-use crate::place::Place;
-use crate::place::Site;
+use crate::place::{Place, Site};
 use crate::prediction::Change;
 use crate::scene::Scene;
 

@@ -10,12 +10,10 @@ use crate::basis::{Term, along, vector, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, ToolForce};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen};
+use crate::kind::{Kind, Occurrence, Seen, Terms};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::place::Place;
-use crate::place::Site;
+use crate::place::{Place, Site};
 use crate::scene::Scene;
 
 /// The entry.

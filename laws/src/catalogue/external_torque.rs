@@ -5,8 +5,7 @@
 
 use super::external_force::windows;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen};
+use crate::kind::{Kind, Occurrence, Seen, Terms};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;

@@ -12,12 +12,10 @@ use crate::basis::with;
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen};
+use crate::kind::{Kind, Occurrence, Seen, Terms};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::place::Place;
-use crate::place::Site;
+use crate::place::{Place, Site};
 use crate::scene::Scene;
 
 /// The entry.

@@ -15,8 +15,7 @@ use nalgebra::Vector3;
 use toml::Value;
 
 use crate::basis::{Term, with};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen};
+use crate::kind::{Kind, Occurrence, Seen, Terms};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::place::Site;

@@ -5,8 +5,7 @@
 //! Source: Bittencourt & Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134:051013, Eq. 9.
 
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen, Tolerance, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Terms, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;

@@ -17,12 +17,10 @@ use crate::arm_parts::ArmParts;
 use crate::basis::{Term, along, vector};
 use crate::effect::{Effect, ExportCoverage};
 use crate::injection::Injection;
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen};
+use crate::kind::{Kind, Occurrence, Seen, Terms};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::place::Place;
-use crate::place::Site;
+use crate::place::{Place, Site};
 
 /// The entry.
 pub static KIND: Kind = Kind {

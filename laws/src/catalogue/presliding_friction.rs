@@ -16,12 +16,10 @@ use crate::basis::{Term, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage, Start};
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::Terms;
-use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Tolerance};
+use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Terms, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::place::Place;
-use crate::place::Site;
+use crate::place::{Place, Site};
 use crate::scene::Scene;
 
 /// The entry.

@@ -9,12 +9,10 @@ use toml::Table;
 
 use crate::basis::with;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen, Tolerance};
+use crate::kind::{Kind, Occurrence, Seen, Terms, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::place::Place;
-use crate::place::Site;
+use crate::place::{Place, Site};
 
 /// The entry.
 pub static KIND: Kind = Kind {

@@ -8,8 +8,7 @@ use freeplay_arm::export::Element;
 
 use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen, Tolerance, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Terms, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;

@@ -5,8 +5,7 @@
 //! gradient of a Gaussian well. Departure: losses are left out.
 
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::Terms;
-use crate::kind::{Kind, Occurrence, Seen, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Terms, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;

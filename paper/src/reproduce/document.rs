@@ -5,12 +5,11 @@ use freeplay_path::PathKind;
 use freeplay_report::{Block, Document, Figure, Section};
 use freeplay_terminal::exit::Failure;
 
-use super::Reproduction;
 use super::case::{CLEARANCES, PERIODS};
 use super::claim::{Claim, Ruling};
 use super::dataset::Pool;
 use super::network::{Cut, Study};
-use super::{figures, parameters, tables};
+use super::{Reproduction, figures, parameters, tables};
 
 /// The whole report.
 ///

@@ -12,9 +12,7 @@ pub(crate) use freeplay_laws::catalogue::MOST_ENCODER_OFFSET as LEAST;
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
-use super::Ask;
-use super::Told;
-use super::brief;
+use super::{Ask, Told, brief};
 
 /// Parts of half a turn that are asked for: a fit that begins within 15 degrees of an offset finds it, and right angles are among them.
 const PARTS: i8 = 6;
