@@ -1,8 +1,8 @@
 """Machines on position servos, recorded by commanded and measured positions alone.
 
 MuJoCo's position actuators drive the joints; commands reach them late by whole steps and are held. The truth says what is concealed beside the data
-sheet that is given: all of the servos (`bare`), one thing of a model that has the rest (`one`), nothing (`own`), or what no encoder on the motor's side
-shows (`behind`).
+sheet that is given: all of the servos (`bare`), one thing of a model that has the rest (`one`), nothing (`own`), or a gap behind the encoder on the motor's side
+(`behind`).
 """
 
 from __future__ import annotations
@@ -109,6 +109,14 @@ def _sheet(family: str, rng: Rng) -> Arm:
 
 def _true(sheet: Arm, rng: Rng) -> Arm:
     return tolerances.draw(sheet, rng).arm
+
+
+def _bears(sheet: Arm, joint: int) -> bool:
+    """Whether the joint bears weight: it presses the link on a flank of a gap behind the encoder, and says where the link lies."""
+    home = np.array([it.home for it in sheet.joints])
+    still = np.zeros(sheet.dof)
+    weights = np.abs(Rigid(sheet).torque(home, still, still))
+    return bool(weights[joint] > 1e-6 * weights.max())
 
 
 def _joints(sheet: Arm, rng: Rng) -> list[Joint]:
@@ -291,7 +299,7 @@ def _made(sort: str, missing: str, seed: int, rng: Rng) -> Made:
         if sort == "behind":
             joint = int(rng.integers(sheet.dof))
             machine.gap[joint] = float(rng.uniform(0.01, 0.04))
-            concealed = [{"kind": "backlash", "joint": sheet.joints[joint].name, "parameters": {"gap": machine.gap[joint]}, "catalogued": False}]
+            concealed = [{"kind": "backlash", "joint": sheet.joints[joint].name, "parameters": {"gap": machine.gap[joint]}, "catalogued": _bears(sheet, joint)}]
     recordings, _ = record.of(machine)
     truth = {
         "schema": "freeplay.truth/1",
@@ -381,7 +389,7 @@ def _conceal(kind: str, sheet: Arm, machine: Machine, record: Record, rng: Rng) 
 
 
 def drawn(quota: dict[str, int], seed: int) -> list[tuple[str, str, int]]:
-    """The cases of an order: singles lack all of their servos or one thing by turns, doubles lack one, controls nothing; what is outside lies behind the encoder."""
+    """The cases of an order: singles lack all of their servos or one thing by turns, doubles lack one, controls nothing; the rest has a gap behind an encoder, which is outside of what can be told where its joint bears no weight."""
     rng = np.random.default_rng([seed, 9])
     asks = [("bare" if number % 3 else "one") for number in range(quota.get("single", 0))]
     asks += ["one"] * quota.get("double", 0) + ["own"] * quota.get("negative", 0) + ["behind"] * quota.get("unknown", 0)

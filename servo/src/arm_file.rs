@@ -3,10 +3,11 @@
 use freeplay_arm::ArmFile;
 use freeplay_laws::{Effects, LawError, Values, kind};
 
+use crate::burden::with_zeros;
 use crate::joint::JointServo;
 use crate::servo_arm::ServoArm;
 
-/// Kinds of effects at a joint that a rollout knows; effects that change the arm itself act, too.
+/// Kinds of effects of a servo that a rollout knows; effects of the arm itself act, too.
 const AT_JOINTS: [&str; 9] = [
     "servo",
     "command_delay",
@@ -29,6 +30,7 @@ impl ServoArm {
     pub fn of(file: &ArmFile) -> Result<Option<ServoArm>, LawError> {
         let effects = Effects::of(file)?;
         let arm = effects.changed(&file.arm)?;
+        let arm = with_zeros(&arm, &each(file, "encoder_offset", "offset")?)?;
         let mut joints: Vec<Option<JointServo>> = vec![None; arm.dof()];
         for of_servos in [true, false] {
             for table in file.effects.iter().filter(|table| (table.kind == "servo") == of_servos) {
@@ -53,7 +55,7 @@ impl ServoArm {
         // An encoder that is read late shows all of the motion late, as if its commands were.
         let late = encoders_late(file)?;
         joints.iter_mut().for_each(|servo| servo.delay += late);
-        Ok(Some(ServoArm::new(arm, joints)))
+        Ok(Some(ServoArm { gaps: each(file, "backlash", "gap")?, ..ServoArm::new(arm, joints) }))
     }
 
     /// The effects of `file` that a rollout does not know, by kind.
@@ -81,7 +83,19 @@ fn encoders_late(file: &ArmFile) -> Result<f64, LawError> {
 }
 
 /// Kinds of effects that change the arm that is integrated.
-const CHANGES_ARM: [&str; 4] = ["payload", "link_mass", "base_tilt", "link_length"];
+const CHANGES_ARM: [&str; 6] =
+    ["payload", "link_mass", "base_tilt", "link_length", "encoder_offset", "backlash"];
+
+/// The number `name` of the effect of the kind `of` at each joint of `file`; zero where there is none.
+fn each(file: &ArmFile, of: &str, name: &str) -> Result<Vec<f64>, LawError> {
+    let mut all = vec![0.0; file.arm.dof()];
+    for table in file.effects.iter().filter(|table| table.kind == of) {
+        let Some(known) = kind(of) else { continue };
+        let values = known.values(table, &file.arm)?;
+        all[values.joint()?] += values.number(name)?;
+    }
+    Ok(all)
+}
 
 fn servo(values: &Values) -> Result<JointServo, LawError> {
     Ok(JointServo {

@@ -1,7 +1,9 @@
-//! What an arm carries and how it stands beside what its file says: a payload on its last link, links of other masses, a base that leans. The laws are the catalogue's.
+//! What an arm carries, how it stands and how its links sit on its joints, beside what its file says: a payload on its last link, links of other masses, a base that leans,
+//! zeros of encoders, gaps of gears. The laws are the catalogue's.
 
-use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_laws::Effects;
+use freeplay_arm::{Arm, ArmFile, EffectTable, JointKind};
+use freeplay_laws::{ArmParts, Effects, LawError};
+use nalgebra::{Isometry3, Translation3};
 use toml::{Table, Value};
 
 use crate::quantity::Quantity;
@@ -10,8 +12,8 @@ use crate::quantity::Quantity;
 #[derive(Clone, Debug)]
 pub struct Burden {
     bare: Arm,
-    /// Logarithms of true over modelled masses of links.
-    links: Vec<f64>,
+    /// The numbers of each joint, in the order of [`Quantity::OF_ARM_AT_JOINT`].
+    joints: Vec<[f64; Quantity::OF_ARM_AT_JOINT.len()]>,
     /// The numbers of the whole arm, in the order of [`Quantity::OF_WHOLE_ARM`].
     whole: [f64; Quantity::OF_WHOLE_ARM.len()],
 }
@@ -19,20 +21,25 @@ pub struct Burden {
 impl Burden {
     /// No burden of `arm`.
     pub fn none(arm: &Arm) -> Burden {
-        Burden { bare: arm.clone(), links: vec![0.0; arm.dof()], whole: [0.0; Quantity::OF_WHOLE_ARM.len()] }
+        Burden {
+            bare: arm.clone(),
+            joints: vec![Default::default(); arm.dof()],
+            whole: [0.0; Quantity::OF_WHOLE_ARM.len()],
+        }
     }
 
-    /// The number `quantity` of the link of `joint`, or of the whole arm.
+    /// The number `quantity` of `joint`, or of the whole arm; zero of what is a servo's.
     pub fn of(&self, joint: usize, quantity: Quantity) -> f64 {
-        place(quantity).map_or(self.links[joint], |at| self.whole[at])
+        let place = |all: &[Quantity]| all.iter().position(|one| *one == quantity);
+        let of_joint = place(&Quantity::OF_ARM_AT_JOINT).map(|at| self.joints[joint][at]);
+        of_joint.or(place(&Quantity::OF_WHOLE_ARM).map(|at| self.whole[at])).unwrap_or(0.0)
     }
 
     /// Gives it the value `x`.
     pub fn set(&mut self, joint: usize, quantity: Quantity, x: f64) {
-        match place(quantity) {
-            Some(at) => self.whole[at] = x,
-            None => self.links[joint] = x,
-        }
+        let own = Quantity::OF_ARM_AT_JOINT.iter().zip(&mut self.joints[joint]);
+        let whole = Quantity::OF_WHOLE_ARM.iter().zip(&mut self.whole);
+        own.chain(whole).filter(|(one, _)| **one == quantity).for_each(|(_, number)| *number = x);
     }
 
     /// Its effects, as an arm file has them.
@@ -45,9 +52,17 @@ impl Burden {
         };
         let mut tables = Vec::new();
         let [payload, x, y, z, roll, pitch] = self.whole;
-        for (joint, log) in self.bare.joints().iter().zip(&self.links).filter(|(_, log)| **log != 0.0) {
-            let scale = Table::from_iter([("scale".to_owned(), Value::Float(log.exp()))]);
-            tables.push(table("link_mass", Some(joint.name.clone()), scale));
+        for (joint, [log, zero, gap]) in self.bare.joints().iter().zip(&self.joints) {
+            let mut add = |kind: &str, x: f64, parameters: &[(&str, Value)]| {
+                let parameters = parameters.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
+                if x != 0.0 {
+                    tables.push(table(kind, Some(joint.name.clone()), parameters.collect()));
+                }
+            };
+            add("link_mass", *log, &[("scale", Value::Float(log.exp()))]);
+            add("encoder_offset", *zero, &[("offset", Value::Float(*zero))]);
+            // The link lies on the flank that its load presses on.
+            add("backlash", *gap, &[("gap", Value::Float(*gap)), ("course", Value::from("rest"))]);
         }
         if payload != 0.0 {
             let place = self.bare.tool().translation.vector;
@@ -70,11 +85,27 @@ impl Burden {
     /// The arm under it; `None` if there can't be one.
     pub fn arm(&self) -> Option<Arm> {
         let file = ArmFile { arm: self.bare.clone(), effects: self.tables(), ignored: Vec::new() };
-        Effects::of(&file).ok()?.changed(&self.bare).ok()
+        let arm = Effects::of(&file).ok()?.changed(&self.bare).ok()?;
+        let zeros: Vec<f64> = (0..arm.dof()).map(|joint| self.of(joint, Quantity::Zero)).collect();
+        with_zeros(&arm, &zeros).ok()
     }
 }
 
-/// Where `quantity` stands among those of the whole arm; `None` if it is a link's.
-fn place(quantity: Quantity) -> Option<usize> {
-    Quantity::OF_WHOLE_ARM.iter().position(|one| *one == quantity)
+/// `arm` as encoders see it that read `zeros`, rad (m), where its joints are at zero.
+///
+/// # Errors
+/// [`LawError::Changed`] if there can be no such arm.
+pub(crate) fn with_zeros(arm: &Arm, zeros: &[f64]) -> Result<Arm, LawError> {
+    if zeros.iter().all(|zero| *zero == 0.0) {
+        return Ok(arm.clone());
+    }
+    let mut parts = ArmParts::of(arm);
+    for (joint, zero) in parts.joints.iter_mut().zip(zeros) {
+        let back = match joint.kind {
+            JointKind::Revolute => Isometry3::rotation(-*zero * joint.axis.into_inner()),
+            JointKind::Prismatic => Isometry3::from(Translation3::from(-*zero * joint.axis.into_inner())),
+        };
+        joint.placement *= back;
+    }
+    parts.into_arm(arm.name())
 }

@@ -36,6 +36,10 @@ pub enum Quantity {
     PayloadZ,
     /// Natural logarithm of the true over the modelled mass of the joint's link.
     LinkMass,
+    /// What the encoder reads where the joint is at zero, rad.
+    Zero,
+    /// Whole angle between the flanks of the joint's gear, behind the encoder, rad.
+    Gap,
     /// Roll of the base, rad; of the whole arm.
     Roll,
     /// Pitch of the base, rad; of the whole arm.
@@ -53,9 +57,12 @@ impl Quantity {
         Quantity::Pitch,
     ];
 
+    /// The quantities of a joint that are the arm's, and not its servo's.
+    pub(crate) const OF_ARM_AT_JOINT: [Quantity; 3] = [Quantity::LinkMass, Quantity::Zero, Quantity::Gap];
+
     /// Whether it is the arm's, and not a servo's.
     pub fn is_of_arm(self) -> bool {
-        self == Quantity::LinkMass || Quantity::OF_WHOLE_ARM.contains(&self)
+        Quantity::OF_ARM_AT_JOINT.contains(&self) || Quantity::OF_WHOLE_ARM.contains(&self)
     }
 
     /// Whether it says where a body is, and not whether there is one.
@@ -71,7 +78,8 @@ impl Quantity {
             | Quantity::Stiction
             | Quantity::Rotor
             | Quantity::Delay
-            | Quantity::Deadband => 0.0,
+            | Quantity::Deadband
+            | Quantity::Gap => 0.0,
             _ => f64::NEG_INFINITY,
         }
     }

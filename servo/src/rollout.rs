@@ -98,6 +98,7 @@ impl Rollout {
         self.state.q.copy_from_slice(&start.q);
         self.state.v.copy_from_slice(&start.v);
         self.speed.copy_from_slice(&start.v);
+        self.bias.fill(0.0);
         for (i, (commands, joint)) in commands.iter().zip(&model.joints).enumerate() {
             self.cursors[i] = commands.cursor(stamps[0] - joint.delay);
             self.set_point[i] = commands.at(joint, stamps[0]);
@@ -135,11 +136,12 @@ impl Rollout {
         self.bias[0] = load.torque;
     }
 
-    /// Takes the arm's terms for a step of `h`, s: as at its predicted middle.
+    /// Takes the arm's terms for a step of `h`, s: as at its predicted middle. Each link lies on the flank of its gear on which its load pressed in the step before.
     #[inline(always)]
     fn take_arm(&mut self, n: usize, model: &ServoArm, h: f64) {
         for i in 0..n {
-            self.middle[i] = self.state.q[i] + 0.5 * h * self.state.v[i];
+            let play = 0.5 * model.gaps[i] * self.bias[i].signum();
+            self.middle[i] = self.state.q[i] + 0.5 * h * self.state.v[i] - play;
         }
         mass_and_bias(
             &model.arm,

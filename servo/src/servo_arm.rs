@@ -13,6 +13,8 @@ pub struct ServoArm {
     pub arm: Arm,
     /// One servo a joint.
     pub joints: Vec<JointServo>,
+    /// Whole angle between the flanks of each joint's gear, behind its encoder, rad (m). The link lies on the flank that its load presses on.
+    pub gaps: Vec<f64>,
     /// What the arm carries beside what its file says; `None` where that was never asked.
     pub burden: Option<Box<Burden>>,
 }
@@ -20,18 +22,22 @@ pub struct ServoArm {
 impl ServoArm {
     /// An arm with the servo of each of its joints, as its file has it.
     pub fn new(arm: Arm, joints: Vec<JointServo>) -> ServoArm {
-        ServoArm { arm, joints, burden: None }
+        let gaps = vec![0.0; joints.len()];
+        ServoArm { arm, joints, gaps, burden: None }
     }
 
-    /// Gives the burden's number `quantity` of the link of `joint`, or of the whole arm, the value `x`. The arm stays as it is where there can be none under that.
+    /// Gives the burden's number `quantity` of `joint`, or of the whole arm, the value `x`. The arm stays as it is where there can be none under that.
     pub(crate) fn bear(&mut self, joint: usize, quantity: Quantity, x: f64) {
         let mut burden = self.burden.take().unwrap_or_else(|| Box::new(Burden::none(&self.arm)));
         let before = burden.of(joint, quantity);
         if x != before {
             burden.set(joint, quantity, x);
-            match burden.arm() {
-                Some(arm) => self.arm = arm,
-                None => burden.set(joint, quantity, before),
+            match quantity {
+                Quantity::Gap => self.gaps[joint] = x,
+                _ => match burden.arm() {
+                    Some(arm) => self.arm = arm,
+                    None => burden.set(joint, quantity, before),
+                },
             }
         }
         self.burden = Some(burden);

@@ -1,5 +1,6 @@
 //! Payloads and tilted bases that the model does not have. The droop of the servos changes with the pose in another way for each of them, whatever the servos' stiffness.
-//! One link's mass is asked for beside given servos alone: beside unknown ones it is a softer servo at its own joint, and what it does at those before hardly tells it from the rest of the law.
+//! One link's mass, the zero of one encoder and the gap of one gear are asked for beside given servos alone: beside unknown ones a mass is a softer servo at its own joint, and what it does at those before
+//! hardly tells it from the rest of the law. A gap behind the encoder shows by where the link lies: a load that presses on one flank throughout does not tell it from a zero.
 
 use freeplay_arm::{Arm, ArmFile};
 use freeplay_servo::{DIFFERENCE_STEP, Fitted, Problem, Quantity, ServoArm, Unknown};
@@ -8,10 +9,10 @@ use super::limits::lost;
 use crate::data::tolerance::Tolerances;
 use crate::statistics::STRONG;
 
-/// Standard deviation of the prior of a base's roll and pitch, rad: a third of a right angle.
+/// Standard deviation of the prior of a base's roll and pitch, of an encoder's zero and of a gear's gap, rad: a third of a right angle.
 const LEAN: f64 = 0.5;
 
-/// One thing that an arm may carry, or how it may stand.
+/// One thing that an arm may carry, how it may stand, or how a link of it may sit on its joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Burdened {
     /// Its kind in the catalogue.
@@ -20,8 +21,19 @@ pub struct Burdened {
     pub joint: Option<usize>,
     /// Its numbers.
     pub unknowns: Vec<Unknown>,
-    /// Others that the recordings don't tell from it, with the log of the odds against them.
-    pub rivals: Vec<(&'static str, f64)>,
+    /// Others that the recordings don't tell from it.
+    pub rivals: Vec<Rival>,
+}
+
+/// What recordings don't tell from something else.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rival {
+    /// Its kind in the catalogue.
+    pub kind: &'static str,
+    /// Index of its joint; `None` if it is the whole arm's.
+    pub joint: Option<usize>,
+    /// Log odds against it.
+    pub against: f64,
 }
 
 /// Those of `unknowns` without which a burden is not there: all but those that say where it is.
@@ -60,15 +72,24 @@ pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
         (payload, PAYLOADS.map(|share| vec![share * all, 0.0, 0.0, 0.0]).to_vec()),
         (lean, LEANS.map(|lean| lean.to_vec()).to_vec()),
     ];
-    let masses = (0..joints.len()).map(|joint| {
-        let mass = burdened(
-            "link_mass",
-            Some(joint),
-            vec![unknown(joint, Quantity::LinkMass, std::f64::consts::LN_2)],
-        );
-        (mass, MASSES.map(|scale| vec![scale.ln()]).to_vec())
-    });
-    burdens.extend(masses);
+    let of_joint = |joint: usize| {
+        let one = |kind, quantity, deviation, places: Vec<f64>| {
+            let unknowns = vec![unknown(joint, quantity, deviation)];
+            (burdened(kind, Some(joint), unknowns), places.into_iter().map(|x| vec![x]).collect())
+        };
+        let angles = ANGLES.into_iter();
+        [
+            one("link_mass", Quantity::LinkMass, std::f64::consts::LN_2, MASSES.map(f64::ln).to_vec()),
+            one(
+                "encoder_offset",
+                Quantity::Zero,
+                LEAN,
+                angles.clone().rev().map(|x| -x).chain(angles.clone()).collect(),
+            ),
+            one("backlash", Quantity::Gap, LEAN, angles.collect()),
+        ]
+    };
+    burdens.extend((0..joints.len()).flat_map(of_joint));
     burdens.retain(|(one, _)| is_free(one.kind, one.joint));
     burdens
 }
@@ -94,6 +115,8 @@ pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
 const MASSES: [f64; 4] = [0.5, 0.75, 1.33, 2.0];
 /// The same for payloads: what one may weigh, as shares of the arm, from none on, as the best one lies between two that are tried.
 const PAYLOADS: [f64; 5] = [0.0, 0.1, 0.2, 0.4, 0.8];
+/// Zeros of an encoder and gaps of a gear from which a fit begins, rad.
+const ANGLES: [f64; 3] = [0.01, 0.03, 0.1];
 /// Leans of a base from which a fit begins, rad: none, and each way about either axis, as a search goes on along each.
 const LEANS: [[f64; 2]; 5] = [[0.0, 0.0], [-0.2, 0.0], [0.0, -0.2], [0.0, 0.2], [0.2, 0.0]];
 
@@ -153,8 +176,12 @@ pub fn add_burden(
     let mut tried = tried.into_iter();
     let Some(best) = tried.next() else { return (fitted, None) };
     let rivals = tried
-        .map(|other| (other.burdened.kind, total(&other) - total(&best)))
-        .filter(|(.., against)| *against < STRONG)
+        .map(|other| Rival {
+            kind: other.burdened.kind,
+            joint: other.burdened.joint,
+            against: total(&other) - total(&best),
+        })
+        .filter(|rival| rival.against < STRONG)
         .collect();
     *unknowns = best.unknowns;
     (best.fitted, Some(Burdened { rivals, ..best.burdened }))

@@ -3,7 +3,7 @@
 use freeplay_arm::ArmFile;
 use freeplay_servo::{DIFFERENCE_STEP, Problem, Quantity, ServoArm, Sight, Unknown, unknowns};
 
-use super::burdens::{Burdened, burdens, masses, present};
+use super::burdens::{Burdened, Rival, burdens, masses, present};
 use super::findings::{moved, tolerance};
 use super::limits::limits;
 use crate::data::tolerance::Tolerances;
@@ -24,6 +24,8 @@ pub struct Change {
     pub places: Vec<Vec<f64>>,
     /// Log odds of the changed model against the one without it, all else as it fits best then.
     pub evidence: f64,
+    /// Others that the recordings don't tell from it.
+    pub rivals: Vec<Rival>,
 }
 
 impl Change {
@@ -31,7 +33,14 @@ impl Change {
         let value = unknown.of(given);
         let places = SHARES.map(|share| vec![value + share * unknown.deviation]);
         let places = places.into_iter().filter(|place| place[0] >= unknown.least).collect();
-        Change { kind, joint: Some(unknown.joint), unknowns: vec![unknown], places, evidence: 0.0 }
+        Change {
+            kind,
+            joint: Some(unknown.joint),
+            unknowns: vec![unknown],
+            places,
+            evidence: 0.0,
+            rivals: Vec::new(),
+        }
     }
 
     /// A servo of another stiffness and damping: both begin in one proportion.
@@ -48,11 +57,19 @@ impl Change {
             unknowns: vec![stiffness, damping],
             places,
             evidence: 0.0,
+            rivals: Vec::new(),
         }
     }
 
     fn of_arm(burden: Burdened, places: Vec<Vec<f64>>) -> Change {
-        Change { kind: burden.kind, joint: burden.joint, unknowns: burden.unknowns, places, evidence: 0.0 }
+        Change {
+            kind: burden.kind,
+            joint: burden.joint,
+            unknowns: burden.unknowns,
+            places,
+            evidence: 0.0,
+            rivals: Vec::new(),
+        }
     }
 
     /// `model` with its numbers at `place`.
@@ -81,7 +98,8 @@ impl Change {
 
     /// The same as a burden.
     pub fn burdened(&self) -> Burdened {
-        Burdened { kind: self.kind, joint: self.joint, unknowns: self.unknowns.clone(), rivals: Vec::new() }
+        let (unknowns, rivals) = (self.unknowns.clone(), self.rivals.clone());
+        Burdened { kind: self.kind, joint: self.joint, unknowns, rivals }
     }
 
     /// True if this change and `other` free the same unknowns of the model.
@@ -189,7 +207,14 @@ impl Given<'_> {
             let unknown = limit.unknown.in_torque(self.model.joints[joint].stiffness);
             let shift = unknown.expected - limit.unknown.expected;
             let places = limit.places.into_iter().map(|x| vec![x + shift]).collect();
-            Change { kind: "servo", joint: Some(joint), unknowns: vec![unknown], places, evidence: 0.0 }
+            Change {
+                kind: "servo",
+                joint: Some(joint),
+                unknowns: vec![unknown],
+                places,
+                evidence: 0.0,
+                rivals: Vec::new(),
+            }
         });
         let arm = burdens(self.file).into_iter().map(|(burden, places)| Change::of_arm(burden, places));
         joints.chain(limits).chain(arm).collect()

@@ -7,7 +7,7 @@ use freeplay_recording::{Group, Recording};
 use freeplay_servo::{JointServo, Problem, Quantity, ServoArm, Sight, Track, Unknown};
 use toml::Value;
 
-use super::burdens::{Burdened, present};
+use super::burdens::{Burdened, Rival, present};
 use super::changes::Change;
 use super::compare::{simulated, unit};
 use super::events::{Event, What};
@@ -19,7 +19,7 @@ use crate::report::diagnosis::{
     Alternative, Diagnosis, Effect, Evidence, Fit, Location, Parameter, Rmse, Verdict, insufficient,
 };
 use crate::report::settings::DiagnoseSettings;
-use crate::report::words::{odds, phrase, statement};
+use crate::report::words::{odds, phrase, site, statement};
 
 /// Kinds of effects at joints that the findings stand in the place of.
 const REPLACED: [&str; 6] =
@@ -110,13 +110,16 @@ impl Conclusion<'_> {
             (false, true) => Verdict::OneOf,
             (false, false) => Verdict::Named,
         };
+        let is_named = |kind: &str| effects.iter().any(|effect| effect.kind == kind);
+        let mut untestable = self.numbers.untestable(self.moves);
+        untestable.retain(|one| one.joint.is_some() || !is_named(one.kind));
         Diagnosis {
             verdict,
             statement: self.statement(&effects, &clean),
             location: self.location(&clean),
             fit: Some(fit),
             next: self.next(),
-            untestable: self.numbers.untestable(self.moves),
+            untestable,
             quality: self.quality(),
             passages: self.passages(),
             model,
@@ -267,6 +270,8 @@ impl Conclusion<'_> {
             let quantity = match name {
                 "mass" => Quantity::Payload,
                 "scale" => Quantity::LinkMass,
+                "offset" => Quantity::Zero,
+                "gap" => Quantity::Gap,
                 "roll" => Quantity::Roll,
                 "pitch" => Quantity::Pitch,
                 _ => return None,
@@ -338,15 +343,19 @@ impl Conclusion<'_> {
 
     /// What the recordings don't tell from `burdened`.
     fn rivals(&self, burdened: &Burdened) -> Vec<Alternative> {
-        let one = |(kind, against): &(&'static str, f64)| Alternative {
-            kind,
-            joint: None,
-            instead_of: burdened.kind.to_owned(),
+        let name = |joint: usize| self.numbers.file.arm.joints()[joint].name.clone();
+        let one = |rival: &Rival| {
+            Alternative {
+            kind: rival.kind,
+            joint: rival.joint.map(name),
+            instead_of: format!("{} {}", burdened.kind, site(burdened.joint.map(name).as_deref())),
             why_not: "it explains the recordings as well".to_owned(),
             indistinguishable: true,
             what_would_separate:
-                "record poses in which the links before and after it hang otherwise, or weigh it".to_owned(),
-            log_odds_against: *against,
+                "record poses in which the links before and after it hang otherwise and press the other way, or weigh it"
+                    .to_owned(),
+            log_odds_against: rival.against,
+        }
         };
         burdened.rivals.iter().map(one).collect()
     }

@@ -310,7 +310,10 @@ impl Numbers<'_> {
                 "without torques a payload far out on the last link is told from softer servos only by how droop goes with the pose, not at the last joint alone",
             ),
             ("joint_elasticity", "what gives behind the encoder needs the tool or the link's encoder"),
-            ("backlash", "what is loose behind the encoder needs the tool or the link's encoder"),
+            (
+                "backlash",
+                "what is loose behind the encoder needs given servos and the weight of the links, the tool or the link's encoder",
+            ),
         ];
         all.extend(arm.map(|(kind, because)| Untestable { kind, joint: None, because: because.to_owned() }));
         all
@@ -334,7 +337,7 @@ pub fn tolerance(quantity: Quantity, value: f64, tolerances: &Tolerances) -> f64
         }
         Quantity::Rotor => tolerances.inertia * value.abs(),
         Quantity::Delay => tolerances.delay,
-        Quantity::Offset => tolerances.zero,
+        Quantity::Offset | Quantity::Zero => tolerances.zero,
         Quantity::LinkMass => tolerances.mass,
         _ => 0.0,
     }

@@ -4,10 +4,12 @@
 use freeplay_servo::{Fitted, Noise, Problem, ServoArm, Track, Unknown, each, golden};
 
 use super::alone::by_joint;
+use super::burdens::Rival;
 use super::changes::{Change, Given};
 use super::findings::named_from;
 use super::limits::lost;
 use super::recorded::{Found, Recorded, is_same, stop};
+use crate::statistics::STRONG;
 
 /// Causes that are fitted before the best of them is taken, for each way in which they are ranked: the first may rank first by chance, and a fit takes far
 /// longer than a rank.
@@ -72,7 +74,42 @@ impl<'a> Search<'a> {
         while let Some(fewer) = self.drop(&mut changed, progress) {
             changed = fewer;
         }
+        for index in 0..changed.changes.len() {
+            changed.changes[index].rivals = self.rivals(&changed, index, progress);
+        }
         changed
+    }
+
+    /// What the recordings don't tell from the change number `index` of `changed`, if that is the arm's: what brings the model without it as near to them.
+    fn rivals(&mut self, changed: &Changed, index: usize, progress: &mut dyn FnMut(&str)) -> Vec<Rival> {
+        let change = &changed.changes[index];
+        if !change.is_burden() {
+            return Vec::new();
+        }
+        let without = self.without(change, &changed.fitted.model);
+        let is_new = |one: &&Change| one.is_burden() && !changed.changes.iter().any(|made| made.is_same(one));
+        let new: Vec<&Change> = self.candidates.iter().filter(is_new).collect();
+        let nearest = nearest(self.parts[0], &new, &without, &Far::Under(&changed.fitted.noise));
+        let noise = &changed.fitted.noise;
+        let total = |changed: &Changed, change: &Change| {
+            let left = self.parts[0].lost_by(&changed.fitted.model, noise, &changed.unknowns);
+            left + lost(self.parts[1], &changed.fitted.model, noise) + Search::price(change, changed)
+        };
+        let here = total(changed, change);
+        let mut rivals = Vec::new();
+        for (other, begin) in nearest {
+            let mut changes = changed.changes.clone();
+            changes[index] = other.clone();
+            let unknowns = self.unknowns(&changes);
+            let words = format!("fitting another cause in the place of one of {} changes", changes.len());
+            let fitted = self.parts[0]
+                .fit(&begin, &unknowns, &mut |step, _| progress(&format!("{words}, step {step}")));
+            let against = total(&Changed { changes, fitted, unknowns }, &other) - here;
+            if against < STRONG {
+                rivals.push(Rival { kind: other.kind, joint: other.joint, against });
+            }
+        }
+        rivals
     }
 
     /// The numbers of a model with `changes`.

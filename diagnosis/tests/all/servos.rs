@@ -221,6 +221,41 @@ fn a_small_payload_and_a_small_lean_are_told_beside_given_servos() {
     }
 }
 
+/// The zero of an encoder, and a gap behind one: the link lies elsewhere than its encoder says, and its weight tells so. A load that presses on one flank throughout does not tell the gap from a
+/// zero; the answer says so.
+#[test]
+fn zeros_and_gaps_are_told_by_the_weight_of_the_link() {
+    let text = format!("{TWO_LINKS}\n[tool]\nxyz = [0.3, 0.0, 0.0]\n{TRUTH}");
+    let given = off_by(&file(&text), 0.8);
+    let cases = [
+        ("encoder_offset", "offset = -0.12", "offset", -0.12, [0.5, 0.7], Verdict::Named),
+        ("backlash", "gap = 0.08", "gap", 0.08, [1.3, 1.8], Verdict::Named),
+        ("backlash", "gap = 0.12", "gap", 0.12, [0.3, 0.4], Verdict::OneOf),
+    ];
+    for (kind, parameters, parameter, expected, middles, verdict) in cases {
+        let machine =
+            file(&format!("{text}\n[[effect]]\nkind = \"{kind}\"\njoint = \"elbow\"\n{parameters}\n"));
+        let recordings = [("a.csv", 0.0, middles[0]), ("b.csv", 1.7, middles[1])]
+            .map(|(name, phase, middle)| recorded(&machine, name, phase, middle, NEVER));
+        let diagnosis = diagnose(&given, &recordings, &DiagnoseSettings::default(), &mut |_| ()).unwrap();
+        println!("{} {:?}", diagnosis.statement, diagnosis.alternatives);
+        assert_eq!(diagnosis.effects.len(), 1, "{}", diagnosis.statement);
+        assert_eq!(diagnosis.verdict, verdict, "{}", diagnosis.statement);
+        let mut said = diagnosis.alternatives.iter().map(|other| (other.kind, other.joint.clone()));
+        if diagnosis.effects[0].kind == kind {
+            let value = number(found(&diagnosis, kind, Some("elbow")), parameter);
+            println!("{kind} {parameter}: {value:.4}, in truth {expected}; margin 12 %");
+            assert!((value / expected - 1.0).abs() < 0.12, "{value} for {expected}");
+            // The model that was found is simulated with it.
+            let again = file(&to_toml(&diagnosis.model));
+            let (compared, _) = compare_commands(&again, &recordings[0]).unwrap();
+            assert!(compared.channels.iter().all(|channel| channel.rmse < 2e-3), "{:?}", compared.channels);
+        } else {
+            assert!(verdict == Verdict::OneOf && said.any(|other| other == (kind, Some("elbow".to_owned()))));
+        }
+    }
+}
+
 #[test]
 fn commands_that_never_move_tell_nothing() {
     let plain = file(TWO_LINKS);

@@ -52,7 +52,10 @@ pub static KIND: Kind = Kind {
     confounders: &[
         ("command_delay", "shifts the whole motion in time, fast and slow parts alike"),
         ("joint_elasticity", "sits behind the encoder: needs the tool or the link's encoder"),
-        ("backlash", "sits behind the encoder: needs the tool or the link's encoder"),
+        (
+            "backlash",
+            "sits behind the encoder: needs given servos and the weight of the links, the tool or the link's encoder",
+        ),
     ],
     contains: &[],
     needs: &[Need::Motion],

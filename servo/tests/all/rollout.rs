@@ -1,6 +1,6 @@
 //! Rollouts against closed forms: a step, a ramp, a load held by friction, a stop; energy, order of convergence, no allocation.
 use freeplay_arm::{Arm, Workspace, kinetic_energy};
-use freeplay_servo::{Commands, Course, JointServo, Rollout, ServoArm, Sliding, State};
+use freeplay_servo::{Commands, Course, JointServo, Quantity, Rollout, ServoArm, Sliding, State, Unknown};
 
 use crate::common::{INERTIA, LEVER, MASS, pendulum, stamps, two_links};
 
@@ -26,6 +26,39 @@ fn motion(
 /// The course of `commands` through `stamps` under the loads that the arm makes.
 fn along<'a>(commands: &'a [Commands], stamps: &'a [f64]) -> Course<'a> {
     Course { commands, stamps, loads: &[] }
+}
+
+/// A link that hangs by its weight on one flank of a gap, and one whose encoder reads half of the gap where it is at zero: k (c − q) = m g l cos(q − j/2).
+#[test]
+fn a_gap_under_a_weight_is_a_zero_that_is_off_by_half_of_it() {
+    let (stiffness, command, gap, gravity) = (8.0, 0.3, 0.1, 9.81);
+    let servo = JointServo { damping: 0.4, ..JointServo::stiff(stiffness) };
+    let stamps = stamps(400, 0.02);
+    let commands = [Commands::new(&stamps, &vec![command; stamps.len()])];
+    let rested = |quantity: Quantity, x: f64| {
+        let mut model = ServoArm::new(pendulum(gravity), vec![servo]);
+        let unknown = Unknown {
+            joint: 0,
+            quantity,
+            expected: 0.0,
+            deviation: 1.0,
+            step: 0.0,
+            is_torque: false,
+            least: 0.0,
+        };
+        unknown.set(&mut model, x);
+        assert!((unknown.of(&model) - x).abs() < 1e-15);
+        let mut out = vec![0.0; stamps.len()];
+        let start = State { q: vec![command], v: vec![0.0] };
+        Rollout::new(&model, 0.001).run(&model, along(&commands, &stamps), &start, &mut out);
+        out[stamps.len() - 1]
+    };
+    for (quantity, x) in [(Quantity::Gap, gap), (Quantity::Zero, 0.5 * gap)] {
+        let q = rested(quantity, x);
+        let off = stiffness * (command - q) - MASS * gravity * LEVER * (q - 0.5 * gap).cos();
+        println!("{quantity:?}: rests at {q:.6} rad, torques differ by {off:.1e} N·m");
+        assert!(off.abs() < 1e-6);
+    }
 }
 
 /// Step response of k, d and I: the underdamped oscillator's closed form.
