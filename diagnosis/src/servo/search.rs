@@ -81,7 +81,7 @@ impl<'a> Search<'a> {
     }
 
     /// What the recordings don't tell from the change number `index` of `changed`, if that is the arm's: what brings the model without it as near to them.
-    fn rivals(&mut self, changed: &Changed, index: usize, progress: &mut dyn FnMut(&str)) -> Vec<Rival> {
+    fn rivals(&self, changed: &Changed, index: usize, progress: &mut dyn FnMut(&str)) -> Vec<Rival> {
         let change = &changed.changes[index];
         if !change.is_burden() {
             return Vec::new();
