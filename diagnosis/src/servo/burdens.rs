@@ -68,10 +68,8 @@ pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
     let payload = burdened("payload", None, [mass].into_iter().chain(place).collect());
     let lean = [Quantity::Roll, Quantity::Pitch].map(|quantity| unknown(0, quantity, LEAN));
     let lean = burdened("base_tilt", None, lean.to_vec());
-    let mut burdens = vec![
-        (payload, PAYLOADS.map(|share| vec![share * all, 0.0, 0.0, 0.0]).to_vec()),
-        (lean, LEANS.map(|lean| lean.to_vec()).to_vec()),
-    ];
+    let mut burdens =
+        vec![(payload, PAYLOADS.map(|share| vec![share * all, 0.0, 0.0, 0.0]).to_vec()), (lean, leans())];
     let of_joint = |joint: usize| {
         let one = |kind, quantity, deviation, places: Vec<f64>| {
             let unknowns = vec![unknown(joint, quantity, deviation)];
@@ -84,7 +82,7 @@ pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
                 "encoder_offset",
                 Quantity::Zero,
                 LEAN,
-                angles.clone().rev().map(|x| -x).chain(angles.clone()).collect(),
+                angles.clone().skip(1).rev().map(|x| -x).chain(angles.clone()).collect(),
             ),
             one("backlash", Quantity::Gap, LEAN, angles.collect()),
         ]
@@ -92,6 +90,12 @@ pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
     burdens.extend((0..joints.len()).flat_map(of_joint));
     burdens.retain(|(one, _)| is_free(one.kind, one.joint));
     burdens
+}
+
+/// Leans of a base from which a fit begins: none, and as far as any each way about either axis, as a search goes on along each.
+fn leans() -> Vec<Vec<f64>> {
+    let most = ANGLES.into_iter().fold(0.0, f64::max);
+    [[0.0, 0.0], [-most, 0.0], [0.0, -most], [0.0, most], [most, 0.0]].map(|lean| lean.to_vec()).to_vec()
 }
 
 /// Usual length of a link of `arm`, m: what an arm carries is about as large as its links, and its centre of mass is so far off the tool.
@@ -115,10 +119,8 @@ pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
 const MASSES: [f64; 4] = [0.5, 0.75, 1.33, 2.0];
 /// The same for payloads: what one may weigh, as shares of the arm, from none on, as the best one lies between two that are tried.
 const PAYLOADS: [f64; 5] = [0.0, 0.1, 0.2, 0.4, 0.8];
-/// Zeros of an encoder and gaps of a gear from which a fit begins, rad.
-const ANGLES: [f64; 3] = [0.01, 0.03, 0.1];
-/// Leans of a base from which a fit begins, rad: none, and each way about either axis, as a search goes on along each.
-const LEANS: [[f64; 2]; 5] = [[0.0, 0.0], [-0.2, 0.0], [0.0, -0.2], [0.0, 0.2], [0.2, 0.0]];
+/// Angles of a lean, a zero and a gap from which a fit begins, rad, from none on: a search goes on between two of them, and the largest is half a tooth of a servo's horn.
+const ANGLES: [f64; 4] = [0.0, 0.02, 0.06, 0.2];
 
 /// A fit with a burden.
 struct Tried {

@@ -180,6 +180,27 @@ impl Given<'_> {
         (0..self.moves.len()).filter(|joint| self.moves[*joint]).flat_map(of_joint).collect()
     }
 
+    /// Commands that reach all joints late by one time, as they come over one line: `None` where a single joint moves. Each joint has a number of its own.
+    fn late_line(&self, broad: &[Unknown]) -> Option<Change> {
+        let unknowns: Vec<Unknown> =
+            broad.iter().filter(|one| one.quantity == Quantity::Delay).copied().collect();
+        let first = unknowns.first().filter(|_| unknowns.len() > 1)?;
+        let place = |share: f64| {
+            let late =
+                |unknown: &Unknown| (unknown.of(self.model) + share * first.deviation).max(unknown.least);
+            unknowns.iter().map(late).collect()
+        };
+        let places = SHARES.map(place).to_vec();
+        Some(Change {
+            kind: "command_delay",
+            joint: None,
+            unknowns,
+            places,
+            evidence: 0.0,
+            rivals: Vec::new(),
+        })
+    }
+
     /// All that is looked for.
     pub fn candidates(&self, fit: &Problem) -> Vec<Change> {
         let broad = self.broad();
@@ -200,7 +221,7 @@ impl Given<'_> {
             let single = single.map(|(unknown, kind)| Change::of_joint(kind, unknown, self.model));
             servo.into_iter().chain(single).collect::<Vec<_>>()
         };
-        let joints = (0..self.moves.len()).flat_map(of_joint);
+        let joints = (0..self.moves.len()).flat_map(of_joint).chain(self.late_line(&broad));
         let limits = limits(fit, self.sights, self.model).into_iter();
         let limits = limits.filter(|limit| self.moves[limit.unknown.joint]).map(|limit| {
             let joint = limit.unknown.joint;
