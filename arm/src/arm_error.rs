@@ -1,4 +1,4 @@
-//! Why a chain of joints is not an arm.
+//! The errors of a chain of joints that is not an arm.
 
 use thiserror::Error;
 

@@ -1,4 +1,4 @@
-//! How an arm is made: the joints are checked, and with the dynamics that each moves an inertia.
+//! The construction of an arm: it checks the joints, and by the dynamics that each moves an inertia.
 
 use nalgebra::{Isometry3, Vector3};
 

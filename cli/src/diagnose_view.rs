@@ -1,4 +1,4 @@
-//! What `freeplay diagnose` shows and writes of a diagnosis.
+//! The view of a diagnosis that `freeplay diagnose` shows and writes.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Why a call is refused.
+//! The reasons for which a call is refused.
 
 use freeplay_plant::SystemError;
 use thiserror::Error;

@@ -1,4 +1,4 @@
-//! Which weight file the controllers of a scenario are given.
+//! The weight file that the controllers of a scenario are given.
 
 use std::path::{Path, PathBuf};
 

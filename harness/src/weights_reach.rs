@@ -1,4 +1,4 @@
-//! How far the weights of a scenario act along its path.
+//! The part of a scenario's path along which its weights act.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Why an effect cannot be taken from an arm file or put on an arm.
+//! The errors of an effect that cannot be taken from an arm file or put on an arm.
 
 use thiserror::Error;
 

@@ -1,4 +1,4 @@
-//! Where an effect may sit: on which part of an arm, and at which place of a scene.
+//! The places where an effect may sit: a part of an arm, and a place of a scene.
 
 use crate::scene::Scene;
 

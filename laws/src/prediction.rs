@@ -1,4 +1,4 @@
-//! What a model says in place of each measured channel, and by how much an effect changes it.
+//! A model's prediction in place of each measured channel, and an effect's change of it.
 
 use crate::columns::Columns;
 

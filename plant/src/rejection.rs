@@ -1,4 +1,4 @@
-//! Why a command does not pass the gate.
+//! The reasons for which a command does not pass the gate.
 
 use serde::Serialize;
 

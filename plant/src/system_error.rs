@@ -1,4 +1,4 @@
-//! Why a system cannot be built or goes wrong.
+//! The errors of a system that cannot be built or goes wrong.
 
 use freeplay_arm::Shortfall;
 use freeplay_laws::LawError;

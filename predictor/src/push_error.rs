@@ -1,4 +1,4 @@
-//! Why a sample is not taken.
+//! The reasons for which a sample is not taken.
 
 /// Why a sample is not taken. The predictor is unchanged, but a sample is missing: repeat it or reset.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]

@@ -1,4 +1,4 @@
-//! How something came out.
+//! A verdict and its sign.
 
 /// How something came out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! What an arm carries, how it stands and how its links sit on its joints, beside what its file says: a payload on its last link, links of other masses, a base that leans,
+//! The burden of an arm beside what its file says: a payload on its last link, links of other masses, a base that leans,
 //! zeros of encoders, gaps of gears. The laws are the catalogue's.
 
 use freeplay_arm::{Arm, ArmFile, EffectTable, JointKind};

@@ -1,4 +1,4 @@
-//! Why a controller cannot start: its task cannot be used, or does not fit the run.
+//! The errors of a controller that cannot start: its task cannot be used, or does not fit the run.
 
 use freeplay_shm::Mode;
 use thiserror::Error;

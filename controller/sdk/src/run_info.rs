@@ -1,4 +1,4 @@
-//! What the plant says about a run.
+//! The plant's words about a run.
 
 use freeplay_shm::{Mode, Pace};
 

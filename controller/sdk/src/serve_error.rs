@@ -1,4 +1,4 @@
-//! Why a controller's process ended otherwise than at the last tick.
+//! The errors of a controller's process that ended otherwise than at the last tick.
 
 use std::time::Duration;
 

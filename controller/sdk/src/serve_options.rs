@@ -1,4 +1,4 @@
-//! Which run a controller is to join, and how.
+//! The run that a controller is to join, and the options for that.
 
 use std::time::Duration;
 

@@ -12,7 +12,7 @@ use crate::statistics::STRONG;
 /// Standard deviation of the prior of a base's roll and pitch, of an encoder's zero and of a gear's gap, rad: a third of a right angle.
 const LEAN: f64 = 0.5;
 
-/// One thing that an arm may carry, how it may stand, or how a link of it may sit on its joint.
+/// One thing that an arm may carry, or one way in which it or a link of it may stand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Burdened {
     /// Its kind in the catalogue.
@@ -25,7 +25,7 @@ pub struct Burdened {
     pub rivals: Vec<Rival>,
 }
 
-/// What recordings don't tell from something else.
+/// Another cause that recordings don't tell from the one that was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rival {
     /// Its kind in the catalogue.

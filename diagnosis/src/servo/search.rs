@@ -80,7 +80,7 @@ impl<'a> Search<'a> {
         changed
     }
 
-    /// What the recordings don't tell from the change number `index` of `changed`, if that is the arm's: what brings the model without it as near to them.
+    /// The causes that the recordings don't tell from the change number `index` of `changed`, if that is the arm's: they bring the model without it as near to the recordings.
     fn rivals(&self, changed: &Changed, index: usize, progress: &mut dyn FnMut(&str)) -> Vec<Rival> {
         let change = &changed.changes[index];
         if !change.is_burden() {

@@ -1,4 +1,4 @@
-//! What a bench came to: each controller against the yardsticks, the verdicts, the cliff.
+//! The result of a bench: each controller against the yardsticks, the verdicts, the cliff.
 
 use std::collections::BTreeMap;
 

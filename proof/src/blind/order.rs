@@ -1,4 +1,4 @@
-//! What a generator is asked to make.
+//! The order that a generator is given.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;

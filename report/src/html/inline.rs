@@ -1,4 +1,4 @@
-//! What stands within a line: text with code in it, the sign of a verdict.
+//! The parts of a line: text with code in it, the sign of a verdict.
 
 use maud::{Markup, html};
 
