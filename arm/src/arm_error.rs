@@ -48,7 +48,7 @@ pub enum ArmError {
         quantity: String,
         /// The value found.
         value: String,
-        /// What is allowed.
+        /// The allowed values.
         must: &'static str,
     },
     /// A joint whose motion no inertia resists.

@@ -18,18 +18,18 @@ use crate::diagnose_args::DiagnoseArgs;
 /// The file of results that says how the recordings are to be read.
 pub const SETUP: &str = "setup.toml";
 
-/// What a diagnosis writes.
+/// The endings of the single files that a diagnosis writes.
 pub const EXTENSIONS: [&str; 2] = ["toml", "json"];
 
 /// Everything that is shown.
 pub struct View<'a> {
-    /// What was asked for.
+    /// The options of the command.
     pub args: &'a DiagnoseArgs,
     /// The model.
     pub file: &'a ArmFile,
     /// The recordings.
     pub recordings: &'a [Recording],
-    /// What was found.
+    /// The diagnosis that is shown.
     pub diagnosis: &'a Diagnosis,
 }
 

@@ -9,7 +9,7 @@ use crate::passage_layout::{Layout, MILLI, second_difference, stencil};
 use crate::passage_trajectory::{JournalContact, PassageTrajectory};
 use crate::pin_force::PinForce;
 
-/// What of a passage does not change while it is planned, tick by tick.
+/// The part of a passage that stays the same while it is planned, tick by tick.
 pub struct Frame {
     /// Jacobian of the tool for joints and slides, 6 × (n + 2 plays).
     pub tool: DMatrix<f64>,

@@ -167,7 +167,7 @@ impl Welcome {
 pub struct Offer {
     /// Number of joints of the arm, 1 to [`MAX_JOINTS`](crate::MAX_JOINTS).
     pub joints: usize,
-    /// Who moves the joints.
+    /// The drive of the joints: torques, an ideal drive, or position servos.
     pub mode: Mode,
     /// When the plant takes its next step.
     pub pace: Pace,

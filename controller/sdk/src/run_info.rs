@@ -2,7 +2,7 @@
 
 use freeplay_shm::{Mode, Pace};
 
-/// What the plant says about the run in its welcome.
+/// The run, as the plant's welcome describes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunInfo {
     /// Number of joints of the arm.

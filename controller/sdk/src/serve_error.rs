@@ -36,11 +36,11 @@ pub enum ServeError {
     /// The plant is gone.
     #[error("the plant is gone: no state for {waited:?} after {states} states{cause}")]
     PlantGone {
-        /// How long nothing came.
+        /// The time for which nothing came.
         waited: Duration,
         /// How many states had come.
         states: u64,
-        /// What else is known, beginning with a separator.
+        /// More that is known of the cause, beginning with a separator.
         cause: &'static str,
     },
     /// The controller panicked; its message has been printed.

@@ -23,9 +23,9 @@ pub struct ServeOptions {
     pub address: Address,
     /// The slot to ask for.
     pub slot: u32,
-    /// How long to wait for the plant: for its welcome, and for each state.
+    /// The longest wait for the plant's welcome, and for each state.
     pub patience: Duration,
-    /// What to ask of the system for the thread that answers.
+    /// The priority and the core that the answering thread asks the system for.
     pub realtime: RtRequest,
 }
 

@@ -29,18 +29,21 @@ pub struct Change {
 }
 
 impl Change {
+    /// One of which nothing was asked yet.
+    fn new(
+        kind: &'static str,
+        joint: Option<usize>,
+        unknowns: Vec<Unknown>,
+        places: Vec<Vec<f64>>,
+    ) -> Change {
+        Change { kind, joint, unknowns, places, evidence: 0.0, rivals: Vec::new() }
+    }
+
     fn of_joint(kind: &'static str, unknown: Unknown, given: &ServoArm) -> Change {
         let value = unknown.of(given);
         let places = SHARES.map(|share| vec![value + share * unknown.deviation]);
         let places = places.into_iter().filter(|place| place[0] >= unknown.least).collect();
-        Change {
-            kind,
-            joint: Some(unknown.joint),
-            unknowns: vec![unknown],
-            places,
-            evidence: 0.0,
-            rivals: Vec::new(),
-        }
+        Change::new(kind, Some(unknown.joint), vec![unknown], places)
     }
 
     /// A servo of another stiffness and damping: both begin in one proportion.
@@ -51,25 +54,11 @@ impl Change {
             vec![k + log, d * log.exp()]
         };
         let places = SHARES.map(place).to_vec();
-        Change {
-            kind: "servo",
-            joint: Some(stiffness.joint),
-            unknowns: vec![stiffness, damping],
-            places,
-            evidence: 0.0,
-            rivals: Vec::new(),
-        }
+        Change::new("servo", Some(stiffness.joint), vec![stiffness, damping], places)
     }
 
     fn of_arm(burden: Burdened, places: Vec<Vec<f64>>) -> Change {
-        Change {
-            kind: burden.kind,
-            joint: burden.joint,
-            unknowns: burden.unknowns,
-            places,
-            evidence: 0.0,
-            rivals: Vec::new(),
-        }
+        Change::new(burden.kind, burden.joint, burden.unknowns, places)
     }
 
     /// `model` with its numbers at `place`.
@@ -191,14 +180,7 @@ impl Given<'_> {
             unknowns.iter().map(late).collect()
         };
         let places = SHARES.map(place).to_vec();
-        Some(Change {
-            kind: "command_delay",
-            joint: None,
-            unknowns,
-            places,
-            evidence: 0.0,
-            rivals: Vec::new(),
-        })
+        Some(Change::new("command_delay", None, unknowns, places))
     }
 
     /// All that is looked for.
@@ -228,14 +210,7 @@ impl Given<'_> {
             let unknown = limit.unknown.in_torque(self.model.joints[joint].stiffness);
             let shift = unknown.expected - limit.unknown.expected;
             let places = limit.places.into_iter().map(|x| vec![x + shift]).collect();
-            Change {
-                kind: "servo",
-                joint: Some(joint),
-                unknowns: vec![unknown],
-                places,
-                evidence: 0.0,
-                rivals: Vec::new(),
-            }
+            Change::new("servo", Some(joint), vec![unknown], places)
         });
         let arm = burdens(self.file).into_iter().map(|(burden, places)| Change::of_arm(burden, places));
         joints.chain(limits).chain(arm).collect()

@@ -25,6 +25,10 @@ use crate::report::words::{odds, phrase, site, statement};
 const REPLACED: [&str; 6] =
     ["servo", "command_delay", "coulomb_friction", "viscous_friction", "stribeck_friction", "rotor_inertia"];
 
+/// The motion that tells causes from each other that the weight of the links shows.
+const TO_SEPARATE: &str = "record poses in which the links before and after it hang otherwise and press the other way, or \
+                           weigh it";
+
 /// All that a conclusion rests on.
 pub struct Conclusion<'a> {
     pub settings: &'a DiagnoseSettings,
@@ -35,7 +39,7 @@ pub struct Conclusion<'a> {
     pub choice: &'a Problem<'a>,
     pub sights: &'a [Sight],
     pub numbers: Numbers<'a>,
-    /// What the arm carries, or how it stands, beside what its model says.
+    /// The payload, the lean and the like of the arm that its model does not have.
     pub burdened: &'a [Burdened],
     /// What of the given model is changed; `None` where no servos were given.
     pub changes: Option<&'a [Change]>,
@@ -341,21 +345,18 @@ impl Conclusion<'_> {
         best.filter(|(evidence, _)| *evidence > named_from(self.moves.len()))
     }
 
-    /// What the recordings don't tell from `burdened`.
+    /// The causes that the recordings don't tell from `burdened`.
     fn rivals(&self, burdened: &Burdened) -> Vec<Alternative> {
         let name = |joint: usize| self.numbers.file.arm.joints()[joint].name.clone();
-        let one = |rival: &Rival| {
-            Alternative {
+        let instead_of = format!("{} {}", burdened.kind, site(burdened.joint.map(name).as_deref()));
+        let one = |rival: &Rival| Alternative {
             kind: rival.kind,
             joint: rival.joint.map(name),
-            instead_of: format!("{} {}", burdened.kind, site(burdened.joint.map(name).as_deref())),
+            instead_of: instead_of.clone(),
             why_not: "it explains the recordings as well".to_owned(),
             indistinguishable: true,
-            what_would_separate:
-                "record poses in which the links before and after it hang otherwise and press the other way, or weigh it"
-                    .to_owned(),
+            what_would_separate: TO_SEPARATE.to_owned(),
             log_odds_against: rival.against,
-        }
         };
         burdened.rivals.iter().map(one).collect()
     }

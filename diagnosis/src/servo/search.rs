@@ -92,8 +92,7 @@ impl<'a> Search<'a> {
         let nearest = nearest(self.parts[0], &new, &without, &Far::Under(&changed.fitted.noise));
         let noise = &changed.fitted.noise;
         let total = |changed: &Changed, change: &Change| {
-            let left = self.parts[0].lost_by(&changed.fitted.model, noise, &changed.unknowns);
-            left + lost(self.parts[1], &changed.fitted.model, noise) + Search::price(change, changed)
+            self.left_in_both(changed, noise) + Search::price(change, changed)
         };
         let here = total(changed, change);
         let mut rivals = Vec::new();
@@ -157,6 +156,11 @@ impl<'a> Search<'a> {
         self.parts[0].lost_by(&changed.fitted.model, noise, &changed.unknowns)
     }
 
+    /// The log-likelihood that the fit and the choice part lose by `changed`.
+    fn left_in_both(&self, changed: &Changed, noise: &Noise) -> f64 {
+        self.left(changed, noise) + lost(self.parts[1], &changed.fitted.model, noise)
+    }
+
     /// The value and the standard deviation of `unknown` in `changed`.
     fn value(unknown: &Unknown, changed: &Changed) -> (f64, f64) {
         let at = changed.unknowns.iter().position(|one| one.is_same(unknown));
@@ -174,8 +178,7 @@ impl<'a> Search<'a> {
     fn evidence(&self, change: &Change, changed: &Changed, without: &Changed) -> f64 {
         // Under the noise of the poorer fit all else looks alike, and what it misses looks correlated.
         let noise = &changed.fitted.noise;
-        let left =
-            |changed: &Changed| self.left(changed, noise) + lost(self.parts[1], &changed.fitted.model, noise);
+        let left = |changed: &Changed| self.left_in_both(changed, noise);
         let distance = |unknown: &Unknown| {
             let (value, deviation) = Search::value(unknown, changed);
             let known = self.known.iter().find(|known| known.is_same(unknown));
