@@ -12,7 +12,7 @@ use crate::common::{
     Call, FREEPLAY, Ran, Started, freeplay, fresh_folder, left_in_shared_memory, runs, send_signal, until,
 };
 use freeplay_recording::Recording;
-use freeplay_shm::RunRoot;
+use freeplay_shm::RunFolder;
 use serde_json::{Value, json};
 
 /// Ticks for which the last good command is held.
@@ -417,7 +417,7 @@ fn a_controller_whose_plant_is_killed_ends_by_itself() {
     let scenario = std::fs::read_to_string(made.out().join("scenario.toml")).expect("a scenario");
     std::fs::write(made.out().join("long.toml"), scenario.replace("duration = 0.3", "duration = 6.0"))
         .expect("written");
-    let root = RunRoot::create().expect("a run");
+    let root = RunFolder::create().expect("a run");
     let address = root.address().to_string();
     let mut plant = Command::new(FREEPLAY);
     plant.args(["plant", "--run", &address, "--name", "plant", "--scenario", "long.toml"]);

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use common::{Call, OWN_SHM_ENV, fresh_folder, in_own_shared_memory, until};
-use freeplay_shm::RunRoot;
+use freeplay_shm::RunFolder;
 
 const SHM: &str = "/dev/shm";
 
@@ -106,7 +106,7 @@ fn who_opens_what_appears_in_shared_memory_gets_no_hold_on_a_run() {
     let (mut made, mut runs) = (0, 0);
     for _ in 0..200 {
         // A segment that it has cut in time is refused; the next run has another name.
-        match RunRoot::create() {
+        match RunFolder::create() {
             Ok(_) => made += 1,
             Err(error) => assert!(error.to_string().contains("interferes"), "{error}"),
         }

@@ -14,7 +14,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use common::{FREEPLAY, assert_recordings_open, fresh_folder, in_own_shared_memory, processes_with, until};
-use freeplay_shm::RunRoot;
+use freeplay_shm::RunFolder;
 
 const SHM: &str = "/dev/shm";
 
@@ -93,7 +93,7 @@ impl Stage {
 
     /// Plant and controller in a run of this process, `victim` under strace with `options`.
     fn in_parts(&self, victim: Victim, strace: &[String]) {
-        let root = RunRoot::create().expect("a run");
+        let root = RunFolder::create().expect("a run");
         let address = root.address().to_string();
         let of = |who: Victim| if who == victim { strace } else { &[] };
         let plant =
@@ -224,7 +224,7 @@ fn a_kill_at_each_step_with_shared_memory_is_survived() {
             let status = stage.whole(&[]).wait().expect("a child");
             assert!(status.success(), "the run after {step:?}: {status}");
         } else {
-            drop(RunRoot::create().unwrap_or_else(|error| panic!("the run after {step:?}: {error}")));
+            drop(RunFolder::create().unwrap_or_else(|error| panic!("the run after {step:?}: {error}")));
         }
         let left = left();
         assert!(left.is_empty(), "after {step:?} the next run left {left:?}");

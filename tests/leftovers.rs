@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use common::{FREEPLAY, fresh_folder, in_own_shared_memory};
-use freeplay_shm::RunRoot;
+use freeplay_shm::RunFolder;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::process::getuid;
 use tempfile::TempDir;
@@ -306,7 +306,7 @@ fn exchanging_folders_links_and_marks_while_runs_are_swept_redirects_nothing() {
         let (start, patience) = (Instant::now(), Duration::from_secs(60));
         let (mut swept, mut removed) = (0, 0);
         while swept < sweeps || removed == 0 && start.elapsed() < patience {
-            removed += RunRoot::sweep_dead().len();
+            removed += RunFolder::sweep_dead().len();
             swept += 1;
         }
         done.store(true, Ordering::Relaxed);
@@ -326,7 +326,7 @@ fn ten_thousand_hostile_files_do_not_slow_down_a_start() {
     }
     let start = || {
         let begun = Instant::now();
-        drop(RunRoot::create().expect("a run"));
+        drop(RunFolder::create().expect("a run"));
         begun.elapsed()
     };
     let least = || (0..9).map(|_| start()).min().unwrap_or_default();

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::process::{Command, Stdio};
 
 use crate::common::{Call, FREEPLAY, fresh_folder, lockstep};
-use freeplay_shm::RunRoot;
+use freeplay_shm::RunFolder;
 use serde_json::Value;
 
 #[test]
@@ -42,7 +42,7 @@ fn quiet_and_live_exclude_each_other() {
 #[test]
 fn operator_requests_are_heard_and_snapshots_sent() {
     let scenario = lockstep(0.3, &["--controller", "computed-torque", "--standby", "quasi-static"]).expect(0);
-    let root = RunRoot::create().expect("shared memory");
+    let root = RunFolder::create().expect("shared memory");
     let address = root.address().to_string();
     let folder = fresh_folder();
     let requests = folder.path().join("requests");

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use freeplay_controller::{PATIENCE_ENV, SLOT_ENV};
 use freeplay_fmi::guest::FmuController;
-use freeplay_shm::{Address, LinkError, RUN_ENV, RunRoot};
+use freeplay_shm::{Address, LinkError, RUN_ENV, RunFolder};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::guard::Group;
 use freeplay_terminal::running::Running;
@@ -24,8 +24,8 @@ use freeplay_terminal::messages;
 ///
 /// # Errors
 /// A place for it that another user has taken or could take, or that is none; else what the system says.
-pub fn new_run() -> Result<RunRoot, Failure> {
-    RunRoot::create().map_err(|error| match &error {
+pub fn new_run() -> Result<RunFolder, Failure> {
+    RunFolder::create().map_err(|error| match &error {
         LinkError::NotPrivate { .. } | LinkError::NoFolder { .. } | LinkError::Open { .. } => {
             Failure::input(error)
         }
@@ -186,7 +186,7 @@ pub struct Ended {
 /// # Errors
 /// A plant that does not end; what `look` says.
 pub fn supervise(
-    root: &RunRoot,
+    root: &RunFolder,
     plant: &mut Child,
     controllers: &mut [Running],
     stop: &AtomicBool,

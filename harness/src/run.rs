@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use clap::Args;
 use freeplay_doctor::Examination;
-use freeplay_shm::RunRoot;
+use freeplay_shm::RunFolder;
 use freeplay_storage::{Entry, FileIdentity, list, read_text, remove_file};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
@@ -377,7 +377,7 @@ fn processes(
     scenario: &Scenario,
     members: &[ControllerSelection],
     files: &Files,
-    root: &RunRoot,
+    root: &RunFolder,
     delay: f64,
     stop: &AtomicBool,
     mut watch: Option<Watch>,

@@ -256,7 +256,7 @@ fn orbit(run: &Played, play: &str, clearance: f64) -> Option<Chart> {
         Some(recording.column(&play_column(play, quantity))?.iter().map(|value| value * 1e3).collect())
     };
     let (first, second) = (scaled("play_1")?, scaled("play_2")?);
-    let chart = Chart::plane(
+    let chart = Chart::xy(
         format!("Journal in its bearing: {}", run.name()),
         Axis::new("play 1", "mm"),
         Axis::new("play 2", "mm"),

@@ -156,7 +156,7 @@ fn contact() -> Section {
             .mark(Mark::Level { y: 1000.0, label: "rated 1000 N".into() })
             .series(Series::line(CONTROLLERS[0], &t, &force(0.0)))
             .series(Series::line(CONTROLLERS[2], &t, &force(0.3)).dashed());
-    let orbit = Chart::plane(
+    let orbit = Chart::xy(
         "Orbit of the journal in its bearing",
         Axis::new("across, horizontal", "mm"),
         Axis::new("across, vertical", "mm"),
@@ -194,7 +194,7 @@ fn torques() -> Section {
     let speed = on_ticks(|t| 0.8 * (TAU * t / 6.0 + 3.0).cos());
     let residual: Vec<f64> =
         speed.iter().zip(&t).map(|(v, &t)| 9.1 * (v / 0.02).tanh() + 0.9 * noise(t)).collect();
-    let cloud = Chart::plane(
+    let cloud = Chart::xy(
         "What the model leaves unexplained",
         Axis::new("speed of elbow", "rad/s"),
         Axis::new("torque residual", "N·m"),
@@ -278,7 +278,7 @@ fn drawing() -> Drawing {
         .caption("Drawn once, as SVG: it needs no script and prints as it is seen.")
         .beside()
         .panel(
-            Chart::plane("orbit", Axis::new("play 1", "mm"), Axis::new("play 2", "mm"))
+            Chart::xy("orbit", Axis::new("play 1", "mm"), Axis::new("play 2", "mm"))
                 .equal_axes()
                 .series(Series::circle("clearance", (0.0, 0.0), CLEARANCE_MM).dashed())
                 .series(Series::line("journal", &across, &height)),

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// A chart. See [`Chart::trace`] and [`Chart::plane`] for the two kinds.
+/// A chart. See [`Chart::trace`] and [`Chart::xy`] for the two kinds.
 #[derive(Debug, Clone)]
 pub struct Chart {
     /// What the chart shows; stands above it.
@@ -131,10 +131,10 @@ impl Chart {
         }
     }
 
-    /// A chart of points anywhere in the plane, in the order given: a cloud, an orbit. Lines join them in that order;
-    /// [`Style::Step`] and [`Style::Bars`] are drawn as lines.
+    /// An x-y chart of points in the order given: a cloud, an orbit, a hysteresis loop. Lines join the points in that order;
+    /// [`Style::Step`] and [`Style::Bars`] become lines.
     #[must_use]
-    pub fn plane(title: impl Into<String>, x: Axis, y: Axis) -> Self {
+    pub fn xy(title: impl Into<String>, x: Axis, y: Axis) -> Self {
         Self { plane: true, height: 380, ..Self::trace(title, x, y) }
     }
 

@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn a_picture_stands_alone_in_light_and_dark() {
         let chart = |title: &str| {
-            Chart::plane(title, Axis::new("velocity", "rad/s"), Axis::new("torque", "N·m"))
+            Chart::xy(title, Axis::new("velocity", "rad/s"), Axis::new("torque", "N·m"))
                 .height(300)
                 .series(Series::points("points", &[0.0, 1.0], &[0.0, 2.0]))
         };

@@ -18,7 +18,7 @@ use std::time::Duration;
 
 use freeplay_shm::{
     Address, Backoff, BareController, BarePlant, Command, ControllerLink, Hello, Machine, Mode, Offer, Pace,
-    PlantLink, RtRequest, RunRoot, Schedule, State, now_ns, prepare, sleep_then_spin_until,
+    PlantLink, RtRequest, RunFolder, Schedule, State, now_ns, prepare, sleep_then_spin_until,
 };
 use hdrhistogram::Histogram;
 
@@ -51,7 +51,7 @@ fn set_up(cpu: usize, is_fifo: bool) {
 
 fn plant(is_fifo: bool) -> Outcome<()> {
     let start = now_ns();
-    let (ours, bare) = (RunRoot::create()?, RunRoot::create()?);
+    let (ours, bare) = (RunFolder::create()?, RunFolder::create()?);
     let made = now_ns();
     let mut plant = PlantLink::open(ours.address(), 1, offer())?;
     println!(

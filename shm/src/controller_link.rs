@@ -12,7 +12,7 @@ use crate::error::LinkError;
 use crate::handshake::{Hello, Verdict, Welcome};
 use crate::messages::{Command, LAYOUT_VERSION, MAGIC, State};
 use crate::outbox::{Ipc, Outbox};
-use crate::run_root::Share;
+use crate::run_folder::Share;
 use crate::seat::Seat;
 use crate::segments::Segments;
 use crate::services::{

@@ -2,7 +2,7 @@
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`RunRoot`]: the folder of one run on tmpfs; whoever starts a run holds it, dropping it leaves nothing behind.
+//! - [`RunFolder`]: the folder of one run on tmpfs; whoever starts a run holds it, dropping it leaves nothing behind.
 //! - [`Address`]: what another process needs to find that run; travels in `FREEPLAY_RUN` or `--run`.
 //! - [`Hello`]: what a controller says first; its layout is frozen for all time.
 //! - [`Welcome`]: what the plant answers, with a [`Verdict`]; its layout is frozen for all time.
@@ -29,18 +29,18 @@ pub mod bare;
 pub mod controller_link;
 mod cores;
 pub mod error;
-mod folder;
 pub mod handshake;
 pub mod layout;
 pub mod layout_text;
 mod limits;
 pub mod machine;
 pub mod messages;
+mod open_folder;
 mod outbox;
 pub mod pacing;
 pub mod plant_link;
 pub mod realtime;
-pub mod run_root;
+pub mod run_folder;
 mod seat;
 mod segments;
 pub mod services;
@@ -59,6 +59,6 @@ pub use messages::{
 pub use pacing::{Arrival, Backoff, Schedule, now_ns, sleep_then_spin_until};
 pub use plant_link::{Foreign, PlantLink};
 pub use realtime::{Outcome, RtReport, RtRequest, prepare};
-pub use run_root::{RunRoot, SHM_ENV};
+pub use run_folder::{RunFolder, SHM_ENV};
 pub use segments::ROOM;
 pub use services::{COMMAND_BUFFER, MEMORY, STATE_BUFFER};

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::cores::cores;
 use crate::pacing::Backoff;
-use crate::run_root::all_runs;
+use crate::run_folder::all_runs;
 
 /// `f_type` of tmpfs, `statfs(2)`.
 const TMPFS_MAGIC: u64 = 0x0102_1994;

@@ -9,7 +9,7 @@ use crate::handshake::{Greeting, Hello, Offer, Verdict};
 use crate::limits::MAX_SLOTS;
 use crate::messages::{Command, State};
 use crate::outbox::{Ipc, Outbox};
-use crate::run_root::Share;
+use crate::run_folder::Share;
 use crate::seat::Seat;
 use crate::segments::Segments;
 use crate::services::{
@@ -162,7 +162,7 @@ impl PlantLink {
     }
 
     /// Whether the process that was started for `slot` has ended, as whoever started it says with
-    /// [`RunRoot::report_process_exit`](crate::RunRoot::report_process_exit): nobody needs to wait for it. One system call.
+    /// [`RunFolder::report_process_exit`](crate::RunFolder::report_process_exit): nobody needs to wait for it. One system call.
     #[must_use]
     pub fn has_ended(&self, slot: usize) -> bool {
         self.share.has_ended(slot)

@@ -15,8 +15,8 @@ use rustix::process::getuid;
 
 use crate::address::Address;
 use crate::error::{LinkError, folder_fault};
-use crate::folder::{Folder, is_own_file};
 use crate::limits::MAX_ROOT;
+use crate::open_folder::{OpenFolder, is_own_file};
 
 /// Where Linux keeps POSIX shared memory objects.
 pub(crate) const SEGMENTS: &str = "/dev/shm";
@@ -43,14 +43,14 @@ fn no_room(free: u64) -> LinkError {
 }
 
 /// The folder of all segments.
-pub(crate) struct Segments(Folder);
+pub(crate) struct Segments(OpenFolder);
 
 impl Segments {
     /// Those of this machine.
     pub(crate) fn open() -> Result<Self, LinkError> {
         // Only the superuser could have made this path a link.
         let path = fs::canonicalize(SEGMENTS).unwrap_or_else(|_| SEGMENTS.into());
-        Folder::open(&path).map(Self).map_err(folder_fault("open", Path::new(SEGMENTS)))
+        OpenFolder::open(&path).map(Self).map_err(folder_fault("open", Path::new(SEGMENTS)))
     }
 
     /// Writes beside the run's segments where its folder is.
@@ -227,7 +227,7 @@ mod tests {
     /// A folder of segments of the test's own.
     fn fresh() -> (TempDir, Segments) {
         let folder = tempfile::tempdir().unwrap();
-        let segments = Segments(Folder::open(folder.path()).unwrap());
+        let segments = Segments(OpenFolder::open(folder.path()).unwrap());
         (folder, segments)
     }
 

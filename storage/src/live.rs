@@ -23,11 +23,11 @@ impl LiveFile {
         AtomicFile::create(target)?.into_published().map(Self)
     }
 
-    /// Goes on at the end of the regular file `target`, made if it is missing.
+    /// Opens the regular file `target` to append to it, and makes it if it is missing.
     ///
     /// # Errors
     /// A path that is refused; a link, a pipe or a device under the name; what the system says.
-    pub fn append(target: &Path) -> Result<Self, StorageError> {
+    pub fn open_to_append(target: &Path) -> Result<Self, StorageError> {
         let opened = check_path(target).and_then(|()| Handle::append(target));
         opened.map(Self).map_err(|source| StorageError::new(Operation::Write, target, source))
     }
@@ -40,7 +40,7 @@ impl LiveFile {
         self.0.truncate(length)
     }
 
-    /// Makes what was written durable.
+    /// Makes all written bytes durable.
     ///
     /// # Errors
     /// What the system says.

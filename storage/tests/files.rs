@@ -76,7 +76,7 @@ fn a_planted_link_is_replaced_and_not_written_through() {
         assert_eq!(std::fs::read(path).expect("there"), bytes);
     }
     symlink(&victim, folder.path().join("list")).expect("a link");
-    refused(LiveFile::append(&folder.path().join("list")));
+    refused(LiveFile::open_to_append(&folder.path().join("list")));
     symlink(elsewhere.path(), folder.path().join("cases")).expect("a link");
     assert!(refused(make_folder(&folder.path().join("cases"))).contains("it is a link"));
 }

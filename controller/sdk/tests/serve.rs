@@ -11,7 +11,9 @@ use freeplay_controller_sdk::{
     Answer, Controller, ControllerError, Ended, RunInfo, ServeError, ServeOptions, ServeReport, Task,
     serve_with,
 };
-use freeplay_shm::{Address, Command, CommandStatus, Greeting, Mode, Offer, Pace, PlantLink, RunRoot, State};
+use freeplay_shm::{
+    Address, Command, CommandStatus, Greeting, Mode, Offer, Pace, PlantLink, RunFolder, State,
+};
 
 const LONG: Duration = Duration::from_secs(10);
 
@@ -52,13 +54,13 @@ impl Controller for Probe {
 struct Bench {
     link: PlantLink,
     address: Address,
-    _root: RunRoot,
+    _root: RunFolder,
     _folder: tempfile::TempDir,
 }
 
 impl Bench {
     fn new(pace: Pace, task: &str) -> Bench {
-        let root = RunRoot::create().unwrap();
+        let root = RunFolder::create().unwrap();
         let address = root.address().clone();
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("task.toml");

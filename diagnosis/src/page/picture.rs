@@ -62,7 +62,7 @@ fn pair(points: &Points, over: &Over, y: (&str, &str), title: String, caption: S
     let (low, high) = extent(&without);
     let panel = |title: &str, y_values: &[f64]| {
         let across = Axis::new(over.name.clone(), x_unit.clone());
-        let chart = Chart::plane(title, across, Axis::new(y.0, unit.clone())).height(300);
+        let chart = Chart::xy(title, across, Axis::new(y.0, unit.clone())).height(300);
         clouds(chart, &x, y_values, &points.held_out).in_view(low).in_view(high)
     };
     let mut before = panel("without it", &without);
@@ -266,10 +266,9 @@ fn in_the_bearing(diagnosis: &Diagnosis, arm: &Arm, index: usize, joint: usize) 
     let up = |column: Vec<f64>| -> Vec<f64> { column.iter().map(|x| x * scale).collect() };
     let panel = |title: &str, x: Vec<f64>, y: Vec<f64>| {
         let axis = |name: &str| Axis::new(name, unit.clone());
-        let chart =
-            Chart::plane(title, axis("across the axis, first way"), axis("across the axis, second way"))
-                .equal_axes()
-                .series(Series::circle("clearance", (0.0, 0.0), radius * scale).dashed());
+        let chart = Chart::xy(title, axis("across the axis, first way"), axis("across the axis, second way"))
+            .equal_axes()
+            .series(Series::circle("clearance", (0.0, 0.0), radius * scale).dashed());
         clouds(chart, &up(x), &up(y), &u.held_out)
     };
     let said = Series::points(LAW, &up(u.law.clone()), &up(v.law.clone()));
@@ -301,7 +300,7 @@ pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
     let (scale, unit) = people(map.unit, magnitude(&map.mean));
     let x: Vec<f64> = map.at.iter().map(|x| x * x_scale).collect();
     let y: Vec<f64> = map.mean.iter().map(|y| y * scale).collect();
-    let chart = Chart::plane(
+    let chart = Chart::xy(
         "",
         Axis::new(map.variable.clone(), x_unit),
         Axis::new(format!("left in {}, mean", map.channel), unit),

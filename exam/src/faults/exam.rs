@@ -11,7 +11,7 @@ use freeplay_harness::summary::RunSummary;
 use freeplay_harness::swap_tables::{CompareTable, SwapTable};
 use freeplay_harness::swaps::names;
 use freeplay_recording::Recording;
-use freeplay_shm::RunRoot;
+use freeplay_shm::RunFolder;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::write;
 use indicatif::ProgressBar;
@@ -204,7 +204,7 @@ impl Exam {
         };
         let played = self.play_patiently(&scenario, &contestant, "examined", is_late)?;
         let Some((summary, recording)) = played else { return Ok(None) };
-        let swept = RunRoot::sweep_dead().len();
+        let swept = RunFolder::sweep_dead().len();
         let findings = findings(&summary, &recording)?;
         RunFindings::of(findings, &summary, &recording, &self.limits, swept).map(Some)
     }

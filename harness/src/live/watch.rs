@@ -120,9 +120,9 @@ impl Watch {
     pub fn stderr(&self) -> Result<Stdio, Failure> {
         Ok(match &self.face {
             Face::Lines | Face::Bar(_) | Face::Unseen(_) => Stdio::inherit(),
-            Face::Screen(_) => {
-                LiveFile::append(&self.said)?.to_stdio().map_err(|error| unwritable(&self.said, error))?
-            }
+            Face::Screen(_) => LiveFile::open_to_append(&self.said)?
+                .to_stdio()
+                .map_err(|error| unwritable(&self.said, error))?,
         })
     }
 

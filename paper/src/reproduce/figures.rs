@@ -46,7 +46,7 @@ pub fn orbit(title: &str, caption: &str, orbit: &Orbit, clearance: f64) -> Drawi
     let rim = Series::circle("bearing, less the journal's radius", (0.0, 0.0), clearance)
         .like("perfect joint")
         .dashed();
-    let mut plane = Chart::plane(
+    let mut plane = Chart::xy(
         "orbit of the journal's centre",
         Axis::new("along the forearm", "mm"),
         Axis::new("across it", "mm"),
@@ -198,7 +198,7 @@ pub fn scatter(study: &Study) -> Drawing {
         let ends = [low, high];
         let title =
             format!("{name}: R = {:.5}, prediction = {:.4} · truth {:+.2e} mm", fit.r, fit.slope, fit.offset);
-        let chart = Chart::plane(
+        let chart = Chart::xy(
             title,
             Axis::new(format!("deviation along {name}"), "mm"),
             Axis::new("prediction", "mm"),

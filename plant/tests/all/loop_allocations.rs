@@ -10,7 +10,7 @@ use freeplay_arm::{ArmFile, EffectTable, paper_arm};
 use freeplay_laws::Effects;
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{ControllerSet, Ending, PlannedSwap, Plant, PlantConfig, ReflexSpec, SensorsSpec};
-use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, PlantLink, RunRoot, State};
+use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, PlantLink, RunFolder, State};
 
 /// Effects that are asked in the sub-steps and in the sensors.
 fn effects_of_all_stages() -> Vec<EffectTable> {
@@ -31,7 +31,7 @@ fn effects_of_all_stages() -> Vec<EffectTable> {
 ///
 /// Of several `controllers`, another is in charge every ten ticks.
 fn play(ticks: u64, controllers: usize) -> (u64, usize) {
-    let root = RunRoot::create().expect("a run");
+    let root = RunFolder::create().expect("a run");
     let address = root.address().clone();
     let offer = Offer {
         joints: 6,

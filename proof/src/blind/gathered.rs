@@ -50,7 +50,7 @@ impl Gathered {
         }
         let held = std::mem::take(bucket);
         let path = self.file(&key);
-        LiveFile::append(&path)?.write_all(&held).map_err(|error| unwritten(&path, &error))
+        LiveFile::open_to_append(&path)?.write_all(&held).map_err(|error| unwritten(&path, &error))
     }
 
     fn file(&self, key: &[u8]) -> PathBuf {

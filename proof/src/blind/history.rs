@@ -66,6 +66,6 @@ fn append(path: &Path, line: &Value) -> Result<(), Failure> {
     if let Some(folder) = path.parent() {
         make_folder(folder)?;
     }
-    let mut file = LiveFile::append(path)?;
+    let mut file = LiveFile::open_to_append(path)?;
     file.write_all(format!("{line}\n").as_bytes()).and_then(|()| file.finish()).map_err(failed)
 }

@@ -62,7 +62,7 @@ pub fn confusion(score: &Score) -> Section {
         }
     }
     let mut chart =
-        Chart::plane("", Axis::new("answered, by number", ""), Axis::new("concealed, by number", ""))
+        Chart::xy("", Axis::new("answered, by number", ""), Axis::new("concealed, by number", ""))
             .height(560);
     for (name, (x, y)) in ["right", "another name", "no name"].into_iter().zip(&drawn) {
         if !x.is_empty() {

@@ -17,7 +17,7 @@ fn svg(page: &str) -> &str {
 fn orbit() -> Drawing {
     let x = [0.0, 0.3, 0.6, f64::NAN, 0.1, 0.2];
     Drawing::new("The journal in its bearing").caption("Seen across the axis.").beside().panel(
-        Chart::plane("", Axis::new("play 1", "mm"), Axis::new("play 2", "mm"))
+        Chart::xy("", Axis::new("play 1", "mm"), Axis::new("play 2", "mm"))
             .equal_axes()
             .series(Series::circle("clearance", (0.0, 0.0), 0.6).dashed())
             .series(Series::line("free flight", &x, &x))

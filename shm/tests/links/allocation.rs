@@ -6,7 +6,7 @@ use std::os::unix::fs::MetadataExt;
 
 use allocation_counter::{AllocationInfo, measure};
 use freeplay_shm::{
-    Backoff, Command, ControllerLink, Hello, MAX_SLOTS, MEMORY, PlantLink, ROOM, RunRoot, State,
+    Backoff, Command, ControllerLink, Hello, MAX_SLOTS, MEMORY, PlantLink, ROOM, RunFolder, State,
 };
 
 use crate::leftovers::traces;
@@ -23,7 +23,7 @@ const BYTES_PER_MESSAGE_SENT: u64 = 48;
 
 #[test]
 fn a_tick_allocates_nothing_but_the_block_of_a_loan() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 1);
     let address = run.address().clone();
     let controller = std::thread::spawn(move || {
@@ -48,7 +48,7 @@ fn a_tick_allocates_nothing_but_the_block_of_a_loan() {
 
 #[test]
 fn a_plant_with_all_slots_allocates_less_than_it_asks_for_before() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let used = measure(|| drop(black_box(open_plant(&run, MAX_SLOTS))));
     println!("{used:?} of {MEMORY}");
     // The check allocates MEMORY and gives it back, so that the largest single amount is at least that.
@@ -58,7 +58,7 @@ fn a_plant_with_all_slots_allocates_less_than_it_asks_for_before() {
 
 #[test]
 fn a_plant_with_all_slots_has_less_in_shared_memory_than_it_asks_for_before() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let _plant = open_plant(&run, MAX_SLOTS);
     let segments = traces(run.address()).into_iter().map(|path| path.metadata().unwrap());
     let (sizes, blocks): (Vec<u64>, Vec<u64>) =

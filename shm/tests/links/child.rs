@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command as Process, Stdio};
 use std::time::Duration;
 
-use freeplay_shm::{Address, ControllerLink, Hello, PlantLink, RUN_ENV, RunRoot, State};
+use freeplay_shm::{Address, ControllerLink, Hello, PlantLink, RUN_ENV, RunFolder, State};
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::prelude::{FileName, Path, SemanticString, SignalHandlingMode, ipc};
@@ -24,8 +24,8 @@ fn role() {
         Ok("grabber") => grabber(),
         Ok("whole run") => whole_run(),
         Ok("root") => root(),
-        Ok("sweeper") => say(&format!("swept: {:?}", RunRoot::sweep_dead())),
-        Ok("refused root") => say(&format!("refused: {}", RunRoot::create().unwrap_err())),
+        Ok("sweeper") => say(&format!("swept: {:?}", RunFolder::sweep_dead())),
+        Ok("refused root") => say(&format!("refused: {}", RunFolder::create().unwrap_err())),
         Ok(other) => panic!("no role '{other}'"),
         Err(_) => (),
     }
@@ -156,7 +156,7 @@ pub fn bare_node(address: &Address) -> Node<ipc::Service> {
 
 /// A run with both ends in this process; says its address, answers 50 ticks, and stays.
 fn whole_run() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let mut plant = PlantLink::open(run.address(), 1, offer(100)).unwrap();
     let address = run.address().clone();
     let served = std::thread::spawn(move || {
@@ -172,7 +172,7 @@ fn whole_run() {
 
 /// Holds a run, says its address, and stays.
 fn root() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     say(&format!("address: {}", run.address()));
     sleep_until_killed();
 }

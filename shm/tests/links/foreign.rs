@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use freeplay_shm::{
-    Address, Command, ControllerLink, Foreign, Greeting, Hello, RunRoot, State, Verdict, Welcome,
+    Address, Command, ControllerLink, Foreign, Greeting, Hello, RunFolder, State, Verdict, Welcome,
 };
 
 use crate::child::{Role, bare_node, say, sleep_until_killed};
@@ -51,7 +51,7 @@ fn forged(address: &Address, tick: u64) -> Command {
 
 #[test]
 fn commands_count_from_the_seat_alone() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 1);
     // A listener that asks nobody whom a command is from: what gets through to the slot.
     let node = bare_node(run.address());

@@ -4,7 +4,7 @@ use std::fs;
 use std::time::{Duration, Instant};
 
 use freeplay_shm::{
-    Address, Command, ControllerLink, Greeting, Hello, LinkError, MAX_SLOTS, Pace, PlantLink, RunRoot,
+    Address, Command, ControllerLink, Greeting, Hello, LinkError, MAX_SLOTS, Pace, PlantLink, RunFolder,
     Verdict, Welcome,
 };
 
@@ -15,7 +15,7 @@ use crate::{PATIENCE, connect_while_greeting, greet, offer, open_plant};
 
 /// Says `hello` to a plant with two slots and seven joints and returns both sides' view of the refusal.
 fn refusal(change: impl FnOnce(&mut Hello)) -> (Option<Verdict>, String) {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 2);
     let mut hello = Hello::new("stranger", 1, 7);
     change(&mut hello);
@@ -56,7 +56,7 @@ fn every_refusal_names_its_reason() {
 
 #[test]
 fn a_second_controller_in_another_process_finds_the_slot_taken() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 2);
     let mut first = Role::start("controller", Some(run.address()));
     greet(&mut plant, 1);
@@ -70,7 +70,7 @@ fn a_second_controller_in_another_process_finds_the_slot_taken() {
 
 #[test]
 fn a_welcome_tells_the_run_and_leaving_frees_the_slot() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 1);
     for _ in 0..3 {
         let hello = Hello::new("Größe", 0, 0);
@@ -89,7 +89,7 @@ fn a_welcome_tells_the_run_and_leaving_frees_the_slot() {
 
 #[test]
 fn patience_ends() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let hello = Hello::new("alone", 0, 0);
     let connect = |address: &Address| {
         let start = Instant::now();
@@ -112,7 +112,7 @@ fn patience_ends() {
 
 #[test]
 fn a_run_has_one_plant_and_one_to_eight_slots() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     for slots in [0, MAX_SLOTS + 1] {
         let error = PlantLink::open(run.address(), slots, offer(1)).unwrap_err();
         assert!(matches!(error, LinkError::SlotCount { .. }), "{error}");
@@ -127,7 +127,7 @@ fn a_run_has_one_plant_and_one_to_eight_slots() {
 
 #[test]
 fn programs_in_other_languages_find_the_types_by_name() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let _plant = open_plant(&run, 1);
     let services = fs::read_dir(run.address().root().join("services")).unwrap().flatten();
     let text: String = services.map(|entry| fs::read_to_string(entry.path()).unwrap()).collect();
@@ -147,7 +147,7 @@ struct OtherState {
 
 #[test]
 fn a_plant_of_another_version_refuses_in_the_same_words() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let node = bare_node(run.address());
     let states =
         node.service_builder(&"freeplay/state".try_into().unwrap()).publish_subscribe::<OtherState>();

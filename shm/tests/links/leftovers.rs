@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::Duration;
 
-use freeplay_shm::{Address, Hello, LinkError, PlantLink, RunRoot, SHM_ENV};
+use freeplay_shm::{Address, Hello, LinkError, PlantLink, RunFolder, SHM_ENV};
 
 use crate::child::Role;
 use crate::{connect_while_greeting, offer, open_plant};
@@ -34,8 +34,8 @@ pub fn assert_nothing_left(address: &Address) {
 }
 
 /// A run with a plant and two controllers that have come; one has gone again.
-fn busy_run() -> (RunRoot, PlantLink) {
-    let run = RunRoot::create().unwrap();
+fn busy_run() -> (RunFolder, PlantLink) {
+    let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 2);
     for slot in 0..2 {
         connect_while_greeting(&mut plant, run.address(), Hello::new("busy", slot, 0), |connected| {
@@ -81,7 +81,7 @@ fn a_run_lives_as_long_as_anyone_takes_part() {
     let address = Address::parse(&root.hear("address: ")).unwrap();
     let plant = PlantLink::open(&address, 1, offer(1)).unwrap();
     root.kill();
-    RunRoot::sweep_dead();
+    RunFolder::sweep_dead();
     assert!(traces(&address).len() > 5);
     drop(plant);
     // The last to leave removes the run. But a process that another test is just starting shares this one's locks until it
@@ -91,7 +91,7 @@ fn a_run_lives_as_long_as_anyone_takes_part() {
             break;
         }
         sleep(Duration::from_millis(5));
-        RunRoot::sweep_dead();
+        RunFolder::sweep_dead();
     }
     assert_nothing_left(&address);
     let error = PlantLink::open(&address, 1, offer(1)).unwrap_err();
@@ -122,11 +122,11 @@ fn a_dead_run_in_another_folder_is_swept_from_there_and_from_anywhere() {
         assert_eq!(fs::read_dir(folder).unwrap().count(), 0);
     });
     with_a_dead_run_elsewhere(|_| {
-        RunRoot::sweep_dead();
+        RunFolder::sweep_dead();
     });
     with_a_dead_run_elsewhere(|folder| {
         fs::remove_dir_all(folder).unwrap();
-        RunRoot::sweep_dead();
+        RunFolder::sweep_dead();
     });
 }
 

@@ -2,7 +2,9 @@
 
 use std::sync::mpsc;
 
-use freeplay_shm::{COMMAND_BUFFER, Command, ControllerLink, Hello, PlantLink, RunRoot, STATE_BUFFER, State};
+use freeplay_shm::{
+    COMMAND_BUFFER, Command, ControllerLink, Hello, PlantLink, RunFolder, STATE_BUFFER, State,
+};
 
 use crate::{PATIENCE, greet, open_plant};
 
@@ -12,7 +14,7 @@ fn in_turn(
     on_controller: impl FnOnce(&mut ControllerLink) + Send + 'static,
     after: impl FnOnce(&mut PlantLink),
 ) {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 1);
     let address = run.address().clone();
     let (your_turn, my_turn) = mpsc::channel();

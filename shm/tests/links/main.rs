@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use freeplay_shm::{
     Address, Backoff, Command, ControllerLink, Greeting, Hello, LinkError, Mode, Offer, Pace, PlantLink,
-    RunRoot, State, Welcome,
+    RunFolder, State, Welcome,
 };
 
 /// Long enough for a process to start on a busy machine.
@@ -31,7 +31,7 @@ fn offer(ticks: u64) -> Offer {
     }
 }
 
-fn open_plant(run: &RunRoot, slots: usize) -> PlantLink {
+fn open_plant(run: &RunFolder, slots: usize) -> PlantLink {
     PlantLink::open(run.address(), slots, offer(100)).unwrap()
 }
 

@@ -3,7 +3,7 @@
 use std::thread;
 use std::time::{Duration, Instant};
 
-use freeplay_shm::{Address, ControllerLink, Greeting, Hello, RunRoot, State};
+use freeplay_shm::{Address, ControllerLink, Greeting, Hello, RunFolder, State};
 
 use crate::child::Role;
 use crate::leftovers::{assert_nothing_left, traces};
@@ -16,7 +16,7 @@ const STEPS: u64 = 30;
 fn it_does_not_matter_who_starts_first() {
     const TICKS: u64 = 500;
     let answers = [true, false].map(|plant_first| {
-        let run = RunRoot::create().unwrap();
+        let run = RunFolder::create().unwrap();
         let mut early = (!plant_first).then(|| Role::start("controller", Some(run.address())));
         if let Some(controller) = &mut early {
             controller.hear("starting");
@@ -38,7 +38,7 @@ fn it_does_not_matter_who_starts_first() {
 
 #[test]
 fn a_killed_controller_frees_its_slot_and_what_it_held() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let id = run.address().run();
     let mut plant = open_plant(&run, 1);
     for _ in 0..3 {
@@ -64,7 +64,7 @@ fn a_killed_controller_frees_its_slot_and_what_it_held() {
 
 #[test]
 fn a_plant_takes_no_notice_of_a_controller_killed_in_the_middle() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let id = run.address().run();
     let mut plant = open_plant(&run, 1);
     for _ in 0..3 {
@@ -89,7 +89,7 @@ fn a_plant_takes_no_notice_of_a_controller_killed_in_the_middle() {
 
 #[test]
 fn a_controller_killed_while_it_starts_harms_nobody() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let id = run.address().run();
     let mut plant = open_plant(&run, 1);
     let mut greeted = 0;
@@ -117,7 +117,7 @@ fn a_controller_killed_while_it_starts_harms_nobody() {
 
 #[test]
 fn a_killed_plant_is_noticed_and_another_can_take_its_place() {
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     let mut plant = Role::start("plant", Some(run.address()));
     plant.hear("open");
     let (link, _) = ControllerLink::connect(run.address(), Hello::new("left alone", 0, 0), PATIENCE).unwrap();
@@ -140,11 +140,11 @@ fn after_both_sides_are_killed_the_next_run_starts_clean() {
     let mut dead = Role::start("whole run", None);
     let address = Address::parse(&dead.hear("address: ")).unwrap();
     assert!(traces(&address).len() > 5, "{:?}", traces(&address));
-    RunRoot::sweep_dead();
+    RunFolder::sweep_dead();
     assert!(traces(&address).len() > 5, "a living run was swept");
     dead.kill();
 
-    let run = RunRoot::create().unwrap();
+    let run = RunFolder::create().unwrap();
     assert_nothing_left(&address);
     let mut plant = open_plant(&run, 1);
     let controller = Role::start("controller", Some(run.address()));

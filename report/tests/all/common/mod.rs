@@ -18,7 +18,7 @@ pub fn every_block(text: &str) -> Document {
         .group(text)
         .in_view(0.0)
         .note(text);
-    let plane = Chart::plane(text, axis(), axis())
+    let plane = Chart::xy(text, axis(), axis())
         .equal_axes()
         .series(Series::circle("rim", (0.0, 0.0), 2.0))
         .series(Series::points(text, &x, &x[..2]));

@@ -1,7 +1,7 @@
-//! [`RunRoot`]: the folder of one run in shared memory, and what keeps it alive.
+//! [`RunFolder`]: the folder of one run in shared memory, and what keeps it alive.
 //!
 //! All runs of a user live in one folder of mode 0700, `freeplay-<uid>` in `/dev/shm` or in `$FREEPLAY_SHM`. Each run
-//! has a folder in it, named by its id. Who takes part in a run (the [`RunRoot`] itself and every open link) holds a
+//! has a folder in it, named by its id. Who takes part in a run (the [`RunFolder`] itself and every open link) holds a
 //! shared `flock` on the run's folder; the kernel lets go of it however the process ends. So a run lives as long as its
 //! folder cannot be locked exclusively. Who leaves last removes the run; what belongs to a run whose last process was killed
 //! can be removed by anybody.
@@ -9,7 +9,7 @@
 //! Making, sweeping and removing runs happens under an exclusive `flock` on the folder of all runs.
 //!
 //! Other users can write to `/dev/shm`, too. A run is removed only if its folder is a directory of this user, closed to all
-//! others, and lies directly in a folder of runs that is the same; `folder.rs` says how it is reached.
+//! others, and lies directly in a folder of runs that is the same; `open_folder.rs` says how it is reached.
 
 use std::collections::BTreeSet;
 use std::ffi::CStr;
@@ -23,22 +23,22 @@ use rustix::rand::{GetRandomFlags, getrandom};
 
 use crate::address::Address;
 use crate::error::{LinkError, folder_fault};
-use crate::folder::Folder;
+use crate::open_folder::OpenFolder;
 use crate::segments::{SEGMENTS, Segments};
 use crate::services;
 
 /// Environment variable naming another folder for the runs than `/dev/shm`.
 pub const SHM_ENV: &str = "FREEPLAY_SHM";
 
-/// The folder of one run in shared memory, of mode 0700. Whoever starts a run holds it; dropping it removes everything
-/// of the run. Hold it until all processes of the run have ended.
+/// The folder of one run in shared memory, of mode 0700. The process that starts a run holds this value until all processes of
+/// the run have ended. Dropping the value removes everything that belongs to the run.
 #[derive(Debug)]
-pub struct RunRoot {
+pub struct RunFolder {
     address: Address,
     share: Share,
 }
 
-impl RunRoot {
+impl RunFolder {
     /// Removes what dead runs left behind, then makes the folder of a new run.
     ///
     /// # Errors
@@ -91,7 +91,7 @@ impl RunRoot {
     }
 }
 
-impl Drop for RunRoot {
+impl Drop for RunFolder {
     fn drop(&mut self) {
         end(&self.address);
     }
@@ -100,7 +100,7 @@ impl Drop for RunRoot {
 /// Taking part in a run: the shared lock on its folder.
 #[derive(Debug)]
 pub(crate) struct Share {
-    folder: Folder,
+    folder: OpenFolder,
     address: Address,
 }
 
@@ -108,13 +108,13 @@ impl Share {
     /// Takes part in the run at `address`.
     pub(crate) fn take(address: &Address) -> Result<Self, LinkError> {
         let no_run = || LinkError::NoRun { path: address.root().to_owned() };
-        let folder = Folder::open(address.root()).map_err(|_| no_run())?;
+        let folder = OpenFolder::open(address.root()).map_err(|_| no_run())?;
         see_private(&folder, address.root())?;
         folder.file().lock_shared().map_err(folder_fault("lock", address.root()))?;
         if folder.is_gone() { Err(no_run()) } else { Ok(Self { folder, address: address.clone() }) }
     }
 
-    /// Whether the process that was started for `slot` has ended: [`RunRoot::report_process_exit`] leaves a mark for it.
+    /// Whether the process that was started for `slot` has ended: [`RunFolder::report_process_exit`] leaves a mark for it.
     pub(crate) fn has_ended(&self, slot: usize) -> bool {
         self.folder.status(&*ended_mark(slot)).is_some()
     }
@@ -159,7 +159,7 @@ fn name_of_all_runs() -> String {
 }
 
 /// Locks the folder of all runs, made first if `make`, and sees that it is this user's alone.
-fn hold_all_runs(all: &Path, make: bool) -> Result<Folder, LinkError> {
+fn hold_all_runs(all: &Path, make: bool) -> Result<OpenFolder, LinkError> {
     loop {
         if make {
             see_safe_place(all)?;
@@ -170,7 +170,7 @@ fn hold_all_runs(all: &Path, make: bool) -> Result<Folder, LinkError> {
                 _ => (),
             }
         }
-        let folder = match Folder::open(all) {
+        let folder = match OpenFolder::open(all) {
             Err(error) if make && error.kind() == ErrorKind::NotFound => continue,
             opened => opened.map_err(|error| unusable(all, error))?,
         };
@@ -205,7 +205,7 @@ fn see_safe_place(all: &Path) -> Result<(), LinkError> {
     Ok(())
 }
 
-fn see_private(folder: &Folder, path: &Path) -> Result<(), LinkError> {
+fn see_private(folder: &OpenFolder, path: &Path) -> Result<(), LinkError> {
     if folder.is_private() {
         return Ok(());
     }
@@ -215,12 +215,12 @@ fn see_private(folder: &Folder, path: &Path) -> Result<(), LinkError> {
 
 /// Removes the runs that no longer live, those in the folder `all`, where that is there and `held` open, and those that have left a
 /// mark, and returns their ids.
-fn sweep(all: &Path, held: Option<&Folder>, segments: &Segments) -> Vec<String> {
+fn sweep(all: &Path, held: Option<&OpenFolder>, segments: &Segments) -> Vec<String> {
     let is_run = |name: &CStr| name.to_str().is_ok_and(is_run_id);
     let names = held.into_iter().flat_map(|held| held.names(is_run));
     let names = names.filter_map(|name| name.into_string().ok());
     let here: Vec<String> = names.filter(|id| is_dead_in(held, id) == Some(true)).collect();
-    let mut dead: Vec<(Option<&Folder>, &str)> = here.iter().map(|id| (held, &**id)).collect();
+    let mut dead: Vec<(Option<&OpenFolder>, &str)> = here.iter().map(|id| (held, &**id)).collect();
     let marked: Vec<Address> =
         segments.marked().into_iter().filter(|address| is_run_id(address.id())).collect();
     let is_here = |address: &&Address| held.is_some() && address.root().parent() == Some(all);
@@ -228,20 +228,20 @@ fn sweep(all: &Path, held: Option<&Folder>, segments: &Segments) -> Vec<String> 
     let gone = marked.iter().filter(is_here).filter(|address| is_dead_in(held, address.id()).is_none());
     dead.extend(gone.map(|address| (None, address.id())));
     let elsewhere = marked.iter().filter(|address| !is_here(address));
-    let elsewhere: Vec<(Option<Folder>, &str)> =
+    let elsewhere: Vec<(Option<OpenFolder>, &str)> =
         elsewhere.filter_map(|address| Some((dead_elsewhere(address)?, address.id()))).collect();
     dead.extend(elsewhere.iter().map(|(folder, id)| (folder.as_ref(), *id)));
     remove(segments, &dead);
     dead.into_iter().map(|(_, id)| id.to_owned()).collect()
 }
 
-fn is_dead_in(folder: Option<&Folder>, id: &str) -> Option<bool> {
+fn is_dead_in(folder: Option<&OpenFolder>, id: &str) -> Option<bool> {
     is_dead(folder?, id)
 }
 
 /// Whether the run `id` in `folder` no longer lives; `None` if there is nothing of that name. What is no folder of this user
 /// alone is no run, and counts as living.
-fn is_dead(folder: &Folder, id: &str) -> Option<bool> {
+fn is_dead(folder: &OpenFolder, id: &str) -> Option<bool> {
     let root = match folder.folder(id) {
         Err(error) if error.kind() == ErrorKind::NotFound => return None,
         Err(_) => return Some(false),
@@ -252,12 +252,12 @@ fn is_dead(folder: &Folder, id: &str) -> Option<bool> {
 
 /// If the run at `address`, in another folder of runs than this process uses, no longer lives: that folder, or `None` if the
 /// run's has gone.
-fn dead_elsewhere(address: &Address) -> Option<Option<Folder>> {
+fn dead_elsewhere(address: &Address) -> Option<Option<OpenFolder>> {
     let all = address.root().parent()?;
     if all.file_name()? != name_of_all_runs().as_str() {
         return None;
     }
-    let folder = match Folder::without_links(all) {
+    let folder = match OpenFolder::without_links(all) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Some(None),
         opened => opened.ok()?,
     };
@@ -273,7 +273,7 @@ fn dead_elsewhere(address: &Address) -> Option<Option<Folder>> {
 
 /// Removes the runs `dead`, each an id with the folder that its own folder lies in, if that is there. Segments first, marks last:
 /// whoever is killed meanwhile leaves what tells the next where the rest is.
-fn remove(segments: &Segments, dead: &[(Option<&Folder>, &str)]) {
+fn remove(segments: &Segments, dead: &[(Option<&OpenFolder>, &str)]) {
     if dead.is_empty() {
         return;
     }
@@ -289,7 +289,7 @@ fn remove(segments: &Segments, dead: &[(Option<&Folder>, &str)]) {
 /// Removes the folder of all runs if it is empty. Without holding it, somebody may just be making a run in it.
 fn remove_if_empty(all: &Path) {
     let (Some(parent), Some(name)) = (all.parent(), all.file_name()) else { return };
-    let _ = Folder::open(parent).and_then(|parent| parent.remove_empty(name));
+    let _ = OpenFolder::open(parent).and_then(|parent| parent.remove_empty(name));
 }
 
 /// A run id that was never used: the process id, so that people can tell runs apart, and a random number.

@@ -1,5 +1,5 @@
-//! [`Folder`]: a directory held open. Everything below it is reached through the open directory, never through a path, and no
-//! link is followed: whoever exchanges a name between a check and the use of what was checked redirects nothing.
+//! [`OpenFolder`]: a directory handle. All access to what lies below goes through the handle, never through a path, and follows no link.
+//! An attacker who swaps a name between a check and the use of the checked entry therefore redirects nothing.
 
 use std::ffi::{CStr, CString};
 use std::fs::{self, File};
@@ -23,9 +23,9 @@ const PLANTED: OFlags = OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::N
 
 /// An open directory.
 #[derive(Debug)]
-pub(crate) struct Folder(File);
+pub(crate) struct OpenFolder(File);
 
-impl Folder {
+impl OpenFolder {
     /// Opens `path`, whose last part must be a directory and no link. The links of the parts before are those of whoever
     /// named the path.
     pub(crate) fn open(path: &Path) -> io::Result<Self> {
@@ -141,7 +141,7 @@ impl Folder {
         self.remove_empty(name)
     }
 
-    /// Whether it belongs to this user and is closed to all others.
+    /// Whether the folder belongs to this user and is closed to all others.
     pub(crate) fn is_private(&self) -> bool {
         self.owner_and_mode().is_ok_and(|(owner, mode)| owner == getuid().as_raw() && mode & 0o077 == 0)
     }
@@ -152,7 +152,7 @@ impl Folder {
         Ok((metadata.uid(), metadata.mode() & 0o7777))
     }
 
-    /// Whether it has been removed.
+    /// Whether the folder has been removed.
     pub(crate) fn is_gone(&self) -> bool {
         self.0.metadata().is_ok_and(|metadata| metadata.nlink() == 0)
     }
@@ -184,12 +184,15 @@ mod tests {
         fs::create_dir_all(outer.join("inner")).unwrap();
         symlink(&outer, outer.with_file_name("link")).unwrap();
         let link = outer.with_file_name("link");
-        assert!(Folder::without_links(&outer.join("inner")).is_ok());
-        assert!(Folder::open(&link.join("inner")).is_ok(), "the links of the caller's own path are its own");
+        assert!(OpenFolder::without_links(&outer.join("inner")).is_ok());
+        assert!(
+            OpenFolder::open(&link.join("inner")).is_ok(),
+            "the links of the caller's own path are its own"
+        );
         for path in [link.join("inner"), link.clone(), outer.join("../outer"), "outer".into()] {
-            assert!(Folder::without_links(&path).is_err(), "{}", path.display());
+            assert!(OpenFolder::without_links(&path).is_err(), "{}", path.display());
         }
-        assert!(Folder::open(&link).is_err());
+        assert!(OpenFolder::open(&link).is_err());
     }
 
     #[test]
@@ -202,7 +205,7 @@ mod tests {
         symlink(&kept, tree.join("a/b/link")).unwrap();
         symlink(kept.join("file"), tree.join("a/link")).unwrap();
         symlink("nowhere", tree.join("dangling")).unwrap();
-        Folder::open(all.path()).unwrap().remove_tree("tree").unwrap();
+        OpenFolder::open(all.path()).unwrap().remove_tree("tree").unwrap();
         assert!(!tree.exists());
         assert_eq!(fs::read_to_string(kept.join("file")).unwrap(), "kept");
     }
@@ -215,7 +218,7 @@ mod tests {
         for index in 0..50 {
             fs::write(kept.join(index.to_string()), "kept").unwrap();
         }
-        let folder = Folder::open(all.path()).unwrap();
+        let folder = OpenFolder::open(all.path()).unwrap();
         let done = AtomicBool::new(false);
         let (tree, aside, link) =
             (all.path().join("tree"), all.path().join("aside"), all.path().join("link"));
@@ -264,7 +267,7 @@ mod tests {
         let _socket = std::os::unix::net::UnixListener::bind(at("socket")).unwrap();
         let fifo = rustix::fs::mknodat(CWD, at("fifo"), FileType::Fifo, Mode::RUSR | Mode::WUSR, 0);
         fifo.unwrap();
-        let folder = Folder::open(all.path()).unwrap();
+        let folder = OpenFolder::open(all.path()).unwrap();
         for name in ["twice", "again", "folder", "link", "dangling", "socket", "fifo", "missing"] {
             assert!(!matches!(folder.own_file(name), Ok(Some(_))), "{name}");
         }
