@@ -219,7 +219,7 @@ impl Instance {
     pub fn state(&mut self) -> State {
         let machine = self.machine.as_mut().map(|machine| {
             let mut words = Vec::new();
-            machine.transfer(&mut Archive::save(&mut words));
+            machine.transfer_state(&mut Archive::save(&mut words));
             words
         });
         State {
@@ -274,7 +274,7 @@ impl Instance {
         }
         let Some(words) = &state.machine else { return Ok(()) };
         let mut archive = Archive::restore(words);
-        self.machine()?.transfer(&mut archive);
+        self.machine()?.transfer_state(&mut archive);
         if archive.is_complete() { Ok(()) } else { Err(Fault::Damaged) }
     }
 }

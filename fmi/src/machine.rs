@@ -149,10 +149,10 @@ impl Machine {
     }
 
     /// Transfers all state variables to or from `archive`: see [`System::transfer`].
-    pub fn transfer(&mut self, archive: &mut Archive) {
+    pub fn transfer_state(&mut self, archive: &mut Archive) {
         let Machine { nominal: _, workspace: _, system, laws, driven: _, readout, link: _ } = self;
-        system.transfer(archive);
-        laws.iter_mut().flatten().for_each(|law| law.transfer(archive));
+        system.transfer_state(archive);
+        laws.iter_mut().flatten().for_each(|law| law.transfer_state(archive));
         let Readout { q, v, torque, tool, deviation, contacts, energy } = readout;
         [q, v, torque].into_iter().for_each(|values| archive.reals(values));
         archive.reals(tool.iter_mut().chain(deviation).chain([energy]));

@@ -78,7 +78,7 @@ fn deviation(component: &Deviation) -> Value {
 }
 
 fn deviations(plant: &Plant) -> Value {
-    let [norm, x, y, z] = plant.deviation().components();
+    let [norm, x, y, z] = plant.tool_deviation().components();
     let mut value = deviation(&norm);
     value["axes"] = json!({ "x": deviation(&x), "y": deviation(&y), "z": deviation(&z) });
     value
@@ -110,7 +110,7 @@ fn joint_use(plant: &Plant, joints: &[String]) -> Value {
 }
 
 fn deadlines(plant: &Plant) -> Value {
-    let (counts, line_up): (Deadlines, &ControllerManager) = (plant.deadlines(), plant.manager());
+    let (counts, line_up): (Deadlines, &ControllerManager) = (plant.missed_deadlines(), plant.manager());
     let silent = counts.missed.saturating_sub(counts.late);
     let by_cause = json!({
         "late_answer": counts.late, "no_answer": silent, "plant_late": counts.plant_late,

@@ -6,7 +6,7 @@
 //! its deviation is not judged.
 
 use freeplay_arm::Joint;
-use freeplay_plant::{Ending, LimitViolation, Plant, Refusal, SPEED_MARGIN, Stop};
+use freeplay_plant::{Ending, LimitViolation, Plant, RefusedCommand, SPEED_MARGIN, Stop};
 use serde_json::{Value, json};
 
 /// Ticks in a row for which a joint may be beyond its speed limit: a few more than an impact in a bearing takes.
@@ -31,7 +31,7 @@ pub fn verdict(plant: &Plant, ending: Ending) -> (&'static str, Vec<Value>) {
             }));
         }
     }
-    let [norm, ..] = plant.deviation().components();
+    let [norm, ..] = plant.tool_deviation().components();
     let limit = plant.reflex_limits().deviation * 1e3;
     if norm.max > limit {
         failures.push(json!({ "rule": "deviation", "value": norm.max, "limit": limit, "unit": "mm" }));
@@ -64,7 +64,7 @@ pub fn stopped(stop: &Stop, joints: &[Joint]) -> Value {
 }
 
 /// `refusal` of one of the controllers `names` as it stands in `summary.json`.
-pub fn refused(refusal: &Refusal, joints: &[Joint], names: &[String]) -> Value {
+pub fn refused(refusal: &RefusedCommand, joints: &[Joint], names: &[String]) -> Value {
     let mut value = limit(refusal.excess, joints);
     (value["reason"], value["tick"]) = (json!(refusal.reason.name()), json!(refusal.tick));
     value["controller"] = json!(names.get(refusal.slot));

@@ -77,7 +77,7 @@ impl<'a> Archive<'a> {
 mod tests {
     use super::Archive;
 
-    fn transfer(archive: &mut Archive, real: &mut f64, count: &mut u64, flag: &mut bool) {
+    fn transfer_state(archive: &mut Archive, real: &mut f64, count: &mut u64, flag: &mut bool) {
         archive.real(real);
         archive.count(count);
         archive.flag(flag);
@@ -86,15 +86,15 @@ mod tests {
     #[test]
     fn variables_come_back_and_a_list_of_another_length_is_noticed() {
         let mut words = Vec::new();
-        transfer(&mut Archive::save(&mut words), &mut -0.0, &mut 7, &mut true);
+        transfer_state(&mut Archive::save(&mut words), &mut -0.0, &mut 7, &mut true);
         let (mut real, mut count, mut flag) = (1.0, 0, false);
         let mut archive = Archive::restore(&words);
-        transfer(&mut archive, &mut real, &mut count, &mut flag);
+        transfer_state(&mut archive, &mut real, &mut count, &mut flag);
         assert!(archive.is_complete());
         assert_eq!((real.to_bits(), count, flag), ((-0.0_f64).to_bits(), 7, true));
         for other in [&words[..2], &[words.as_slice(), &[0]].concat()] {
             let mut archive = Archive::restore(other);
-            transfer(&mut archive, &mut real, &mut count, &mut flag);
+            transfer_state(&mut archive, &mut real, &mut count, &mut flag);
             assert!(!archive.is_complete());
         }
     }

@@ -60,8 +60,8 @@ pub trait DriveLaw: Debug + Send {
     /// Forgets: the plant starts anew.
     fn restart(&mut self) {}
 
-    /// Transfers the variables that outlive a call to or from `archive`; a law without such variables does nothing here.
-    fn transfer(&mut self, archive: &mut Archive);
+    /// Saves the state variables of the law to `archive`, or restores them from it. A law without state does nothing here.
+    fn transfer_state(&mut self, archive: &mut Archive);
 }
 
 /// The joints at a sub-step.
@@ -128,8 +128,8 @@ pub trait SensorLaw: Debug + Send {
     /// Forgets: the plant starts anew.
     fn restart(&mut self) {}
 
-    /// Transfers the variables that outlive a call to or from `archive`; a law without such variables does nothing here.
-    fn transfer(&mut self, archive: &mut Archive);
+    /// Saves the state variables of the law to `archive`, or restores them from it. A law without state does nothing here.
+    fn transfer_state(&mut self, archive: &mut Archive);
 }
 
 /// What is measured in one tick, before noise and rounding.

@@ -74,5 +74,5 @@ impl<L: JointLaw> DriveLaw for AtJoint<L> {
         torque[self.joint] -= self.law.resisting(&Instant { t: now.t, q, v, sign, load });
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }

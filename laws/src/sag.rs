@@ -193,7 +193,7 @@ impl<L: SagLaw> DriveLaw for Loaded<L> {
         torque.iter_mut().zip(load).for_each(|(torque, load)| *torque += load);
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }
 
 /// The sag of the tool of a plant.
@@ -222,7 +222,7 @@ impl<L: SagLaw> SensorLaw for Sunk<L> {
         self.begun = false;
     }
 
-    fn transfer(&mut self, archive: &mut Archive) {
+    fn transfer_state(&mut self, archive: &mut Archive) {
         archive.flag(&mut self.begun);
         archive.reals(&mut self.now.v);
     }

@@ -124,7 +124,7 @@ impl Bearing {
     }
 
     /// Transfers what the contact remembers.
-    pub(crate) fn transfer(&mut self, archive: &mut Archive) {
+    pub(crate) fn transfer_state(&mut self, archive: &mut Archive) {
         let Bearing { clearance: _, touching, impact_speed, episode, recent_peak, tally } = self;
         let ContactTally {
             free,

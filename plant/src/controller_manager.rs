@@ -20,7 +20,7 @@ use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS, Mode};
 use serde::Serialize;
 
 use crate::cross_check::{CrossCheck, PROBATION};
-use crate::limit_violation::{LimitViolation, Refusal};
+use crate::limit_violation::{LimitViolation, RefusedCommand};
 use crate::{Applied, Blend, Comparison, Gate, GateLimits, Rejection};
 
 /// Fail-overs that are kept; more are counted.
@@ -130,7 +130,7 @@ pub struct ControllerManager {
     in_force: Option<Command>,
     /// Ticks in a row for which no command was put in force.
     held: u32,
-    first_refusal: Option<Refusal>,
+    first_refusal: Option<RefusedCommand>,
     rejected: [u64; Rejection::ALL.len()],
     swaps: Vec<Swap>,
     unlisted: u64,
@@ -203,7 +203,7 @@ impl ControllerManager {
     }
 
     /// The first command of who was, or was to be, in charge that was refused for more than not having come.
-    pub fn first_refusal(&self) -> Option<&Refusal> {
+    pub fn first_refusal(&self) -> Option<&RefusedCommand> {
         self.first_refusal.as_ref()
     }
 
@@ -350,7 +350,7 @@ impl ControllerManager {
     ) {
         self.rejected[reason as usize] += 1;
         if reason != Rejection::Missing {
-            self.first_refusal.get_or_insert(Refusal { tick, slot, takes_over, reason, excess });
+            self.first_refusal.get_or_insert(RefusedCommand { tick, slot, takes_over, reason, excess });
         }
     }
 

@@ -117,8 +117,8 @@ impl Drives {
         self.plain &= self.laws.is_empty() && saturations.is_empty();
     }
 
-    /// Parts the motor of `joint` from its link.
-    pub fn part(&mut self, joint: usize, motor: Motor) {
+    /// Decouples `motor` from the link of `joint`: a law of the transmission drives the link.
+    pub fn decouple_motor(&mut self, joint: usize, motor: Motor) {
         self.motors[joint] = Some(motor);
         self.plain = false;
     }
@@ -167,7 +167,7 @@ impl Drives {
         forwards.iter().zip(backwards).map(|(forwards, backwards)| 0.5 * (backwards - forwards)).collect()
     }
 
-    /// Forgets all that was.
+    /// Resets all state variables.
     pub fn restart(&mut self) {
         self.laws.iter_mut().for_each(|law| law.restart());
         self.load.fill(0.0);
@@ -175,8 +175,8 @@ impl Drives {
         self.a.fill(0.0);
     }
 
-    /// Transfers all state variables of the drives.
-    pub fn transfer(&mut self, archive: &mut Archive) {
+    /// Saves all state variables of the drives to `archive`, or restores them from it.
+    pub fn transfer_state(&mut self, archive: &mut Archive) {
         let Drives {
             friction: _,
             laws,
@@ -193,13 +193,13 @@ impl Drives {
             servos,
             load,
         } = self;
-        laws.iter_mut().for_each(|law| law.transfer(archive));
+        laws.iter_mut().for_each(|law| law.transfer_state(archive));
         for Motor { law: _, inertia: _, state, mean: _, carried: _, damped: _ } in motors.iter_mut().flatten()
         {
             archive.reals(state);
         }
         [sign, a, load].into_iter().for_each(|of_joints| archive.reals(of_joints));
-        servos.iter_mut().for_each(|servo| servo.transfer(archive));
+        servos.iter_mut().for_each(|servo| servo.transfer_state(archive));
     }
 
     /// Whether any motor is parted from its link.

@@ -35,7 +35,7 @@ pub struct Ledger {
 
 impl Ledger {
     /// Transfers all energies.
-    pub(crate) fn transfer(&mut self, archive: &mut Archive) {
+    pub(crate) fn transfer_state(&mut self, archive: &mut Archive) {
         let Ledger {
             initial,
             kinetic,

@@ -59,7 +59,7 @@ pub use deviation::{Deviation, DeviationStatistics};
 pub use gate::{Applied, Gate, GateLimits};
 pub use joint_use::{JointUse, Used, UsedByJoint};
 pub use ledger::Ledger;
-pub use limit_violation::{LimitViolation, Quantity, Refusal, Stop, StopReason};
+pub use limit_violation::{LimitViolation, Quantity, RefusedCommand, Stop, StopReason};
 pub use misses::{Miss, Misses, Stall};
 pub use motion::{Braking, Hermite, Motion};
 pub use operator_requests::{OperatorRequest, OperatorRequests};

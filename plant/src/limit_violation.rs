@@ -125,7 +125,7 @@ pub struct Stop {
 
 /// A command that was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Refusal {
+pub struct RefusedCommand {
     /// The tick whose answer it was.
     pub tick: u64,
     /// The slot of the controller.

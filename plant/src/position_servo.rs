@@ -52,7 +52,7 @@ impl PositionServo {
     }
 
     /// Transfers the set-point and the commands under way.
-    pub fn transfer(&mut self, archive: &mut Archive) {
+    pub fn transfer_state(&mut self, archive: &mut Archive) {
         let PositionServo { law: _, delay: _, under_way, asked, set_point, torque } = self;
         archive.reals([asked, set_point, torque]);
         let mut commands = under_way.len() as u64;

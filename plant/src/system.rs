@@ -159,7 +159,7 @@ impl System {
         let mut system = Self::unresolved(ArmWithPlay::new(&links, &clearances)?, arm, period, substeps)?;
         for ((joint, law), sides) in injection.transmissions.iter().zip(&sides) {
             check_step(&arm.joints()[*joint].name, law, sides, period, substeps)?;
-            system.drives.part(*joint, Motor::new(*law, sides.motor));
+            system.drives.decouple_motor(*joint, Motor::new(*law, sides.motor));
         }
         for (joint, law) in injection.servos {
             let delays = injection.command_delays.iter().filter(|(at, _)| *at == joint);
@@ -424,7 +424,7 @@ impl System {
             let asked = self.drives.given(joint, input.torque[joint]);
             let prescribed = self.prescribed[2][joint];
             (self.motor[joint], self.drives.a[joint]) = match &mut self.drives.motors[joint] {
-                None if driven => (self.total[at] - loss - self.forces.on(at), prescribed),
+                None if driven => (self.total[at] - loss - self.forces.generalised_force(at), prescribed),
                 None => (asked, self.a[at]),
                 Some(motor) => {
                     let free = (asked + loss - motor.carried) / motor.inertia;
@@ -442,7 +442,7 @@ impl System {
             let (at, loss) = (self.play.joint(joint), self.drives.loss[joint]);
             let driven = input.driven[joint];
             let v = if driven { self.prescribed[1][joint] } else { self.middle_v[at] };
-            let needed = || self.total[at] - loss - self.forces.on(at);
+            let needed = || self.total[at] - loss - self.forces.generalised_force(at);
             self.motor[joint] = if driven { needed() } else { input.torque[joint] };
             self.ledger.drives += step * self.motor[joint] * v;
             self.ledger.drive_friction -= step * loss * v;

@@ -51,7 +51,7 @@ impl ToolForces {
 
     /// The generalised force on the coordinate `coordinate`, N·m or N.
     #[inline]
-    pub fn on(&self, coordinate: usize) -> f64 {
+    pub fn generalised_force(&self, coordinate: usize) -> f64 {
         self.pushed[coordinate]
     }
 

@@ -143,5 +143,5 @@ impl DriveLaw for Carried {
         }
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }

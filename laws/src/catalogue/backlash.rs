@@ -470,7 +470,7 @@ impl DriveLaw for FrictionBehind {
         self.play.place = self.start;
     }
 
-    fn transfer(&mut self, archive: &mut Archive) {
+    fn transfer_state(&mut self, archive: &mut Archive) {
         archive.real(&mut self.play.place);
     }
 }

@@ -87,5 +87,5 @@ impl SensorLaw for EncoderEccentricity {
         readings.q[self.joint] = q + self.amplitude * (q + self.phase).sin();
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }

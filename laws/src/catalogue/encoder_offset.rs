@@ -90,5 +90,5 @@ impl SensorLaw for EncoderOffset {
         readings.q[self.joint] += self.offset;
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }

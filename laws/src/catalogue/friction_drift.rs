@@ -110,5 +110,5 @@ impl DriveLaw for FrictionDrift {
         torque[self.joint] -= self.excess(now.t) * resisting;
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }

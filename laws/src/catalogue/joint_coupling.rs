@@ -178,7 +178,7 @@ impl DriveLaw for JointCoupling {
         self.direction = 0.0;
     }
 
-    fn transfer(&mut self, archive: &mut Archive) {
+    fn transfer_state(&mut self, archive: &mut Archive) {
         archive.real(&mut self.direction);
     }
 }

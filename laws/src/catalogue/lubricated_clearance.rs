@@ -204,7 +204,7 @@ impl SensorLaw for Afloat {
         self.place = None;
     }
 
-    fn transfer(&mut self, archive: &mut Archive) {
+    fn transfer_state(&mut self, archive: &mut Archive) {
         let (mut begun, mut place) = (self.place.is_some(), self.place.unwrap_or_default());
         archive.flag(&mut begun);
         archive.reals(&mut place);

@@ -233,7 +233,7 @@ impl DriveLaw for Presliding {
         self.bristles = self.first();
     }
 
-    fn transfer(&mut self, archive: &mut Archive) {
+    fn transfer_state(&mut self, archive: &mut Archive) {
         archive.real(&mut self.bristles.z);
     }
 }

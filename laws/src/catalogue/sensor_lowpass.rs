@@ -133,7 +133,7 @@ impl SensorLaw for SensorLowpass {
         self.lag.last = None;
     }
 
-    fn transfer(&mut self, archive: &mut Archive) {
+    fn transfer_state(&mut self, archive: &mut Archive) {
         let (mut begun, (mut input, mut output)) =
             (self.lag.last.is_some(), self.lag.last.unwrap_or_default());
         archive.flag(&mut begun);

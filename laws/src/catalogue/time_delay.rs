@@ -211,7 +211,7 @@ impl SensorLaw for Late {
         self.seen = 0;
     }
 
-    fn transfer(&mut self, archive: &mut Archive) {
+    fn transfer_state(&mut self, archive: &mut Archive) {
         let mut seen = self.seen as u64;
         archive.count(&mut seen);
         self.seen = seen as usize;

@@ -86,5 +86,5 @@ impl SensorLaw for TorqueGain {
         readings.torque[self.joint] /= self.gain;
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }

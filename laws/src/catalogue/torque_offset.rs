@@ -74,5 +74,5 @@ impl SensorLaw for TorqueOffset {
         readings.torque[self.joint] += self.offset;
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }

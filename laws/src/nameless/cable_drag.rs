@@ -128,7 +128,7 @@ impl DriveLaw for Pull {
         torque.iter_mut().zip(&self.torque).for_each(|(torque, pulled)| *torque += pulled);
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }
 
 #[cfg(test)]

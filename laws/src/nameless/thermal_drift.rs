@@ -86,7 +86,7 @@ impl SensorLaw for ThermalDrift {
         self.ticks = 0;
     }
 
-    fn transfer(&mut self, archive: &mut Archive) {
+    fn transfer_state(&mut self, archive: &mut Archive) {
         archive.count(&mut self.ticks);
     }
 }

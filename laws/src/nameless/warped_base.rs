@@ -78,7 +78,7 @@ impl SensorLaw for WarpedBase {
         readings.tool.iter_mut().zip(moved.iter()).for_each(|(tool, moved)| *tool += moved);
     }
 
-    fn transfer(&mut self, _: &mut Archive) {}
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }
 
 #[cfg(test)]

@@ -185,8 +185,8 @@ impl Plant {
         &self.stages
     }
 
-    /// The tool's deviation.
-    pub fn deviation(&self) -> &DeviationStatistics {
+    /// Statistics of the tool's deviation from the path.
+    pub fn tool_deviation(&self) -> &DeviationStatistics {
         &self.deviation
     }
 
@@ -200,8 +200,8 @@ impl Plant {
         self.answers
     }
 
-    /// Ticks without a command in time.
-    pub fn deadlines(&self) -> Deadlines {
+    /// Counts of ticks without a command in time.
+    pub fn missed_deadlines(&self) -> Deadlines {
         self.deadlines
     }
 

@@ -9,7 +9,7 @@ use super::{System, TickPeaks};
 
 impl System {
     /// Transfers all state variables to or from `archive`, for a system of the same arm, effects, period and sub-steps.
-    pub fn transfer(&mut self, archive: &mut Archive) {
+    pub fn transfer_state(&mut self, archive: &mut Archive) {
         let System {
             play: _,
             workspace: _,
@@ -37,13 +37,13 @@ impl System {
         archive.count(ticks);
         archive.real(base_force);
         [q, v, a, motor].into_iter().for_each(|values| archive.reals(values));
-        drives.transfer(archive);
-        bearings.iter_mut().for_each(|bearing| bearing.transfer(archive));
+        drives.transfer_state(archive);
+        bearings.iter_mut().for_each(|bearing| bearing.transfer_state(archive));
         for contact in contacts {
             let BearingContact { normal, tangential, force, moment } = contact;
             archive.reals([normal, tangential, moment]);
             archive.reals(force);
         }
-        ledger.transfer(archive);
+        ledger.transfer_state(archive);
     }
 }

@@ -104,7 +104,7 @@ fn play(ticks: u64, controllers: usize) -> (u64, usize) {
         plant.manager().swaps().len()
     );
     assert_eq!(ending, Some(Ending::Finished));
-    assert_eq!(plant.deadlines().missed, 0);
+    assert_eq!(plant.missed_deadlines().missed, 0);
     (counted.count_total, queue.len())
 }
 
