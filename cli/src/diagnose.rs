@@ -63,7 +63,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// What a person should know of the inputs, beside what `quality` has: first joints beyond their limits, last what of the model file is not
+/// What a person should know of the inputs, beside what `recording_quality` has: first joints beyond their limits, last what of the model file is not
 /// used.
 fn remark(quality: &mut Vec<String>, file: &ArmFile, recordings: &[Recording]) {
     let beyond = recordings.iter().flat_map(|recording| {

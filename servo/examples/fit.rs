@@ -57,7 +57,7 @@ fn main() {
     let fitted = problem.fit(&model, &unknowns, &mut say);
     println!("{} steps, {:.1?}, noise {:.4?}", fitted.steps, began.elapsed(), fitted.noise);
     for (unknown, (value, deviation)) in unknowns.iter().zip(&fitted.values) {
-        println!("joint {} {:?}: {value:.5} ± {:.5}", unknown.joint, unknown.quantity, 1.96 * deviation);
+        println!("joint {} {:?}: {value:.5} ± {:.5}", unknown.joint, unknown.parameter, 1.96 * deviation);
     }
     let mut rollout = Rollout::new(&fitted.model, STEP);
     let mut pooled = (0.0, 0);

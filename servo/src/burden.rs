@@ -6,16 +6,16 @@ use freeplay_laws::{ArmParts, Effects, LawError};
 use nalgebra::{Isometry3, Translation3};
 use toml::{Table, Value};
 
-use crate::quantity::Quantity;
+use crate::model_parameter::ModelParameter;
 
 /// The burden of an arm.
 #[derive(Clone, Debug)]
 pub struct Burden {
     bare: Arm,
-    /// The numbers of each joint, in the order of [`Quantity::OF_ARM_AT_JOINT`].
-    joints: Vec<[f64; Quantity::OF_ARM_AT_JOINT.len()]>,
-    /// The numbers of the whole arm, in the order of [`Quantity::OF_WHOLE_ARM`].
-    whole: [f64; Quantity::OF_WHOLE_ARM.len()],
+    /// The numbers of each joint, in the order of [`ModelParameter::OF_ARM_AT_JOINT`].
+    joints: Vec<[f64; ModelParameter::OF_ARM_AT_JOINT.len()]>,
+    /// The numbers of the whole arm, in the order of [`ModelParameter::OF_WHOLE_ARM`].
+    whole: [f64; ModelParameter::OF_WHOLE_ARM.len()],
 }
 
 impl Burden {
@@ -24,22 +24,22 @@ impl Burden {
         Burden {
             bare: arm.clone(),
             joints: vec![Default::default(); arm.dof()],
-            whole: [0.0; Quantity::OF_WHOLE_ARM.len()],
+            whole: [0.0; ModelParameter::OF_WHOLE_ARM.len()],
         }
     }
 
-    /// The number `quantity` of `joint`, or of the whole arm; zero of what is a servo's.
-    pub fn of(&self, joint: usize, quantity: Quantity) -> f64 {
-        let place = |all: &[Quantity]| all.iter().position(|one| *one == quantity);
-        let of_joint = place(&Quantity::OF_ARM_AT_JOINT).map(|at| self.joints[joint][at]);
-        of_joint.or(place(&Quantity::OF_WHOLE_ARM).map(|at| self.whole[at])).unwrap_or(0.0)
+    /// The number `parameter` of `joint`, or of the whole arm; zero of what is a servo's.
+    pub fn of(&self, joint: usize, parameter: ModelParameter) -> f64 {
+        let place = |all: &[ModelParameter]| all.iter().position(|one| *one == parameter);
+        let of_joint = place(&ModelParameter::OF_ARM_AT_JOINT).map(|at| self.joints[joint][at]);
+        of_joint.or(place(&ModelParameter::OF_WHOLE_ARM).map(|at| self.whole[at])).unwrap_or(0.0)
     }
 
     /// Gives it the value `x`.
-    pub fn set(&mut self, joint: usize, quantity: Quantity, x: f64) {
-        let own = Quantity::OF_ARM_AT_JOINT.iter().zip(&mut self.joints[joint]);
-        let whole = Quantity::OF_WHOLE_ARM.iter().zip(&mut self.whole);
-        own.chain(whole).filter(|(one, _)| **one == quantity).for_each(|(_, number)| *number = x);
+    pub fn set(&mut self, joint: usize, parameter: ModelParameter, x: f64) {
+        let own = ModelParameter::OF_ARM_AT_JOINT.iter().zip(&mut self.joints[joint]);
+        let whole = ModelParameter::OF_WHOLE_ARM.iter().zip(&mut self.whole);
+        own.chain(whole).filter(|(one, _)| **one == parameter).for_each(|(_, number)| *number = x);
     }
 
     /// Its effects, as an arm file has them.
@@ -86,7 +86,7 @@ impl Burden {
     pub fn arm(&self) -> Option<Arm> {
         let file = ArmFile { arm: self.bare.clone(), effects: self.tables(), ignored: Vec::new() };
         let arm = Effects::of(&file).ok()?.changed(&self.bare).ok()?;
-        let zeros: Vec<f64> = (0..arm.dof()).map(|joint| self.of(joint, Quantity::Zero)).collect();
+        let zeros: Vec<f64> = (0..arm.dof()).map(|joint| self.of(joint, ModelParameter::Zero)).collect();
         with_zeros(&arm, &zeros).ok()
     }
 }

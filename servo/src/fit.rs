@@ -459,7 +459,7 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
 
     use super::{Curvature, deviations, student};
-    use crate::quantity::Quantity;
+    use crate::model_parameter::ModelParameter;
     use crate::unknowns::Unknown;
 
     #[test]
@@ -483,7 +483,7 @@ mod tests {
         let groups: Vec<Curvature> = numbers.iter().map(group).collect();
         let unknown = Unknown {
             joint: 0,
-            quantity: Quantity::Offset,
+            parameter: ModelParameter::Offset,
             expected: 0.0,
             deviation: 1e6,
             step: 1.0,
@@ -501,7 +501,7 @@ mod tests {
     fn without_rows_beliefs_stay() {
         let unknown = Unknown {
             joint: 0,
-            quantity: Quantity::Offset,
+            parameter: ModelParameter::Offset,
             expected: 0.0,
             deviation: 0.3,
             step: 1.0,

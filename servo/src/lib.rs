@@ -9,7 +9,7 @@
 //! - [`Sliding`]: one step with set-valued friction; [`Rollout`]: many of them from a [`State`] along a [`Course`] of commands.
 //! - [`Track`]: a recording of commanded and measured positions; its windows begin anew from what was measured. One joint of it, under the [`Load`] that it had, is a track, too.
 //! - [`Sight`]: what a recording says of a joint before any rollout ([`sights`], [`lag`]); [`servos`] to begin a fit from.
-//! - [`Unknown`]: a [`Quantity`] of a joint that a fit looks for, with what is believed of it before ([`unknowns`]).
+//! - [`Unknown`]: a [`ModelParameter`] of a joint that a fit looks for, with what is believed of it before ([`unknowns`]).
 //! - [`Problem`]: windows of recordings; [`Fitted`]: what came out of them, with the [`Noise`] that is left.
 
 mod alone;
@@ -21,10 +21,10 @@ mod command;
 mod fit;
 mod joint;
 mod load;
+mod model_parameter;
 mod noise;
 mod parallel;
 mod priors;
-mod quantity;
 mod rollout;
 mod servo_arm;
 mod solve;
@@ -37,10 +37,10 @@ pub use command::Commands;
 pub use fit::{Fitted, Problem};
 pub use joint::{JointServo, Linearization};
 pub use load::Load;
+pub use model_parameter::ModelParameter;
 pub use noise::{DEGREES_OF_FREEDOM, Noise};
 pub use parallel::each;
 pub use priors::{DIFFERENCE_STEP, unknowns};
-pub use quantity::Quantity;
 pub use rollout::{Course, Rollout, State};
 pub use servo_arm::ServoArm;
 pub use solve::Sliding;

@@ -1,7 +1,7 @@
 //! The numbers of a joint's servo that a fit looks for, each with the belief about it before.
 
 use crate::beginning::Sight;
-use crate::quantity::Quantity;
+use crate::model_parameter::ModelParameter;
 use crate::servo_arm::ServoArm;
 use crate::unknowns::Unknown;
 
@@ -10,7 +10,7 @@ use crate::unknowns::Unknown;
 pub const DIFFERENCE_STEP: f64 = 0.03;
 
 /// The unknowns of every joint of a servo about which nothing is known but `sights`. `zero` is how far the zeros of commands and encoder may be apart
-/// beside rounding, rad. Beliefs are weak: each quantity may be as large as all of the error, or all of the lag.
+/// beside rounding, rad. Beliefs are weak: each parameter may be as large as all of the error, or all of the lag.
 pub fn unknowns(sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
     let longest = sights.iter().map(|sight| sight.lag).fold(1e-3, f64::max);
     let of_joint = |(joint, sight): (usize, &Sight)| {
@@ -23,23 +23,23 @@ pub fn unknowns(sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
         // Where no load tells it, servos of one arm are alike within a factor of two; else a factor of ten either way.
         let width = if is_like_others { std::f64::consts::LN_2 } else { std::f64::consts::LN_10 };
         let believed = [
-            (Quantity::Stiffness, servo.stiffness.ln(), width, 1.0),
-            (Quantity::Lag, 0.5 * lag, lag, lag),
-            (Quantity::Coulomb, 0.0, error, error),
-            (Quantity::Stiction, 0.0, error, error),
-            (Quantity::Rotor, 0.0, lag * lag, lag * lag),
-            (Quantity::Delay, 0.0, lag, lag),
+            (ModelParameter::Stiffness, servo.stiffness.ln(), width, 1.0),
+            (ModelParameter::Lag, 0.5 * lag, lag, lag),
+            (ModelParameter::Coulomb, 0.0, error, error),
+            (ModelParameter::Stiction, 0.0, error, error),
+            (ModelParameter::Rotor, 0.0, lag * lag, lag * lag),
+            (ModelParameter::Delay, 0.0, lag, lag),
             // Commands and encoder count from one zero, but for rounding.
-            (Quantity::Offset, 0.0, sight.tick / 12.0_f64.sqrt() + zero, error),
+            (ModelParameter::Offset, 0.0, sight.tick / 12.0_f64.sqrt() + zero, error),
         ];
-        believed.map(|(quantity, expected, deviation, size)| Unknown {
+        believed.map(|(parameter, expected, deviation, size)| Unknown {
             joint,
-            quantity,
+            parameter,
             expected,
             deviation,
             step: DIFFERENCE_STEP * size,
             is_torque: false,
-            least: quantity.least(),
+            least: parameter.least(),
         })
     };
     sights.iter().enumerate().flat_map(of_joint).collect()

@@ -4,7 +4,7 @@ use freeplay_arm::Arm;
 
 use crate::burden::Burden;
 use crate::joint::JointServo;
-use crate::quantity::Quantity;
+use crate::model_parameter::ModelParameter;
 
 /// An arm and the servo of each of its joints.
 #[derive(Clone, Debug)]
@@ -26,17 +26,17 @@ impl ServoArm {
         ServoArm { arm, joints, gaps, burden: None }
     }
 
-    /// Gives the burden's number `quantity` of `joint`, or of the whole arm, the value `x`. The arm stays as it is where there can be none under that.
-    pub(crate) fn bear(&mut self, joint: usize, quantity: Quantity, x: f64) {
+    /// Gives the burden's number `parameter` of `joint`, or of the whole arm, the value `x`. The arm stays as it is where there can be none under that.
+    pub(crate) fn bear(&mut self, joint: usize, parameter: ModelParameter, x: f64) {
         let mut burden = self.burden.take().unwrap_or_else(|| Box::new(Burden::none(&self.arm)));
-        let before = burden.of(joint, quantity);
+        let before = burden.of(joint, parameter);
         if x != before {
-            burden.set(joint, quantity, x);
-            match quantity {
-                Quantity::Gap => self.gaps[joint] = x,
+            burden.set(joint, parameter, x);
+            match parameter {
+                ModelParameter::Gap => self.gaps[joint] = x,
                 _ => match burden.arm() {
                     Some(arm) => self.arm = arm,
-                    None => burden.set(joint, quantity, before),
+                    None => burden.set(joint, parameter, before),
                 },
             }
         }

@@ -15,8 +15,8 @@ use crate::candidates::moments::{WhiteTorques, window};
 use crate::data::columns::{Answer, Column, dot};
 use crate::data::stacked::{Data, REMEMBERED};
 use crate::data::stage::Stage;
-use crate::signals::begin::InBearing;
 use crate::signals::channel::Kind;
+use crate::signals::initial_state::InBearing;
 use crate::statistics::{FINEST, span};
 
 /// An effect that the recordings can't show.

@@ -118,7 +118,7 @@ pub(crate) fn in_parts(
     check_joints(arm, recording)?;
     let treatment = Treatment::judged_by(arm, recording, settings, most)?;
     let samples = treatment.stretches().last().map_or(0, |stretch| stretch.end);
-    let compared_hz = treatment.rate_hz() / treatment.every() as f64;
+    let compared_hz = treatment.rate_hz() / treatment.decimation() as f64;
     let mut motion = MotionTally::of(recording);
     let mut channels: Vec<ChannelTally> = Vec::new();
     let mut curves = Curves::new(samples, 1.0 / compared_hz, recording.len() > most);

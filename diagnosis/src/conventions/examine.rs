@@ -9,7 +9,7 @@ use super::change::{Change, reading};
 use super::finding::{Certainty, Setup, SetupFinding};
 use super::kinds;
 use super::kinds::Told;
-use super::odds::Judged;
+use super::odds::ChangeOdds;
 use super::outcome::Outcome;
 use super::problem::Links;
 use super::reading::Reading;
@@ -227,14 +227,14 @@ impl Examination<'_> {
         if !best.is_possible() {
             return asked.into_iter().map(|change| (change, f64::NEG_INFINITY)).collect();
         }
-        let judged = Judged::new(&search.whole, best);
-        asked.into_iter().map(|change| (change, self.margin(search, &judged, &change))).collect()
+        let odds = ChangeOdds::new(&search.whole, best);
+        asked.into_iter().map(|change| (change, self.margin(search, &odds, &change))).collect()
     }
 
-    /// Log odds of `change` of the set `judged` against the best set without it, less those from which on it is sure: [`OVERWHELMING`] odds with the links of the model, the
+    /// Log odds of `change` of `set` against the best set without it, less those from which on it is sure: [`OVERWHELMING`] odds with the links of the model, the
     /// odds of a name where these are what a data sheet says.
-    fn margin(&self, search: &Search, judged: &Judged, change: &Change) -> f64 {
-        let best = judged.best;
+    fn margin(&self, search: &Search, set: &ChangeOdds, change: &Change) -> f64 {
+        let best = set.best;
         let is_comparable = |other: &Outcome| other.likelihood.len() == best.likelihood.len();
         let rest = without(&best.changes, change);
         let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
@@ -251,8 +251,8 @@ impl Examination<'_> {
         // Physics that fits one reading may be impossible under another.
         let same = Some(search.whole.outcome(&rest)).filter(Outcome::is_possible);
         let same = same.unwrap_or_else(|| other.clone());
-        let odds = judged.by_channels(change, &other, &same);
-        (odds - OVERWHELMING.ln()).min(judged.by_sheet(&other) - STRONG)
+        let odds = set.by_channels(change, &other, &same);
+        (odds - OVERWHELMING.ln()).min(set.by_sheet(&other) - STRONG)
     }
 
     /// Another change of the same joint that explains as much.

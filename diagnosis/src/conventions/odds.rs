@@ -5,8 +5,8 @@ use super::kinds::another_arm::UNEXPLAINED;
 use super::outcome::Outcome;
 use super::problem::{FLOOR, GEOMETRY, Links, Problem};
 
-/// A set of changes, of which each is asked how much more probable the set is with it.
-pub(super) struct Judged<'p, 'a> {
+/// The odds of each change in the best set of changes, against the best set without that change.
+pub(super) struct ChangeOdds<'p, 'a> {
     problem: &'p Problem<'a>,
     pub best: &'p Outcome,
     /// Mean square that each torque keeps where the arm has no mass.
@@ -15,7 +15,7 @@ pub(super) struct Judged<'p, 'a> {
     by_sheet: Option<f64>,
 }
 
-impl<'p, 'a> Judged<'p, 'a> {
+impl<'p, 'a> ChangeOdds<'p, 'a> {
     /// For the set `best` of `problem`, which is possible.
     pub fn new(problem: &'p Problem<'a>, best: &'p Outcome) -> Self {
         let by_sheet = problem.with_links(best, Links::OfSheet);
@@ -118,7 +118,7 @@ mod tests {
         recorded(coupled, |problem, n| {
             let change = Change::Relative { joint: n - 1, other: n - 2, factor: -1.0 };
             let [best, other] = [vec![change], Vec::new()].map(|changes| problem.outcome(&changes));
-            let odds = Judged::new(problem, &best).by_channels(&change, &other, &other);
+            let odds = ChangeOdds::new(problem, &best).by_channels(&change, &other, &other);
             let gain = best.evidence - other.evidence;
             println!("evidence {gain:.1}, odds {odds:.1}");
             assert!(gain > SURE && odds < SURE);
@@ -132,7 +132,7 @@ mod tests {
         recorded(heavier, |problem, _| {
             let [best, other] =
                 [vec![Change::CommonScale], Vec::new()].map(|changes| problem.outcome(&changes));
-            let odds = Judged::new(problem, &best).by_sheet(&other);
+            let odds = ChangeOdds::new(problem, &best).by_sheet(&other);
             let gain = best.evidence - other.evidence;
             println!("evidence {gain:.1}, odds {odds:.1}");
             assert!(gain > SURE && odds < SURE);

@@ -6,8 +6,8 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use crate::data::columns::{Answer, Column, against, gram, gram_of};
 use crate::data::noise::Noises;
 use crate::data::tolerance::Nuisance;
-use crate::signals::begin::square;
 use crate::signals::channel::{Channel, Kind};
+use crate::signals::initial_state::square;
 use crate::statistics;
 
 /// Least squares of some channels of a recording, with the tolerances' columns in.
@@ -60,7 +60,8 @@ impl Beside {
         self.fit(&said(terms)).0
     }
 
-    /// How many times the way from what a law's only term says `here` to each of what it says `nudged` is best gone: see [`crate::signals::begin::within`].
+    /// The Gauss-Newton step in multiples of two nudges, from the columns of a law's only term `here` and after each nudge; see
+    /// [`crate::signals::initial_state::within`].
     pub fn step(&self, here: &[(Term, Answer)], nudged: [&Vec<(Term, Answer)>; 2]) -> Option<[f64; 2]> {
         let mut columns = said(here);
         columns.truncate(1);

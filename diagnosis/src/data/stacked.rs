@@ -247,9 +247,9 @@ impl<'a> Data<'a> {
         column
     }
 
-    /// Lets the columns of laws follow the arm with the effects that `found` makes for it: see [`Stage::lay_upon`].
-    pub fn lay_upon(&self, found: impl Fn(&Arm) -> Vec<Placed>) {
-        self.stages.iter().for_each(|stage| stage.lay_upon(found(stage.arm())));
+    /// Sets on each stage the effects that `found` makes for its arm: see [`Stage::set_found`].
+    pub fn set_found(&self, found: impl Fn(&Arm) -> Vec<Placed>) {
+        self.stages.iter().for_each(|stage| stage.set_found(found(stage.arm())));
     }
 
     /// The stretches without gaps of the recording of the channel number `channel`, and the time between their points, s.

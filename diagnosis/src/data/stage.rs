@@ -17,9 +17,9 @@ use crate::data::columns::Answer;
 use crate::data::noise::Noises;
 use crate::data::tolerance::Nuisance;
 use crate::error::ResidualError;
-use crate::signals::begin::{InBearing, begun, between, within};
 use crate::signals::channel::{Channel, Kind};
 use crate::signals::filter::derivatives;
+use crate::signals::initial_state::{InBearing, begun, between, within};
 use crate::signals::missing::masked;
 use crate::signals::motion::{Settings, Treatment};
 use crate::signals::residual::{Sharpening, check_joints, residuals_along};
@@ -156,9 +156,9 @@ impl<'a> Stage<'a> {
         Ok(Self { ground, channels, smooth, rough, rigid, nominal: arm, known, found, beneath, sensors })
     }
 
-    /// Lets the columns of laws act on the machine with what was `found`: friction that grows with the load grows with that of a payload, a limit of a
-    /// drive clips its friction, and a delay is late with it.
-    pub fn lay_upon(&self, found: Vec<Placed>) {
+    /// Sets the effects that were `found`; the columns of all other laws then act on the machine with these effects. Load-dependent friction grows with
+    /// a found payload, a found torque limit clips the friction of its drive, and a delay shifts the found effects.
+    pub fn set_found(&self, found: Vec<Placed>) {
         let with_level = |placed| (self.level(&placed), Rc::new(placed));
         self.found.replace(found.into_iter().map(with_level).collect());
         self.beneath.take();

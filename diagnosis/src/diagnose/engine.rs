@@ -19,7 +19,7 @@ use crate::evidence::system::System;
 use crate::findings::conclude::conclude;
 use crate::findings::event::{Event, said_by};
 use crate::findings::happenings::happenings;
-use crate::findings::quality;
+use crate::findings::recording_quality;
 use crate::findings::standing::Standing;
 use crate::report::diagnosis::{Diagnosis, insufficient};
 use crate::report::settings::{DiagnoseError, DiagnoseSettings};
@@ -58,10 +58,10 @@ pub(crate) fn diagnose(
     let stages: Vec<Stage> =
         grounds.iter().map(|ground| Stage::new(&file.arm, &known, ground)).collect::<Result<_, _>>()?;
     let data = Data::new(stages, &settings.tolerances);
-    if let Some(lack) = quality::lack(&data) {
+    if let Some(lack) = recording_quality::lack(&data) {
         return Ok(insufficient(file, settings, notes, lack));
     }
-    notes.extend(quality::notes(&data));
+    notes.extend(recording_quality::notes(&data));
     let target = data.target();
     let (candidates, untestable) = candidates(&data, progress);
     let (laid, found) = {

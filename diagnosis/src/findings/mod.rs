@@ -9,6 +9,6 @@ pub(crate) mod interval;
 pub(crate) mod joined;
 pub(crate) mod locate;
 pub(crate) mod passage;
-pub(crate) mod quality;
+pub(crate) mod recording_quality;
 pub(crate) mod standing;
 pub(crate) mod variables;

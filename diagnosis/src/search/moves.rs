@@ -166,7 +166,7 @@ impl<'d, 'a> Search<'d, 'a> {
         if changed(data.arm(), &lasting(data.arm())).is_err() {
             return Some(answer.members.clone());
         }
-        data.lay_upon(lasting);
+        data.set_found(lasting);
         self.tried.clear();
         Some(answer.members.iter().map(|&member| self.anew(member)).collect())
     }

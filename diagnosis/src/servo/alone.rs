@@ -1,7 +1,7 @@
 //! Each joint on its own: the others move as they were measured. What is wrong of one servo can't bend the others then, and many beginnings cost next to nothing.
 
 use freeplay_arm::Arm;
-use freeplay_servo::{Fitted, JointServo, Noise, Problem, Quantity, ServoArm, Track, Unknown, each};
+use freeplay_servo::{Fitted, JointServo, ModelParameter, Noise, Problem, ServoArm, Track, Unknown, each};
 
 use super::findings::named_from;
 use super::limits::{add_limits, lost};
@@ -87,10 +87,10 @@ fn beginnings(fit: &Problem, first: &ServoArm, lag: f64) -> Vec<ServoArm> {
         let models = rotors.map(|(rotor, stiffness)| {
             let mut model = first.clone();
             let joint = &mut model.joints[0];
-            Quantity::Stiffness.set(joint, (joint.stiffness * stiffness).ln());
-            Quantity::Delay.set(joint, share * lag);
-            Quantity::Lag.set(joint, (1.0 - share) * lag);
-            Quantity::Rotor.set(joint, rotor * lag * lag);
+            ModelParameter::Stiffness.set(joint, (joint.stiffness * stiffness).ln());
+            ModelParameter::Delay.set(joint, share * lag);
+            ModelParameter::Lag.set(joint, (1.0 - share) * lag);
+            ModelParameter::Rotor.set(joint, rotor * lag * lag);
             model
         });
         let left = models.map(|model| (usual(&Noise::of(&fit.residuals(&model), &fit.rounding)), model));
@@ -107,7 +107,7 @@ fn without_rotor(
     joints: usize,
 ) -> Fitted {
     let others: Vec<Unknown> =
-        unknowns.iter().filter(|unknown| unknown.quantity != Quantity::Rotor).copied().collect();
+        unknowns.iter().filter(|unknown| unknown.parameter != ModelParameter::Rotor).copied().collect();
     let mut model = fitted.model.clone();
     model.joints[0].rotor_inertia = 0.0;
     let without = fit.fit(&model, &others, &mut |_, _| {});

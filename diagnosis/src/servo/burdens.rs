@@ -3,7 +3,7 @@
 //! hardly tells it from the rest of the law. A gap behind the encoder shows by where the link lies: a load that presses on one flank throughout does not tell it from a zero.
 
 use freeplay_arm::{Arm, ArmFile};
-use freeplay_servo::{DIFFERENCE_STEP, Fitted, Problem, Quantity, ServoArm, Unknown};
+use freeplay_servo::{DIFFERENCE_STEP, Fitted, ModelParameter, Problem, ServoArm, Unknown};
 
 use super::limits::lost;
 use crate::data::tolerance::Tolerances;
@@ -38,18 +38,18 @@ pub struct Rival {
 
 /// Those of `unknowns` without which a burden is not there: all but those that say where it is.
 pub fn present(unknowns: &[Unknown]) -> impl Iterator<Item = &Unknown> {
-    unknowns.iter().filter(|unknown| !unknown.quantity.is_place())
+    unknowns.iter().filter(|unknown| !unknown.parameter.is_place())
 }
 
-fn unknown(joint: usize, quantity: Quantity, deviation: f64) -> Unknown {
+fn unknown(joint: usize, parameter: ModelParameter, deviation: f64) -> Unknown {
     Unknown {
         joint,
-        quantity,
+        parameter,
         expected: 0.0,
         deviation,
         step: DIFFERENCE_STEP * deviation,
         is_torque: false,
-        least: quantity.least(),
+        least: parameter.least(),
     }
 }
 
@@ -62,29 +62,29 @@ pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
     };
     let all: f64 = joints.iter().map(|joint| joint.inertia.mass).sum();
     let burdened = |kind, joint, unknowns| Burdened { kind, joint, unknowns, rivals: Vec::new() };
-    let (mass, length) = (unknown(0, Quantity::Payload, all), link_length(&file.arm));
-    let place = [Quantity::PayloadX, Quantity::PayloadY, Quantity::PayloadZ]
-        .map(|quantity| unknown(0, quantity, length));
+    let (mass, length) = (unknown(0, ModelParameter::Payload, all), link_length(&file.arm));
+    let place = [ModelParameter::PayloadX, ModelParameter::PayloadY, ModelParameter::PayloadZ]
+        .map(|parameter| unknown(0, parameter, length));
     let payload = burdened("payload", None, [mass].into_iter().chain(place).collect());
-    let lean = [Quantity::Roll, Quantity::Pitch].map(|quantity| unknown(0, quantity, LEAN));
+    let lean = [ModelParameter::Roll, ModelParameter::Pitch].map(|parameter| unknown(0, parameter, LEAN));
     let lean = burdened("base_tilt", None, lean.to_vec());
     let mut burdens =
         vec![(payload, PAYLOADS.map(|share| vec![share * all, 0.0, 0.0, 0.0]).to_vec()), (lean, leans())];
     let of_joint = |joint: usize| {
-        let one = |kind, quantity, deviation, places: Vec<f64>| {
-            let unknowns = vec![unknown(joint, quantity, deviation)];
+        let one = |kind, parameter, deviation, places: Vec<f64>| {
+            let unknowns = vec![unknown(joint, parameter, deviation)];
             (burdened(kind, Some(joint), unknowns), places.into_iter().map(|x| vec![x]).collect())
         };
         let angles = ANGLES.into_iter();
         [
-            one("link_mass", Quantity::LinkMass, std::f64::consts::LN_2, MASSES.map(f64::ln).to_vec()),
+            one("link_mass", ModelParameter::LinkMass, std::f64::consts::LN_2, MASSES.map(f64::ln).to_vec()),
             one(
                 "encoder_offset",
-                Quantity::Zero,
+                ModelParameter::Zero,
                 LEAN,
                 angles.clone().skip(1).rev().map(|x| -x).chain(angles.clone()).collect(),
             ),
-            one("backlash", Quantity::Gap, LEAN, angles.collect()),
+            one("backlash", ModelParameter::Gap, LEAN, angles.collect()),
         ]
     };
     burdens.extend((0..joints.len()).flat_map(of_joint));
@@ -112,7 +112,7 @@ pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
         file.effects.iter().any(|table| table.kind == "link_mass" && table.joint.as_ref() == Some(name))
     };
     let links = (0..file.arm.dof()).filter(|joint| !named(*joint));
-    links.map(|joint| unknown(joint, Quantity::LinkMass, tolerances.mass)).collect()
+    links.map(|joint| unknown(joint, ModelParameter::LinkMass, tolerances.mass)).collect()
 }
 
 /// Factors of a link's mass at which a fit begins: a fit from the modelled mass may not lead there.

@@ -1,7 +1,7 @@
 //! The causes that a given model with servos may lack, and the tolerances of the numbers that it has.
 
 use freeplay_arm::ArmFile;
-use freeplay_servo::{DIFFERENCE_STEP, Problem, Quantity, ServoArm, Sight, Unknown, unknowns};
+use freeplay_servo::{DIFFERENCE_STEP, ModelParameter, Problem, ServoArm, Sight, Unknown, unknowns};
 
 use super::burdens::{Burdened, Rival, burdens, masses, present};
 use super::findings::{moved, tolerance};
@@ -77,12 +77,12 @@ impl Change {
     /// Whether the change has one direction, so that a line search can go on between two neighbouring places. A base leans in two directions: its places
     /// fill a plane.
     pub fn is_along_a_line(&self) -> bool {
-        !self.unknowns.iter().any(|unknown| unknown.quantity == Quantity::Roll)
+        !self.unknowns.iter().any(|unknown| unknown.parameter == ModelParameter::Roll)
     }
 
     /// Whether the change is of the arm (a payload, a lean, a link's mass), and not of a servo.
     pub fn is_burden(&self) -> bool {
-        self.unknowns.iter().any(|unknown| unknown.quantity.is_of_arm())
+        self.unknowns.iter().any(|unknown| unknown.parameter.is_of_arm())
     }
 
     /// The same as a burden.
@@ -134,14 +134,15 @@ impl Given<'_> {
         let moved = moved(&self.model.arm);
         let about = |unknown: Unknown| {
             let value = unknown.of(self.model);
-            let (of, least) = match unknown.quantity {
+            let (of, least) = match unknown.parameter {
                 // What the joint moves is known no better, and may be less than the model says.
-                Quantity::Rotor => (value + moved[unknown.joint], f64::NEG_INFINITY),
+                ModelParameter::Rotor => (value + moved[unknown.joint], f64::NEG_INFINITY),
                 _ => (value, unknown.least),
             };
-            let tolerance = tolerance(unknown.quantity, of, self.tolerances);
+            let tolerance = tolerance(unknown.parameter, of, self.tolerances);
             // The zeros of commands and encoder lie as far apart as rounding puts them, too.
-            let deviation = if unknown.quantity == Quantity::Offset { unknown.deviation } else { tolerance };
+            let deviation =
+                if unknown.parameter == ModelParameter::Offset { unknown.deviation } else { tolerance };
             Unknown { expected: value, deviation, least, ..unknown }
         };
         let all = self.broad().into_iter().chain(self.limits()).map(about);
@@ -151,19 +152,19 @@ impl Given<'_> {
     /// The limits that the model has.
     fn limits(&self) -> Vec<Unknown> {
         let of_joint = |joint: usize| {
-            let limit = move |quantity, deviation: f64| Unknown {
+            let limit = move |parameter, deviation: f64| Unknown {
                 joint,
-                quantity,
+                parameter,
                 expected: 0.0,
                 deviation,
                 step: DIFFERENCE_STEP * deviation,
                 is_torque: true,
-                least: quantity.least(),
+                least: parameter.least(),
             };
             let servo = &self.model.joints[joint];
-            let torque = servo.torque_limit.is_finite().then(|| limit(Quantity::TorqueLimit, 1.0));
-            let speed = servo.speed_limit.is_finite().then(|| limit(Quantity::SpeedLimit, 1.0));
-            let band = (servo.deadband > 0.0).then(|| limit(Quantity::Deadband, servo.deadband));
+            let torque = servo.torque_limit.is_finite().then(|| limit(ModelParameter::TorqueLimit, 1.0));
+            let speed = servo.speed_limit.is_finite().then(|| limit(ModelParameter::SpeedLimit, 1.0));
+            let band = (servo.deadband > 0.0).then(|| limit(ModelParameter::Deadband, servo.deadband));
             [torque, speed, band].into_iter().flatten()
         };
         (0..self.moves.len()).filter(|joint| self.moves[*joint]).flat_map(of_joint).collect()
@@ -172,7 +173,7 @@ impl Given<'_> {
     /// Commands that reach all joints late by one time, as they come over one line: `None` where a single joint moves. Each joint has a number of its own.
     fn late_line(&self, broad: &[Unknown]) -> Option<Change> {
         let unknowns: Vec<Unknown> =
-            broad.iter().filter(|one| one.quantity == Quantity::Delay).copied().collect();
+            broad.iter().filter(|one| one.parameter == ModelParameter::Delay).copied().collect();
         let first = unknowns.first().filter(|_| unknowns.len() > 1)?;
         let place = |share: f64| {
             let late =
@@ -186,20 +187,20 @@ impl Given<'_> {
     /// All that is looked for.
     pub fn candidates(&self, fit: &Problem) -> Vec<Change> {
         let broad = self.broad();
-        let of = |joint: usize, quantity: Quantity| {
-            broad.iter().find(|one| one.joint == joint && one.quantity == quantity).copied()
+        let of = |joint: usize, parameter: ModelParameter| {
+            broad.iter().find(|one| one.joint == joint && one.parameter == parameter).copied()
         };
         let single = [
-            (Quantity::Coulomb, "coulomb_friction"),
-            (Quantity::Stiction, "stribeck_friction"),
-            (Quantity::Rotor, "rotor_inertia"),
-            (Quantity::Delay, "command_delay"),
+            (ModelParameter::Coulomb, "coulomb_friction"),
+            (ModelParameter::Stiction, "stribeck_friction"),
+            (ModelParameter::Rotor, "rotor_inertia"),
+            (ModelParameter::Delay, "command_delay"),
         ];
         let of_joint = |joint: usize| {
-            let servo = of(joint, Quantity::Stiffness).zip(of(joint, Quantity::Lag));
+            let servo = of(joint, ModelParameter::Stiffness).zip(of(joint, ModelParameter::Lag));
             let servo = servo.map(|(k, d)| Change::of_servo([k, d], self.model));
             let single =
-                single.iter().filter_map(move |(quantity, kind)| Some((of(joint, *quantity)?, *kind)));
+                single.iter().filter_map(move |(parameter, kind)| Some((of(joint, *parameter)?, *kind)));
             let single = single.map(|(unknown, kind)| Change::of_joint(kind, unknown, self.model));
             servo.into_iter().chain(single).collect::<Vec<_>>()
         };

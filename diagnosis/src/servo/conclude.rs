@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_recording::{Group, Recording};
-use freeplay_servo::{JointServo, Problem, Quantity, ServoArm, Sight, Track, Unknown};
+use freeplay_servo::{JointServo, ModelParameter, Problem, ServoArm, Sight, Track, Unknown};
 use toml::Value;
 
 use super::burdens::{Burdened, Rival, present};
@@ -140,17 +140,19 @@ impl Conclusion<'_> {
         let joint = finding.joint;
         let given = self.given.map(|given| &given.joints[joint]);
         let stiffness = self.numbers.fitted.model.joints[joint].stiffness;
-        let of_given = |given: &JointServo, quantity: Quantity| {
-            let is_absolute = matches!(quantity, Quantity::Coulomb | Quantity::Stiction | Quantity::Rotor)
-                && self.numbers.is_known(joint);
-            quantity.of(given) * if is_absolute { given.stiffness / stiffness } else { 1.0 }
+        let of_given = |given: &JointServo, parameter: ModelParameter| {
+            let is_absolute = matches!(
+                parameter,
+                ModelParameter::Coulomb | ModelParameter::Stiction | ModelParameter::Rotor
+            ) && self.numbers.is_known(joint);
+            parameter.of(given) * if is_absolute { given.stiffness / stiffness } else { 1.0 }
         };
-        let reference = |quantity: Quantity| {
-            let index = self.numbers.index(joint, quantity)?;
+        let reference = |parameter: ModelParameter| {
+            let index = self.numbers.index(joint, parameter)?;
             let absent = finding.absent.map(|(_, value)| value);
-            Some((index, given.map(|given| of_given(given, quantity)).or(absent)?))
+            Some((index, given.map(|given| of_given(given, parameter)).or(absent)?))
         };
-        finding.quantities().filter_map(reference).collect()
+        finding.model_parameters().filter_map(reference).collect()
     }
 
     /// Log-likelihood ratio of `finding` against what was given, by its best number: by the number's own distance in the fit part, and by what the choice part loses with
@@ -271,21 +273,21 @@ impl Conclusion<'_> {
         let joint = burdened.joint.map(|joint| self.numbers.file.arm.joints()[joint].name.clone());
         let table = tables.into_iter().find(|table| table.kind == kind.name && table.joint == joint)?;
         let interval = |name: &str| -> Option<[f64; 2]> {
-            let quantity = match name {
-                "mass" => Quantity::Payload,
-                "scale" => Quantity::LinkMass,
-                "offset" => Quantity::Zero,
-                "gap" => Quantity::Gap,
-                "roll" => Quantity::Roll,
-                "pitch" => Quantity::Pitch,
+            let parameter = match name {
+                "mass" => ModelParameter::Payload,
+                "scale" => ModelParameter::LinkMass,
+                "offset" => ModelParameter::Zero,
+                "gap" => ModelParameter::Gap,
+                "roll" => ModelParameter::Roll,
+                "pitch" => ModelParameter::Pitch,
                 _ => return None,
             };
-            let at = numbers.iter().find(|at| self.numbers.unknowns[**at].quantity == quantity)?;
+            let at = numbers.iter().find(|at| self.numbers.unknowns[**at].parameter == parameter)?;
             let (value, deviation) = fitted.values[*at];
-            if quantity == Quantity::LinkMass {
+            if parameter == ModelParameter::LinkMass {
                 return Some(around(value, deviation).map(f64::exp));
             }
-            let is_payload = quantity == Quantity::Payload;
+            let is_payload = parameter == ModelParameter::Payload;
             let hidden = if is_payload {
                 self.numbers.payload_tolerance(value, &self.settings.tolerances)
             } else {
@@ -363,8 +365,8 @@ impl Conclusion<'_> {
 
     /// The model without `finding`, all else as it fits best then; `None` for the servo itself.
     fn without(&self, finding: &Finding) -> Option<ServoArm> {
-        let (quantity, value) = finding.absent?;
-        let index = self.numbers.index(finding.joint, quantity)?;
+        let (parameter, value) = finding.absent?;
+        let index = self.numbers.index(finding.joint, parameter)?;
         Some(self.numbers.fitted.with(self.numbers.unknowns, index, value))
     }
 

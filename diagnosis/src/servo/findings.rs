@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable, Joint, JointKind, Workspace, crba};
 use freeplay_laws::{Kind, kind};
-use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
+use freeplay_servo::{Fitted, JointServo, ModelParameter, Sight, Unknown};
 use nalgebra::DMatrix;
 use toml::{Table, Value};
 
@@ -38,23 +38,23 @@ pub struct Finding {
     /// What stands beside its numbers, a sentence; empty if nothing.
     pub remark: String,
     /// The number that the arm has without it; none for the servo, without which a command stands for the position.
-    pub absent: Option<(Quantity, f64)>,
+    pub absent: Option<(ModelParameter, f64)>,
 }
 
-/// Quantities of a servo itself.
-const OF_SERVO: [Quantity; 6] = [
-    Quantity::Stiffness,
-    Quantity::Lag,
-    Quantity::Offset,
-    Quantity::Deadband,
-    Quantity::TorqueLimit,
-    Quantity::SpeedLimit,
+/// Parameters of a servo itself.
+const OF_SERVO: [ModelParameter; 6] = [
+    ModelParameter::Stiffness,
+    ModelParameter::Lag,
+    ModelParameter::Offset,
+    ModelParameter::Deadband,
+    ModelParameter::TorqueLimit,
+    ModelParameter::SpeedLimit,
 ];
 
 impl Finding {
-    /// The quantities that it is made of.
-    pub fn quantities(&self) -> impl Iterator<Item = Quantity> {
-        let one = self.absent.map(|(quantity, _)| quantity);
+    /// The model parameters behind this finding.
+    pub fn model_parameters(&self) -> impl Iterator<Item = ModelParameter> {
+        let one = self.absent.map(|(parameter, _)| parameter);
         let servo = OF_SERVO.into_iter().filter(move |_| one.is_none());
         one.into_iter().chain(servo)
     }
@@ -75,26 +75,26 @@ pub struct Numbers<'a> {
 }
 
 impl Numbers<'_> {
-    /// Index of the unknown `quantity` of `joint`.
-    pub fn index(&self, joint: usize, quantity: Quantity) -> Option<usize> {
-        self.unknowns.iter().position(|one| one.joint == joint && one.quantity == quantity)
+    /// Index of the unknown `parameter` of `joint`.
+    pub fn index(&self, joint: usize, parameter: ModelParameter) -> Option<usize> {
+        self.unknowns.iter().position(|one| one.joint == joint && one.parameter == parameter)
     }
 
-    fn of(&self, joint: usize, quantity: Quantity) -> Option<(f64, f64)> {
-        self.index(joint, quantity).map(|at| self.fitted.values[at])
+    fn of(&self, joint: usize, parameter: ModelParameter) -> Option<(f64, f64)> {
+        self.index(joint, parameter).map(|at| self.fitted.values[at])
     }
 
     /// By how many standard deviations the unknown number `index` is off `old`, which a model says within `tolerances`.
     pub fn distance(&self, index: usize, old: f64, tolerances: &Tolerances) -> f64 {
         let (value, deviation) = self.fitted.values[index];
-        let quantity = self.unknowns[index].quantity;
-        let tolerance = match quantity {
+        let parameter = self.unknowns[index].parameter;
+        let tolerance = match parameter {
             // What the joint moves is known no better, and is told by the same accelerations.
-            Quantity::Rotor => {
-                tolerance(quantity, old.abs() + self.moved(self.unknowns[index].joint), tolerances)
+            ModelParameter::Rotor => {
+                tolerance(parameter, old.abs() + self.moved(self.unknowns[index].joint), tolerances)
             }
-            Quantity::Payload => self.payload_tolerance(value, tolerances),
-            _ => tolerance(quantity, old, tolerances),
+            ModelParameter::Payload => self.payload_tolerance(value, tolerances),
+            _ => tolerance(parameter, old, tolerances),
         };
         (value - old).abs() / deviation.hypot(tolerance)
     }
@@ -126,7 +126,8 @@ impl Numbers<'_> {
 
     /// Deviation of the logarithm of the stiffness of `joint`: what tells it is a load that the model knows as well as its masses.
     fn stiffness_deviation(&self, joint: usize) -> f64 {
-        let of_fit = self.of(joint, Quantity::Stiffness).map_or(f64::INFINITY, |(_, deviation)| deviation);
+        let of_fit =
+            self.of(joint, ModelParameter::Stiffness).map_or(f64::INFINITY, |(_, deviation)| deviation);
         of_fit.hypot(self.tolerances.mass)
     }
 
@@ -141,9 +142,9 @@ impl Numbers<'_> {
     pub fn findings(&self, moves: &[bool]) -> Vec<Finding> {
         let of_joint = |joint: usize| {
             let mut findings = vec![self.servo_of(joint)];
-            findings.extend(self.friction(joint, Quantity::Coulomb, "coulomb_friction", "coulomb"));
-            findings.extend(self.friction(joint, Quantity::Stiction, "stribeck_friction", "extra"));
-            findings.extend(self.friction(joint, Quantity::Rotor, "rotor_inertia", "inertia"));
+            findings.extend(self.friction(joint, ModelParameter::Coulomb, "coulomb_friction", "coulomb"));
+            findings.extend(self.friction(joint, ModelParameter::Stiction, "stribeck_friction", "extra"));
+            findings.extend(self.friction(joint, ModelParameter::Rotor, "rotor_inertia", "inertia"));
             findings.extend(self.delay(joint));
             findings
         };
@@ -158,23 +159,23 @@ impl Numbers<'_> {
             vec![("stiffness", servo.stiffness, is_known.then(|| around_log(servo.stiffness, of_log)))];
         // The joint's own viscous friction is the model's already.
         let viscous = self.joint(joint).friction.viscous;
-        let interval = self.absolute(joint, Quantity::Lag).map(|ends| ends.map(|end| end - viscous));
+        let interval = self.absolute(joint, ModelParameter::Lag).map(|ends| ends.map(|end| end - viscous));
         numbers.push(("damping", (servo.damping - viscous).max(0.0), interval));
-        if let Some((_, deviation)) = self.of(joint, Quantity::Deadband) {
+        if let Some((_, deviation)) = self.of(joint, ModelParameter::Deadband) {
             numbers.push(("deadband", servo.deadband, Some(around(servo.deadband, deviation))));
         }
-        if let Some((_, deviation)) = self.of(joint, Quantity::TorqueLimit) {
+        if let Some((_, deviation)) = self.of(joint, ModelParameter::TorqueLimit) {
             let deviation = deviation.hypot(of_log);
             let interval = is_known.then(|| around_log(servo.torque_limit, deviation));
             numbers.push(("torque_limit", servo.torque_limit, interval));
         }
-        if let Some((_, deviation)) = self.of(joint, Quantity::SpeedLimit) {
+        if let Some((_, deviation)) = self.of(joint, ModelParameter::SpeedLimit) {
             numbers.push(("speed_limit", servo.speed_limit, Some(around_log(servo.speed_limit, deviation))));
         }
-        if let Some((offset, deviation)) = self.of(joint, Quantity::Offset) {
+        if let Some((offset, deviation)) = self.of(joint, ModelParameter::Offset) {
             numbers.push(("offset", offset, Some(around(offset, deviation))));
         }
-        let lag = self.of(joint, Quantity::Lag).unwrap_or_default();
+        let lag = self.of(joint, ModelParameter::Lag).unwrap_or_default();
         let name = &self.joint(joint).name;
         let (lag_ms, half_ms) = (lag.0 * 1e3, half_width() * lag.1 * 1e3);
         let remark = if is_known {
@@ -192,8 +193,8 @@ impl Numbers<'_> {
     }
 
     /// Interval of `ratio` times stiffness, where the stiffness is known.
-    fn absolute(&self, joint: usize, quantity: Quantity) -> Option<[f64; 2]> {
-        let (ratio, deviation) = self.of(joint, quantity)?;
+    fn absolute(&self, joint: usize, parameter: ModelParameter) -> Option<[f64; 2]> {
+        let (ratio, deviation) = self.of(joint, parameter)?;
         let stiffness = self.servo(joint).stiffness;
         let spread = (deviation * stiffness).hypot(ratio * stiffness * self.stiffness_deviation(joint));
         self.is_known(joint).then(|| around(ratio * stiffness, spread))
@@ -203,13 +204,14 @@ impl Numbers<'_> {
     fn friction(
         &self,
         joint: usize,
-        quantity: Quantity,
+        parameter: ModelParameter,
         name: &'static str,
         number: &'static str,
     ) -> Option<Finding> {
-        let (ratio, deviation) = self.of(joint, quantity)?;
+        let (ratio, deviation) = self.of(joint, parameter)?;
         let servo = self.servo(joint);
-        let nominal = if quantity == Quantity::Coulomb { self.joint(joint).friction.coulomb } else { 0.0 };
+        let nominal =
+            if parameter == ModelParameter::Coulomb { self.joint(joint).friction.coulomb } else { 0.0 };
         // What the model has already counts in N·m: where no load tells the stiffness, nothing beside it is known.
         let expected = nominal / servo.stiffness;
         let of_model = |share: f64| if expected > 0.0 { expected * share } else { 0.0 };
@@ -220,31 +222,31 @@ impl Numbers<'_> {
             return None;
         }
         let value = ratio * servo.stiffness - nominal;
-        let interval = self.absolute(joint, quantity).map(|interval| interval.map(|end| end - nominal));
+        let interval = self.absolute(joint, parameter).map(|interval| interval.map(|end| end - nominal));
         let mut numbers = vec![(number, value, interval)];
-        if quantity == Quantity::Stiction {
+        if parameter == ModelParameter::Stiction {
             numbers.push(("velocity", servo.stribeck_velocity, None));
         }
         let joint_name = &self.joint(joint).name;
-        let remark = match quantity {
-            Quantity::Coulomb | Quantity::Stiction => {
-                let what = if quantity == Quantity::Coulomb { "holds" } else { "holds at rest" };
+        let remark = match parameter {
+            ModelParameter::Coulomb | ModelParameter::Stiction => {
+                let what = if parameter == ModelParameter::Coulomb { "holds" } else { "holds at rest" };
                 let off = distance(self.joint(joint).kind, ratio, Some(half_width() * deviation));
                 format!("It {what} {joint_name} up to {off} off where its servo would have it.")
             }
             _ => String::new(),
         };
         let finding = self.finding(name, joint, numbers, remark);
-        Some(Finding { is_named, absent: Some((quantity, expected)), ..finding })
+        Some(Finding { is_named, absent: Some((parameter, expected)), ..finding })
     }
 
     fn delay(&self, joint: usize) -> Option<Finding> {
-        let (delay, deviation) = self.of(joint, Quantity::Delay)?;
+        let (delay, deviation) = self.of(joint, ModelParameter::Delay)?;
         (delay > self.named_from() * deviation).then(|| {
             let interval = around(delay, deviation.hypot(self.tolerances.delay));
             let numbers = vec![("delay", delay, Some(interval))];
             let finding = self.finding("command_delay", joint, numbers, String::new());
-            Finding { absent: Some((Quantity::Delay, 0.0)), ..finding }
+            Finding { absent: Some((ModelParameter::Delay, 0.0)), ..finding }
         })
     }
 
@@ -327,18 +329,21 @@ pub fn moved(arm: &Arm) -> Vec<f64> {
     mass.diagonal().iter().copied().collect()
 }
 
-/// How far `quantity`, which a model says is `value`, may be off on a machine of that model.
-pub fn tolerance(quantity: Quantity, value: f64, tolerances: &Tolerances) -> f64 {
-    match quantity {
+/// How far `parameter`, which a model says is `value`, may be off on a machine of that model.
+pub fn tolerance(parameter: ModelParameter, value: f64, tolerances: &Tolerances) -> f64 {
+    match parameter {
         // Logarithms.
-        Quantity::Stiffness | Quantity::TorqueLimit | Quantity::SpeedLimit => tolerances.friction,
-        Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Deadband => {
-            tolerances.friction * value.abs()
+        ModelParameter::Stiffness | ModelParameter::TorqueLimit | ModelParameter::SpeedLimit => {
+            tolerances.friction
         }
-        Quantity::Rotor => tolerances.inertia * value.abs(),
-        Quantity::Delay => tolerances.delay,
-        Quantity::Offset | Quantity::Zero => tolerances.zero,
-        Quantity::LinkMass => tolerances.mass,
+        ModelParameter::Lag
+        | ModelParameter::Coulomb
+        | ModelParameter::Stiction
+        | ModelParameter::Deadband => tolerances.friction * value.abs(),
+        ModelParameter::Rotor => tolerances.inertia * value.abs(),
+        ModelParameter::Delay => tolerances.delay,
+        ModelParameter::Offset | ModelParameter::Zero => tolerances.zero,
+        ModelParameter::LinkMass => tolerances.mass,
         _ => 0.0,
     }
 }

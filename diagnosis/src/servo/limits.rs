@@ -1,6 +1,6 @@
 //! Limits and dead bands of servos: weighed one by one, as a fit that begins without them can't feel them.
 
-use freeplay_servo::{Fitted, Noise, Problem, Quantity, ServoArm, Sight, Unknown};
+use freeplay_servo::{Fitted, ModelParameter, Noise, Problem, ServoArm, Sight, Unknown};
 
 use crate::statistics::STRONG;
 
@@ -41,7 +41,7 @@ pub fn add_limits(
             progress(&format!("fitting the servos with one more limit, step {step}"));
         });
         let is_reached = with.model.joints[best.unknown.joint].speed_limit <= best.fastest
-            || best.unknown.quantity != Quantity::SpeedLimit;
+            || best.unknown.parameter != ModelParameter::SpeedLimit;
         if !is_reached
             || lost(choice, &with.model, &fitted.noise) >= lost(choice, &fitted.model, &fitted.noise)
         {
@@ -89,23 +89,23 @@ pub fn limits(problem: &Problem, sights: &[Sight], model: &ServoArm) -> Vec<Limi
     let most = greatest(problem, model);
     let of_joint = |(joint, sight): (usize, &Sight)| {
         let [error, fastest] = most[joint];
-        let limit = move |quantity, places: Vec<f64>, deviation: f64| Limit {
+        let limit = move |parameter, places: Vec<f64>, deviation: f64| Limit {
             unknown: Unknown {
                 joint,
-                quantity,
+                parameter,
                 expected: places[places.len() / 2],
                 deviation,
                 step: 0.03 * deviation,
                 is_torque: false,
-                least: quantity.least(),
+                least: parameter.least(),
             },
             places: places.into_iter().filter(|value| value.is_finite()).collect(),
             fastest,
         };
         [
-            limit(Quantity::TorqueLimit, TRIED.map(|share| (share * error).ln()).to_vec(), 1.0),
-            limit(Quantity::SpeedLimit, TRIED.map(|share| (share * fastest).ln()).to_vec(), 1.0),
-            limit(Quantity::Deadband, BANDS.map(|share| share * sight.error).to_vec(), sight.error),
+            limit(ModelParameter::TorqueLimit, TRIED.map(|share| (share * error).ln()).to_vec(), 1.0),
+            limit(ModelParameter::SpeedLimit, TRIED.map(|share| (share * fastest).ln()).to_vec(), 1.0),
+            limit(ModelParameter::Deadband, BANDS.map(|share| share * sight.error).to_vec(), sight.error),
         ]
     };
     sights.iter().enumerate().flat_map(of_joint).collect()

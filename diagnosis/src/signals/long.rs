@@ -125,7 +125,7 @@ impl Treatment {
         most: usize,
     ) -> impl Iterator<Item = Cow<'a, Self>> {
         let is_long = recording.len() > most;
-        let groups = if is_long { self.grid.groups(most, self.every) } else { Vec::new() };
+        let groups = if is_long { self.grid.groups(most, self.decimation) } else { Vec::new() };
         let parts = groups.into_iter().map(move |cuts| Cow::Owned(self.part(recording, &cuts, most)));
         (!is_long).then_some(Cow::Borrowed(self)).into_iter().chain(parts)
     }
@@ -135,7 +135,7 @@ impl Treatment {
         if recording.len() <= most {
             return Cow::Borrowed(self);
         }
-        let mut groups = self.grid.groups((most / WINDOWS).max(1), self.every);
+        let mut groups = self.grid.groups((most / WINDOWS).max(1), self.decimation);
         let last = groups.len() - 1;
         let spread = (0..WINDOWS).map(|window| window * last / (WINDOWS - 1));
         let cuts: Vec<Cut> = spread.flat_map(|group| std::mem::take(&mut groups[group])).collect();
@@ -149,7 +149,7 @@ impl Treatment {
         let lead = memory.max((2.0 * self.filter.settling_time() * rate_hz).ceil() as usize);
         let (filter, fine) = (self.filter.clone(), self.fine.clone());
         let grid = self.grid.part(recording, cuts, lead);
-        Self { grid, filter, fine, every: self.every, notes: Vec::new() }
+        Self { grid, filter, fine, decimation: self.decimation, notes: Vec::new() }
     }
 }
 

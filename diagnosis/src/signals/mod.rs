@@ -1,10 +1,10 @@
 //! Signals: a recording on a uniform grid, behind a filter without phase, and what its channels measure beyond the model.
 
-pub(crate) mod begin;
 pub(crate) mod channel;
 pub(crate) mod cutoff;
 pub(crate) mod filter;
 pub(crate) mod grid;
+pub(crate) mod initial_state;
 pub(crate) mod long;
 pub(crate) mod missing;
 pub(crate) mod motion;

@@ -52,7 +52,7 @@ pub struct Treatment {
     pub(crate) grid: Grid,
     pub(crate) filter: LowPass,
     pub(crate) fine: LowPass,
-    pub(crate) every: usize,
+    pub(crate) decimation: usize,
     pub(crate) notes: Vec<String>,
 }
 
@@ -108,8 +108,8 @@ impl Treatment {
             rate_hz,
             (FINE_CUTOFF_RATIO * cutoff_hz).min(MAX_CUTOFF_SHARE * rate_hz).max(cutoff_hz),
         )?;
-        let every = ((rate_hz / (POINTS_PER_PERIOD * cutoff_hz) + 1e-6) as usize).max(1);
-        let mut treatment = Self { grid, filter, fine, every, notes: Vec::new() };
+        let decimation = ((rate_hz / (POINTS_PER_PERIOD * cutoff_hz) + 1e-6) as usize).max(1);
+        let mut treatment = Self { grid, filter, fine, decimation, notes: Vec::new() };
         treatment.drop_short_stretches(recording, settings.trim_s)?;
         treatment.leave_ends_out(settings.trim_s);
         Ok(treatment)
@@ -173,9 +173,9 @@ impl Treatment {
         self.grid.rate_hz()
     }
 
-    /// One of how many grid points is kept.
-    pub fn every(&self) -> usize {
-        self.every
+    /// Decimation factor: the treatment keeps one grid point in so many.
+    pub fn decimation(&self) -> usize {
+        self.decimation
     }
 
     /// What was met on the way, one sentence each.
@@ -185,7 +185,7 @@ impl Treatment {
 
     /// Grid points of `stretch` that are kept.
     fn kept(&self, stretch: &Stretch) -> impl Iterator<Item = usize> {
-        stretch.keep.clone().step_by(self.every)
+        stretch.keep.clone().step_by(self.decimation)
     }
 
     /// Times of the kept points, s.

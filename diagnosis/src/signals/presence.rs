@@ -47,7 +47,7 @@ impl Treatment {
             stretch
                 .keep
                 .clone()
-                .step_by(self.every)
+                .step_by(self.decimation)
                 .map(|k| present.is_none_or(|present| present[k]))
                 .collect()
         })

@@ -9,8 +9,8 @@ use freeplay_laws::{
 use freeplay_recording::{Group, Recording};
 
 use crate::error::ResidualError;
-use crate::signals::begin::begun;
 use crate::signals::channel::{Channel, Kind};
+use crate::signals::initial_state::begun;
 use crate::signals::missing::masked;
 use crate::signals::motion::Treatment;
 use crate::signals::rest::settle;

@@ -1,7 +1,7 @@
 //! Fits of simulated recordings: what was put in comes out, inside its intervals; with any number of threads; contact does not bend it.
 use freeplay_servo::{
-    Commands, Course, Fitted, JointServo, Load, Problem, Quantity, Rollout, ServoArm, Sight, State, Track,
-    Unknown, lag, servos, sights, unknowns,
+    Commands, Course, Fitted, JointServo, Load, ModelParameter, Problem, Rollout, ServoArm, Sight, State,
+    Track, Unknown, lag, servos, sights, unknowns,
 };
 
 use crate::common::{stamps, two_links};
@@ -83,15 +83,15 @@ fn servos_come_back_from_a_recording() {
         let true_value = unknown.of(&truth);
         println!(
             "{} {:?}: {value:.5} ± {deviation:.5}, in truth {true_value:.5}",
-            unknown.joint, unknown.quantity
+            unknown.joint, unknown.parameter
         );
-        let slack = match unknown.quantity {
-            Quantity::Stiffness => 0.03,
-            Quantity::Lag | Quantity::Delay => 0.003,
-            Quantity::Coulomb | Quantity::Offset => 0.002,
+        let slack = match unknown.parameter {
+            ModelParameter::Stiffness => 0.03,
+            ModelParameter::Lag | ModelParameter::Delay => 0.003,
+            ModelParameter::Coulomb | ModelParameter::Offset => 0.002,
             // The truth breaks away in steps of 1 ms, the fit in steps of 5 ms.
-            Quantity::Stiction => 0.003,
-            Quantity::Rotor => 3e-4,
+            ModelParameter::Stiction => 0.003,
+            ModelParameter::Rotor => 3e-4,
             _ => 0.0,
         };
         assert!((value - true_value).abs() < slack, "{unknown:?}");
@@ -106,7 +106,7 @@ fn a_contact_does_not_bend_the_fit_and_threads_do_not_change_it() {
     let [(unknowns, one), (_, two)] = [1, 2].map(|threads| fitted(&track, threads));
     assert_eq!(one.values, two.values, "the number of threads shows");
     for (unknown, (value, _)) in unknowns.iter().zip(&one.values) {
-        if unknown.quantity == Quantity::Stiffness {
+        if unknown.parameter == ModelParameter::Stiffness {
             let off = value - unknown.of(&truth);
             println!("logarithm of the stiffness of {} off by {off:.4}", unknown.joint);
             assert!(off.abs() < 0.05);
@@ -163,7 +163,7 @@ fn a_payload_is_told_by_the_course_of_the_droop() {
     let mut loaded = truth();
     let payload = Unknown {
         joint: 0,
-        quantity: Quantity::Payload,
+        parameter: ModelParameter::Payload,
         expected: 0.0,
         deviation: 2.0,
         step: 0.06,

@@ -1,6 +1,8 @@
 //! Rollouts against closed forms: a step, a ramp, a load held by friction, a stop; energy, order of convergence, no allocation.
 use freeplay_arm::{Arm, Workspace, kinetic_energy};
-use freeplay_servo::{Commands, Course, JointServo, Quantity, Rollout, ServoArm, Sliding, State, Unknown};
+use freeplay_servo::{
+    Commands, Course, JointServo, ModelParameter, Rollout, ServoArm, Sliding, State, Unknown,
+};
 
 use crate::common::{INERTIA, LEVER, MASS, pendulum, stamps, two_links};
 
@@ -35,11 +37,11 @@ fn a_gap_under_a_weight_is_a_zero_that_is_off_by_half_of_it() {
     let servo = JointServo { damping: 0.4, ..JointServo::stiff(stiffness) };
     let stamps = stamps(400, 0.02);
     let commands = [Commands::new(&stamps, &vec![command; stamps.len()])];
-    let rested = |quantity: Quantity, x: f64| {
+    let rested = |parameter: ModelParameter, x: f64| {
         let mut model = ServoArm::new(pendulum(gravity), vec![servo]);
         let unknown = Unknown {
             joint: 0,
-            quantity,
+            parameter,
             expected: 0.0,
             deviation: 1.0,
             step: 0.0,
@@ -53,10 +55,10 @@ fn a_gap_under_a_weight_is_a_zero_that_is_off_by_half_of_it() {
         Rollout::new(&model, 0.001).run(&model, along(&commands, &stamps), &start, &mut out);
         out[stamps.len() - 1]
     };
-    for (quantity, x) in [(Quantity::Gap, gap), (Quantity::Zero, 0.5 * gap)] {
-        let q = rested(quantity, x);
+    for (parameter, x) in [(ModelParameter::Gap, gap), (ModelParameter::Zero, 0.5 * gap)] {
+        let q = rested(parameter, x);
         let off = stiffness * (command - q) - MASS * gravity * LEVER * (q - 0.5 * gap).cos();
-        println!("{quantity:?}: rests at {q:.6} rad, torques differ by {off:.1e} N·m");
+        println!("{parameter:?}: rests at {q:.6} rad, torques differ by {off:.1e} N·m");
         assert!(off.abs() < 1e-6);
     }
 }

@@ -1,4 +1,4 @@
-//! What a recording is good for, before anything is fitted.
+//! The quality of a recording, before any fit: what it suffices for.
 
 use crate::data::noise::Noise;
 use crate::data::parts::{Part, file_name};

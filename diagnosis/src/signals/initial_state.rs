@@ -1,7 +1,7 @@
-//! Where memories stand as a recording begins. A motor that starts between two flanks does not meet either at once, and a journal in oil has not sunk yet;
-//! where they are is in no motion. It is a state of the recording, not a property of the machine, and is taken as the recording has it, as initial
-//! states are where a model is compared with data (Ljung 1999, System Identification, §4.3): one number of five for a law that stands between two
-//! stops, from the torque of its joint, and a place in the bearing for one that is in a film, from the tool.
+//! Initial states of laws with memory. A motor may start between the two flanks of its gear, and a journal in oil may not have sunk yet. The motion does not
+//! show these states. An initial state belongs to the recording, not to the machine, so that the fit estimates it for each recording (Ljung 1999, System
+//! Identification, §4.3). A law between two stops takes one of five positions, from the torque of its joint. A journal in a film takes a place in its
+//! bearing, from the tool.
 
 use freeplay_laws::{Baseline, LawError, Placed, Prediction, Start};
 use nalgebra::{DMatrix, DVectorView};
@@ -9,32 +9,33 @@ use nalgebra::{DMatrix, DVectorView};
 use crate::signals::channel::Kind;
 use crate::statistics::{BACKTRACKING, MOST_ROUNDS};
 
-/// Places that are tried between two stops beside the middle: the stops and halfway, as what is left changes evenly between them.
+/// Positions between two stops that the search tries beside the middle: the stops and halfway. The residual changes evenly between them.
 const BEGINNINGS: [f64; 4] = [-1.0, -0.5, 0.5, 1.0];
-/// Places in a bearing from which a descent begins: the middle and one each way, since a descent from one place alone can end in a local minimum.
+/// Places in a bearing from which a descent begins: the middle and one in each direction, since a single descent can end in a local minimum.
 const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
-/// A place w of the journal is moved by NUDGE · (1 + |w|) to see what the move changes: far above rounding, and well below the way over which that change
-/// bends.
+/// Step NUDGE · (1 + |w|) of the finite differences at a place w of the journal: far above rounding, and well below the distance over which the residual
+/// curves.
 const NUDGE: f64 = 0.02;
-/// A step to a better place is at most LONGEST · (1 + |w|): the change is linear over no longer a way.
+/// Longest step of the descent, LONGEST · (1 + |w|): the residual is linear over no longer distance.
 const LONGEST: f64 = 0.5;
 /// Greatest w: 0.999 of the clearance, since beyond the film is thinner than any surface is smooth.
 const OUTERMOST: f64 = 22.0;
-/// Share of the squares by which a step has to be better to be followed by another: far below what noise makes of them.
+/// Least share of the squares that a step must gain for the descent to go on: far below the share of the noise.
 const WORTH_A_STEP: f64 = 1e-5;
 
-/// Share of the squares that another beginning has to take away: less can be an accident of the noise, and the settled state is the simpler belief.
+/// Least share of the squares by which another initial state must be better than the settled one: noise alone can give less, and the settled state is the
+/// simpler hypothesis.
 const LEAST_LESS: f64 = 0.05;
 
-/// What effects predict, the one among them whose beginning was set, and what they leave of what tells it.
+/// The prediction of effects, the effect whose initial state the fit set, and the residuals of the channels that determine this state.
 struct Began {
     said: Prediction,
     law: Placed,
     left: Vec<f64>,
 }
 
-/// The prediction of the `machine` with `effects`, each memory in the state that fits the recording best; `left` gives measured minus predicted of one kind of channel,
-/// row by row, if that was measured. The effects without a memory are worked out once, however many beginnings are tried.
+/// The prediction of the `machine` with `effects`, each memory in the initial state that fits the recording best. `left` gives measured minus predicted of one kind of
+/// channel, row by row, if the recording has this channel. The function computes the effects without a memory once for all trials.
 ///
 /// # Errors
 /// Those of `machine`.
@@ -69,7 +70,9 @@ pub(crate) fn begun<'p>(
         let found = if is_between(law) {
             between(square(&now), |place| at(Start::Between(place)), squares)?
         } else {
-            let step = |here: &Began, nudged: [&Began; 2]| way(&here.left, nudged.map(|there| &*there.left));
+            let step = |here: &Began, nudged: [&Began; 2]| {
+                gauss_newton_step(&here.left, nudged.map(|there| &*there.left))
+            };
             within((square(&now), None), |place| at(Start::Within(place)), squares, step)?
                 .map(|(_, began)| began)
         };
@@ -80,12 +83,12 @@ pub(crate) fn begun<'p>(
     Ok(best)
 }
 
-/// Whether the memory of `law` stands between two stops, and the file does not say where.
+/// Whether the memory of `law` lies between two stops at a position that the file does not give.
 fn is_between(law: &Placed) -> bool {
     law.effect.with_initial_state(Start::Between(0.0)).is_some()
 }
 
-/// The kinds of channel that tell where the memory of `law` stands: none if it has no memory, or if the file says where it stands.
+/// The kinds of channel that determine the initial state of `law`: none if the law has no memory, or if the file gives its state.
 fn told_by(law: &Placed) -> Vec<Kind> {
     match law.joint {
         Some(joint) if is_between(law) => vec![Kind::Torque(joint)],
@@ -96,7 +99,7 @@ fn told_by(law: &Placed) -> Vec<Kind> {
     }
 }
 
-/// What `at` makes of the place between two stops with which least is `left`; `None` if that is not sure to be less than what the `middle` leaves.
+/// The result of `at` for the position between two stops that minimises `left`; `None` unless this position is surely better than the `middle`.
 ///
 /// # Errors
 /// Those of `at`.
@@ -120,8 +123,8 @@ pub(crate) fn between<T, E>(
     Ok(best)
 }
 
-/// Where a journal is in its bearing: w = ε/√(1 − ε²) times the direction of its eccentricity ratio ε. A journal that is squeezed out by a steady force
-/// goes evenly in w, so that later places hang on the first nearly in proportion, at the wall, too.
+/// The place of a journal in its bearing: w = ε/√(1 − ε²) times the direction of its eccentricity ratio ε. Under a steady force w changes at a constant
+/// rate, so that later places depend on the first nearly in proportion, at the wall, too.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct InBearing([f64; 2]);
 
@@ -147,9 +150,9 @@ impl InBearing {
     }
 }
 
-/// The place of a journal with which least is `left`, and what `at` makes of it, which is told its eccentricity; `None` if that is not less than what the
-/// `settled` one leaves. From the place where it is known to be `about`, or the best of a few places, on, in the steps of Gauss and Newton: `step` says how far to
-/// go from what is at a place and at the same place nudged each way, in nudges.
+/// Finds the place of a journal that minimises `left`, by Gauss-Newton steps; returns the place and the result of `at` for its eccentricity. The search starts
+/// at `about`, or at the best of a few places if `about` is unknown. `step` computes the step in nudges from the results at a place and at its two nudged
+/// neighbours. `None` if no place leaves less than the `settled` one.
 ///
 /// # Errors
 /// Those of `at`.
@@ -190,8 +193,8 @@ pub(crate) fn within<T, E>(
     Ok((least < settled).then_some((place, here)))
 }
 
-/// How many times the way from a place, where `here` is left, to each of two near it, where `there` is left, is best gone.
-pub(crate) fn way(here: &[f64], there: [&[f64]; 2]) -> Option<[f64; 2]> {
+/// The Gauss-Newton step from a place with the residuals `here`, in multiples of two nudges; `there` holds the residuals after each nudge.
+pub(crate) fn gauss_newton_step(here: &[f64], there: [&[f64]; 2]) -> Option<[f64; 2]> {
     let here = DVectorView::from(here);
     let less = there.map(|there| here - DVectorView::from(there));
     let less = DMatrix::from_columns(&less);
