@@ -57,9 +57,9 @@ pub enum Shortfall {
     },
 }
 
-/// Where a joint stands in its file, and which link it moves.
+/// The place of a joint in its file, and the link that the joint moves.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Origin {
+pub(crate) struct JointSource {
     pub joint: String,
     pub link: String,
     pub at: Place,
@@ -69,7 +69,7 @@ pub(crate) struct Origin {
 /// [`crate::Arm::new`] lack nothing and stand in no file.
 #[derive(Clone, Default)]
 pub struct Fitness {
-    origins: Arc<[Origin]>,
+    sources: Arc<[JointSource]>,
     lacks: Option<Arc<Lacks>>,
 }
 
@@ -95,8 +95,8 @@ struct Lacks {
 
 impl Fitness {
     /// Of an arm from a file: whatever `torque` says stays true of arms that are made of it.
-    pub(crate) fn of_file(origins: Vec<Origin>, torque: Option<Shortfall>) -> Fitness {
-        Fitness { origins: origins.into(), lacks: Some(Arc::new(Lacks { torque, simulation: None })) }
+    pub(crate) fn of_file(sources: Vec<JointSource>, torque: Option<Shortfall>) -> Fitness {
+        Fitness { sources: sources.into(), lacks: Some(Arc::new(Lacks { torque, simulation: None })) }
     }
 
     /// The same after the inertias of the joints were looked at: `moves` names a joint that moves none.
@@ -104,15 +104,15 @@ impl Fitness {
     /// # Errors
     /// `moves`, where this is the fitness of an arm that lacked nothing.
     pub(crate) fn judged(&self, moves: Result<(), ArmError>) -> Result<Fitness, ArmError> {
-        let with = |lacks: Option<Arc<Lacks>>| Fitness { origins: Arc::clone(&self.origins), lacks };
+        let with = |lacks: Option<Arc<Lacks>>| Fitness { sources: Arc::clone(&self.sources), lacks };
         let Some(lacks) = &self.lacks else { return moves.map(|()| with(None)) };
         let none = match moves {
             Ok(()) if lacks.torque.is_none() => return Ok(with(None)),
             Ok(()) => None,
             Err(source) => {
-                let origin = self.origins.iter().find(|origin| Some(origin.joint.as_str()) == source.joint());
+                let origin = self.sources.iter().find(|origin| Some(origin.joint.as_str()) == source.joint());
                 // A joint that stands in no file was put in by an effect.
-                let Some(Origin { link, at, .. }) = origin.cloned() else { return Err(source) };
+                let Some(JointSource { link, at, .. }) = origin.cloned() else { return Err(source) };
                 Some(Shortfall::MovesNoInertia { at, link, source: Box::new(source) })
             }
         };
@@ -122,7 +122,7 @@ impl Fitness {
 
     /// Where the joint `name` stands in its file; `None` for one that an effect put in, and for the arms of [`crate::Arm::new`].
     pub fn place(&self, name: &str) -> Option<&Place> {
-        self.origins.iter().find(|origin| origin.joint == name).map(|origin| &origin.at)
+        self.sources.iter().find(|origin| origin.joint == name).map(|origin| &origin.at)
     }
 
     /// The first shortfall for `purpose`.

@@ -53,7 +53,7 @@ impl LinkConstants {
             mass,
             rotor_inertia: joint.rotor_inertia,
             first_moment: com * mass,
-            inertia: Symmetric3::from_matrix(&about_origin),
+            inertia: Symmetric3::from_lower_triangle(&about_origin),
         }
     }
 }

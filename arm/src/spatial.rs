@@ -14,8 +14,8 @@ pub(crate) struct Symmetric3 {
 }
 
 impl Symmetric3 {
-    /// The lower triangle of `m`.
-    pub fn from_matrix(m: &Matrix3<f64>) -> Self {
+    /// The symmetric tensor with the lower triangle of `m`.
+    pub fn from_lower_triangle(m: &Matrix3<f64>) -> Self {
         Self { xx: m.m11, yy: m.m22, zz: m.m33, xy: m.m21, xz: m.m31, yz: m.m32 }
     }
 

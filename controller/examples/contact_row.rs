@@ -12,8 +12,8 @@ use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian, paper_arm};
 use freeplay_controller::acceleration_programme::Wanted;
 use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{
-    AccelerationProgramme, ContactGuard, CornerSearch, Correction, Driven, Motion, PassageOptions, Passages,
-    QuasiStatic, Rollout, Weights,
+    AccelerationOptions, AccelerationProgramme, CornerSearch, Correction, Driven, Motion, PassageOptions,
+    Passages, QuasiStatic, Rollout, Weights,
 };
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::{JointPath, PathKind, PathSpec};
@@ -71,9 +71,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let scene = Scene { arm, play, path, corner };
         let none = Passages::default();
         let planned = scene.passages();
-        let plain = ContactGuard::default();
-        let loose = ContactGuard { turning: 1e3, ..plain };
-        let firm = ContactGuard { slack: 1e4, ..plain };
+        let plain = AccelerationOptions::default();
+        let loose = AccelerationOptions { turning: 1e3, ..plain };
+        let firm = AccelerationOptions { slack: 1e4, ..plain };
         let ways = [
             ("quasi-static correction", &none, None),
             ("the same, contact and turning row", &none, Some(plain)),
@@ -82,8 +82,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             ("planned passage", &planned, None),
             ("planned passage, contact and turning row", &planned, Some(plain)),
         ];
-        for (name, passages, guard) in ways {
-            let found = scene.roll(&scene.course(passages)?, guard)?;
+        for (name, passages, options) in ways {
+            let found = scene.roll(&scene.course(passages)?, options)?;
             println!(
                 "{period:<7} {name:<44} {:>9.4} {:>9.4} {:>9} {:>9.4} {:>9} {:>9.1}",
                 (found.squares / (BEFORE + AFTER) as f64).sqrt(),
@@ -152,10 +152,10 @@ impl Scene {
         Ok(course)
     }
 
-    /// Rolls the model out along `course`, with the rows of `guard` if there is one.
-    fn roll(&self, course: &[Row], guard: Option<ContactGuard>) -> Result<Found, Box<dyn Error>> {
-        let mut programme = guard
-            .map(|guard| AccelerationProgramme::new(&self.arm, &self.play, PERIOD, guard))
+    /// Rolls the model out along `course`, with the rows of `options` if there is one.
+    fn roll(&self, course: &[Row], options: Option<AccelerationOptions>) -> Result<Found, Box<dyn Error>> {
+        let mut programme = options
+            .map(|options| AccelerationProgramme::new(&self.arm, &self.play, PERIOD, options))
             .transpose()?;
         let mut rollout = Rollout::new(&self.play, PERIOD);
         let [q, v, a] = &course[0];

@@ -12,8 +12,8 @@ use freeplay_arm::{Arm, Workspace, jacobian, paper_arm};
 use freeplay_controller::acceleration_programme::Wanted;
 use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{
-    AccelerationProgramme, CompensationStatus, ContactGuard, CornerSearch, Correction, Motion, Passage,
-    PassageOptions, Weights,
+    AccelerationOptions, AccelerationProgramme, CompensationStatus, CornerSearch, Correction, Motion,
+    Passage, PassageOptions, Weights,
 };
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::{JointPath, PathKind, PathSpec};
@@ -113,7 +113,7 @@ fn guarded(
     path: &JointPath,
     passage: &Passage,
 ) -> Result<Vec<(std::time::Duration, CompensationStatus)>, Box<dyn Error>> {
-    let mut programme = AccelerationProgramme::new(arm, play, PERIOD, ContactGuard::default())?;
+    let mut programme = AccelerationProgramme::new(arm, play, PERIOD, AccelerationOptions::default())?;
     let (mut workspace, mut tool) = (Workspace::new(arm), DMatrix::zeros(6, 6));
     let ticks = passage.first()..passage.first() + passage.ticks() as u64;
     let rows = ticks.filter_map(|tick| passage.at(tick).map(|step| (tick, step)));

@@ -32,9 +32,9 @@ const JOURNAL_ROWS: usize = 4;
 /// A bound that never binds.
 const FAR: f64 = 1e3;
 
-/// The weights of the cost and the bounds of the contact rows.
+/// Weights of the cost and bounds of the contact rows of an [`AccelerationProgramme`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ContactGuard {
+pub struct AccelerationOptions {
     /// W: weights of the tool's linear and angular acceleration.
     pub tool: Vector6<f64>,
     /// ε > 0: weight of the distance to the wanted accelerations of the joints.
@@ -47,10 +47,10 @@ pub struct ContactGuard {
     pub turning: f64,
 }
 
-impl Default for ContactGuard {
-    fn default() -> ContactGuard {
+impl Default for AccelerationOptions {
+    fn default() -> AccelerationOptions {
         let tool = Vector6::new(1.0, 1.0, 1.0, 0.01, 0.01, 0.01);
-        ContactGuard { tool, joints: 0.01, slack: 100.0, least_force: 5.0, turning: 1.0 }
+        AccelerationOptions { tool, joints: 0.01, slack: 100.0, least_force: 5.0, turning: 1.0 }
     }
 }
 
@@ -70,7 +70,7 @@ pub struct AccelerationProgramme {
     pin: PinForce,
     limits: Vec<Limits>,
     period: f64,
-    guard: ContactGuard,
+    options: AccelerationOptions,
     still: Vec<f64>,
     /// Forces without acceleration of the joints, in the coordinates of the arm with play.
     bias: Vec<f64>,
@@ -86,7 +86,7 @@ pub struct AccelerationProgramme {
 }
 
 impl AccelerationProgramme {
-    /// For `arm`, which is `with_play` with its plays, ticks of `period` seconds, and the weights and bounds `guard`.
+    /// For `arm`, which is `with_play` with its plays, ticks of `period` seconds, and the weights and bounds in `options`.
     ///
     /// # Errors
     /// The solver's refusal; see [`QpError`].
@@ -94,7 +94,7 @@ impl AccelerationProgramme {
         arm: &Arm,
         with_play: &ArmWithPlay,
         period: f64,
-        guard: ContactGuard,
+        options: AccelerationOptions,
     ) -> Result<AccelerationProgramme, QpError> {
         let (n, plays) = (arm.dof(), with_play.plays().len());
         let rows = pattern(n, plays);
@@ -103,7 +103,7 @@ impl AccelerationProgramme {
             pin: PinForce::new(with_play),
             limits: arm.joints().iter().map(|joint| joint.limits).collect(),
             period,
-            guard,
+            options,
             still: vec![0.0; n],
             bias: vec![0.0; with_play.arm().dof()],
             weighted: DMatrix::zeros(6, n),
@@ -196,19 +196,19 @@ impl AccelerationProgramme {
         let n = self.limits.len();
         for (mut weighted, column) in self.weighted.column_iter_mut().zip(wanted.jacobian.column_iter()) {
             for row in 0..6 {
-                weighted[row] = self.guard.tool[row] * column[row];
+                weighted[row] = self.options.tool[row] * column[row];
             }
         }
         for j in 0..n {
             for i in 0..=j {
                 self.cost[(i, j)] = wanted.jacobian.column(i).dot(&self.weighted.column(j));
             }
-            self.cost[(j, j)] += self.guard.joints;
-            let pulled = self.weighted.column(j).dot(wanted.tool) + self.guard.joints * wanted.joints[j];
+            self.cost[(j, j)] += self.options.joints;
+            let pulled = self.weighted.column(j).dot(wanted.tool) + self.options.joints * wanted.joints[j];
             self.linear[j] = -pulled / ACCELERATION;
         }
         for slack in n..self.cost.ncols() {
-            self.cost[(slack, slack)] = self.guard.slack;
+            self.cost[(slack, slack)] = self.options.slack;
         }
     }
 
@@ -247,8 +247,8 @@ impl AccelerationProgramme {
         for (index, (play, normal)) in arm.plays().iter().zip(normals.chunks_exact(2)).enumerate() {
             let first = 4 * n + JOURNAL_ROWS * index;
             let (normal, tangent) = ([normal[0], normal[1]], [normal[1], -normal[0]]);
-            let turning = |side: f64| [0, 1].map(|i| side * tangent[i] + self.guard.turning * normal[i]);
-            let rows = [(normal, self.guard.least_force), (turning(1.0), 0.0), (turning(-1.0), 0.0)];
+            let turning = |side: f64| [0, 1].map(|i| side * tangent[i] + self.options.turning * normal[i]);
+            let rows = [(normal, self.options.least_force), (turning(1.0), 0.0), (turning(-1.0), 0.0)];
             for (row, (direction, least)) in rows.into_iter().enumerate() {
                 let along = |of: &dyn Fn(usize) -> f64| {
                     direction[0] * of(play.slides[0]) + direction[1] * of(play.slides[1])

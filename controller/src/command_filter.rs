@@ -86,8 +86,8 @@ impl CommandFilter {
         })
     }
 
-    /// Adds to the positions of `answer` for the instant `t`, s, at which the path is at `reference`; off the path nothing is known.
-    pub fn add(&self, t: f64, reference: &Reference, answer: &mut Answer) {
+    /// Shifts the commanded positions and velocities of `answer` for the instant `t`, s. An answer whose `reference` lies off the path stays as it is.
+    pub fn apply(&self, t: f64, reference: &Reference, answer: &mut Answer) {
         let last = self.path.len() / self.joints - 1;
         let row = ((t / self.step).round().max(0.0) as usize).min(last) * self.joints;
         let path = &self.path[row..row + self.joints];

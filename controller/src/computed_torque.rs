@@ -78,7 +78,7 @@ impl Controller for ComputedTorque {
                 answer.value = reference.q;
                 if let Some(filter) = &ready.filter {
                     let t = (state.tick + ready.mode.lead()) as f64 * ready.period;
-                    filter.add(t, reference, answer);
+                    filter.apply(t, reference, answer);
                 }
                 Some(())
             }

@@ -3,9 +3,9 @@
 use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
-use crate::attainable::attainable;
 use crate::centred::Centred;
 use crate::compensation::{CompensationReport, CompensationStatus, Compensator, Motion, Weights};
+use crate::correctable_deviation::correctable_deviation;
 use crate::horizon::{Horizon, HorizonReport, HorizonStatus};
 use crate::qp::QpError;
 
@@ -120,7 +120,7 @@ impl Correction {
     ) -> Result<CompensationReport, HorizonReport> {
         jacobian(arm, &mut self.workspace, desired.q, &mut self.jacobian);
         let more = self.bend(arm, desired.q) + beyond;
-        let more = attainable(&self.jacobian, more);
+        let more = correctable_deviation(&self.jacobian, more);
         horizon.aim(|k, jacobian, deviation| {
             let share = quintic((self.age + 1 + k as u64) as f64 * self.period / self.blend);
             let mut target = *deviation;
@@ -157,7 +157,7 @@ impl Correction {
         }
         let mut position = target.fixed_rows_mut::<3>(0);
         position += bend * share;
-        let asked = attainable(&self.jacobian, position.clone_owned());
+        let asked = correctable_deviation(&self.jacobian, position.clone_owned());
         position.copy_from(&asked);
         let report = self.compensator.advance(desired, &self.jacobian, &target);
         self.course.push(self.compensator.correction());

@@ -6,8 +6,8 @@ use freeplay_laws::ArmWithPlay;
 use freeplay_path::JointPath;
 use nalgebra::{DMatrix, DVector, Vector6};
 
-use crate::attainable::attainable;
 use crate::compensation::Weights;
+use crate::correctable_deviation::correctable_deviation;
 use crate::deviation::QuasiStatic;
 use crate::displacement_preview::{DisplacementPreview, JointMotion};
 use crate::horizon::{Horizon, HorizonError};
@@ -67,7 +67,7 @@ impl HorizonPreview {
                 deviation.gemv(-1.0, &self.jacobian, &self.planned, 0.0);
             } else {
                 let moved = predictor.deviation_with(motion.q, journals);
-                deviation.fixed_rows_mut::<3>(0).copy_from(&attainable(&self.jacobian, moved));
+                deviation.fixed_rows_mut::<3>(0).copy_from(&correctable_deviation(&self.jacobian, moved));
             }
             self.horizon.push(tick, motion, &self.jacobian, &deviation);
         }

@@ -31,7 +31,6 @@
 //! - [`ComputedTorque`], [`QuasiStaticControl`], [`NarxQp`]: the controllers that come with the project; [`built_in()`] finds them by name.
 
 pub mod acceleration_programme;
-pub mod attainable;
 pub mod built_in;
 pub mod centred;
 pub mod centred_average;
@@ -39,6 +38,7 @@ pub mod command_filter;
 pub mod compensation;
 pub mod computed_torque;
 pub mod corners;
+pub mod correctable_deviation;
 pub mod correction;
 pub mod correction_bounds;
 pub mod deviation;
@@ -73,7 +73,7 @@ pub mod tool_residual;
 pub mod tracking;
 pub mod trial;
 
-pub use acceleration_programme::{AccelerationProgramme, ContactGuard, Wanted};
+pub use acceleration_programme::{AccelerationOptions, AccelerationProgramme, Wanted};
 pub use freeplay_controller_sdk::{
     Answer, Controller, ControllerError, Ended, Gains, LimitsFrom, PATIENCE_ENV, RunInfo, SLOT_ENV,
     ServeError, ServeOptions, ServeReport, Task, TaskError, TaskMode, controller, serve, serve_with, task,

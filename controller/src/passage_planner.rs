@@ -5,7 +5,7 @@
 //! quasi-static correction. The law of contact, that the bearing pushes along its normal and rubs along its tangent, enters as a
 //! square whose weight grows tenfold from step to step; a step that does not lower the cost is halved. Where the steps lead to nothing that
 //! physics allows, they are taken again from other starts. Before a passage is handed out, it
-//! must do better in a rollout of the model than the quasi-static correction ([`Attempt`]).
+//! must do better in a rollout of the model than the quasi-static correction ([`TrialMotion`]).
 
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
@@ -19,7 +19,7 @@ use crate::passage::{Passage, PassageFault, PassageOptions};
 use crate::passage_corner::{Corner, Frame};
 use crate::passage_trajectory::{Change, Instant, PassageTrajectory};
 use crate::pin_force::PinForce;
-use crate::trial::Attempt;
+use crate::trial::TrialMotion;
 
 /// Weights of the law of contact, step by step; the last is kept.
 const CONTACT: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
@@ -145,7 +145,7 @@ impl PassagePlanner {
         }
         let rolled: Vec<Vec<f64>> = (0..course.ticks()).map(|k| course.journals(k)).collect();
         let remaining = |corrections: &[Vec<f64>], journals: &[Vec<f64>]| {
-            Attempt { reference: &course.reference, corrections, journals }.remaining(
+            TrialMotion { reference: &course.reference, corrections, journals }.remaining(
                 &with_play,
                 frames,
                 self.period,

@@ -274,7 +274,7 @@ impl Tracking {
                 answer.acceleration[..n].copy_from_slice(target.a);
                 if let Some(filter) = &self.filter {
                     let instant = state.tick.saturating_add(self.mode.lead()) as f64;
-                    filter.add(instant * self.period, &state.reference_next, answer);
+                    filter.apply(instant * self.period, &state.reference_next, answer);
                 }
             }
             TaskMode::Torque => {

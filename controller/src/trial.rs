@@ -1,6 +1,6 @@
-//! Tries a passage out before it is used: a rollout of the model along it, beside one along the quasi-static correction.
+//! Tests a planned passage before its use: one rollout of the model follows the passage, another the quasi-static correction.
 //!
-//! In both the joints move exactly as they are told while the journals are free: they may detach, fly and bounce. The acceleration of
+//! In both rollouts the joints follow their commands exactly while the journals are free to detach, fly and bounce. The acceleration of
 //! a tick is held from half a tick before it to half a tick after it, which leads through the positions of all ticks; the deviation
 //! is taken half-way between ticks.
 
@@ -10,17 +10,17 @@ use crate::passage_corner::Frame;
 use crate::passage_trajectory::Instant;
 use crate::rollout::{Driven, Rollout};
 
-/// A motion to try, tick by tick: joints without correction, their corrections, and the journals meant, all in SI.
-pub struct Attempt<'a> {
+/// A motion for a trial rollout, tick by tick: reference positions of the joints, their corrections and the intended displacements of the journals.
+pub struct TrialMotion<'a> {
     /// Reference positions of the joints, rad (m).
     pub reference: &'a [Vec<f64>],
     /// Corrections of the joints, rad (m).
     pub corrections: &'a [Vec<f64>],
-    /// Displacements meant for the journals, m.
+    /// Intended displacements of the journals, m.
     pub journals: &'a [Vec<f64>],
 }
 
-impl Attempt<'_> {
+impl TrialMotion<'_> {
     fn joints(&self, k: usize, period: f64) -> Instant {
         let rows = [k - 1, k, k + 1].map(|k| -> Vec<f64> {
             let pairs = self.reference[k].iter().zip(&self.corrections[k]);

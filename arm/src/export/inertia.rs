@@ -5,9 +5,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use crate::joint::Inertia;
 
 /// Least moment of a moving body, kg·m²: ten times what MuJoCo takes for zero.
-pub(super) const LEAST: f64 = 1e-14;
+pub(super) const LEAST_MOMENT: f64 = 1e-14;
 
-/// Least mass of a moving body, kg: with [`LEAST`] a body of 0.1 m.
+/// Least mass of a moving body, kg: with [`LEAST_MOMENT`] a body of 0.1 m.
 pub(super) const LEAST_MASS: f64 = 1e-12;
 
 /// Share of the largest moment by which a moment may be changed for rounding.
@@ -39,12 +39,12 @@ impl Principal {
         };
         let moments = possible(values);
         let changed = (moments - values).amax();
-        let changed = (changed > ROUNDING * values.amax().max(LEAST)).then_some(changed);
+        let changed = (changed > ROUNDING * values.amax().max(LEAST_MOMENT)).then_some(changed);
         Principal {
             mass: inertia.mass.max(LEAST_MASS),
             moments,
             axes,
-            changed: changed.filter(|x| *x > LEAST),
+            changed: changed.filter(|x| *x > LEAST_MOMENT),
         }
     }
 
@@ -69,7 +69,7 @@ fn right_handed(mut axes: Matrix3<f64>) -> Rotation3<f64> {
 
 /// The nearest moments that are positive and obey A + B ≥ C.
 fn possible(values: Vector3<f64>) -> Vector3<f64> {
-    let mut moments = values.map(|moment| moment.max(LEAST));
+    let mut moments = values.map(|moment| moment.max(LEAST_MOMENT));
     let excess = 2.0 * moments.max() - moments.sum();
     if excess > 0.0 {
         let largest = moments.imax();

@@ -5,7 +5,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::inertia::{LEAST, LEAST_MASS};
+use super::inertia::{LEAST_MASS, LEAST_MOMENT};
 use super::names::Names;
 use super::parts::{JointParts, Parts};
 use super::rotation::roll_pitch_yaw;
@@ -194,8 +194,8 @@ fn write_link(xml: &mut Xml, joint: &Joint, name: &str) {
     // Simulators refuse a moving link without mass or with a moment of zero: what they get instead is below all rounding.
     let mut inertia = joint.inertia;
     inertia.mass = inertia.mass.max(LEAST_MASS);
-    if inertia.about_com.symmetric_eigenvalues().min().abs() < LEAST {
-        inertia.about_com += Matrix3::identity() * LEAST;
+    if inertia.about_com.symmetric_eigenvalues().min().abs() < LEAST_MOMENT {
+        inertia.about_com += Matrix3::identity() * LEAST_MOMENT;
     }
     xml.start("link", &[("name", name.to_owned())]);
     xml.start("inertial", &[]);

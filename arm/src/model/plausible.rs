@@ -7,7 +7,7 @@ use super::names::counted;
 use crate::arm::Arm;
 use crate::brief::brief;
 use crate::dynamics::inverse::gravity_torque;
-use crate::fitness::{Origin, Purpose};
+use crate::fitness::{JointSource, Purpose};
 use crate::joint::{Inertia, JointKind};
 use crate::workspace::Workspace;
 
@@ -42,7 +42,7 @@ impl Body {
 }
 
 /// A sentence for each way in which something can't be meant.
-pub(super) fn notes(arm: &Arm, bodies: &[Body], origins: &[Origin]) -> Vec<String> {
+pub(super) fn notes(arm: &Arm, bodies: &[Body], sources: &[JointSource]) -> Vec<String> {
     let solid: Vec<&Body> = bodies
         .iter()
         .filter(|body| body.inertia.mass > 0.0 && body.inertia.about_com.trace() > 0.0)
@@ -52,9 +52,9 @@ pub(super) fn notes(arm: &Arm, bodies: &[Body], origins: &[Origin]) -> Vec<Strin
     notes.extend(dense(&solid));
     notes.extend(wide(&solid, size));
     notes.extend(long(&solid, size));
-    notes.extend(fast(arm, origins));
-    notes.extend(stuck(arm, origins));
-    notes.extend(weak(arm, origins));
+    notes.extend(fast(arm, sources));
+    notes.extend(stuck(arm, sources));
+    notes.extend(weak(arm, sources));
     notes
 }
 
@@ -121,12 +121,12 @@ fn long(bodies: &[&Body], size: f64) -> Option<String> {
     })
 }
 
-fn at(origins: &[Origin], index: usize, arm: &Arm) -> String {
-    let line = origins.get(index).map_or_else(String::new, |origin| format!(" (line {})", origin.at.line));
+fn at(sources: &[JointSource], index: usize, arm: &Arm) -> String {
+    let line = sources.get(index).map_or_else(String::new, |origin| format!(" (line {})", origin.at.line));
     format!("joint `{}`{line}", arm.joints()[index].name)
 }
 
-fn fast(arm: &Arm, origins: &[Origin]) -> Option<String> {
+fn fast(arm: &Arm, sources: &[JointSource]) -> Option<String> {
     let odd = (0..arm.dof()).filter_map(|index| {
         let joint = &arm.joints()[index];
         let (lever, unit) = match joint.kind {
@@ -137,7 +137,7 @@ fn fast(arm: &Arm, origins: &[Origin]) -> Option<String> {
         (speed.is_finite() && speed > SOUND).then(|| {
             let limit = brief(joint.limits.velocity);
             (
-                at(origins, index, arm),
+                at(sources, index, arm),
                 format!(
                     "at its velocity limit of {limit} {unit} the arm is faster than sound ({speed:.0} m/s)"
                 ),
@@ -148,12 +148,12 @@ fn fast(arm: &Arm, origins: &[Origin]) -> Option<String> {
     sentence(odd.iter().map(|(name, what)| (name.as_str(), what.clone())).collect(), ": is the limit meant?")
 }
 
-fn stuck(arm: &Arm, origins: &[Origin]) -> Option<String> {
+fn stuck(arm: &Arm, sources: &[JointSource]) -> Option<String> {
     let odd = arm.joints().iter().enumerate().filter(|(_, joint)| joint.limits.lower == joint.limits.upper);
     let odd: Vec<(String, String)> = odd
         .map(|(index, joint)| {
             (
-                at(origins, index, arm),
+                at(sources, index, arm),
                 format!("its range is 0: lower = upper = {}", brief(joint.limits.lower)),
             )
         })
@@ -165,7 +165,7 @@ fn stuck(arm: &Arm, origins: &[Origin]) -> Option<String> {
 }
 
 /// Joints that can't hold the arm's own weight.
-fn weak(arm: &Arm, origins: &[Origin]) -> Option<String> {
+fn weak(arm: &Arm, sources: &[JointSource]) -> Option<String> {
     if arm.require(Purpose::Torque).is_err() || *arm.gravity() == Vector3::zeros() {
         return None;
     }
@@ -196,7 +196,7 @@ fn weak(arm: &Arm, origins: &[Origin]) -> Option<String> {
     let odd: Vec<(String, String)> = odd.map(|(index, joint)| {
         let unit = if joint.kind == JointKind::Revolute { "N·m" } else { "N" };
         let [weight, limit] = [most[index], joint.limits.effort].map(brief);
-        (at(origins, index, arm), format!("the arm's own weight asks it for up to {weight} {unit}, its effort limit is {limit} {unit}"))
+        (at(sources, index, arm), format!("the arm's own weight asks it for up to {weight} {unit}, its effort limit is {limit} {unit}"))
     }).collect();
     sentence(
         odd.iter().map(|(name, what)| (name.as_str(), what.clone())).collect(),

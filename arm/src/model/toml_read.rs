@@ -14,7 +14,7 @@ use super::urdf_tree::{GRAVITY, lacking};
 use super::{ArmFile, EffectTable, Selection, check_extent, load_selected, plausible};
 use crate::arm::Arm;
 use crate::arm_error::ArmError;
-use crate::fitness::{Fitness, Origin, Shortfall};
+use crate::fitness::{Fitness, JointSource, Shortfall};
 use crate::joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 use crate::place::Place;
 
@@ -133,7 +133,7 @@ impl Reader<'_> {
         ignored.retain(|note| lacks.is_some() || Some(note) != lacked.as_ref());
         if base.is_none() {
             ignored.extend(lacks);
-            ignored.extend(plausible::notes(&arm, &self.bodies(table, &arm), &self.origins(table)));
+            ignored.extend(plausible::notes(&arm, &self.bodies(table, &arm), &self.sources(table)));
         }
         Ok((arm, ignored))
     }
@@ -149,13 +149,13 @@ impl Reader<'_> {
         let has_rotor = |joint: &Spanned<JointTable>| joint.get_ref().rotor_inertia.is_some();
         let massless = !table.joint.iter().any(|joint| has_mass(joint) || has_rotor(joint));
         let shortfall = massless.then(|| Shortfall::NoMasses { at: Place::start(self.origin) });
-        Fitness::of_file(self.origins(table), shortfall)
+        Fitness::of_file(self.sources(table), shortfall)
     }
 
-    fn origins(&self, table: &ArmTable) -> Vec<Origin> {
+    fn sources(&self, table: &ArmTable) -> Vec<JointSource> {
         let of = |joint: &Spanned<JointTable>| {
             let name = joint.get_ref().name.clone();
-            Origin { joint: name.clone(), link: name, at: self.place(joint) }
+            JointSource { joint: name.clone(), link: name, at: self.place(joint) }
         };
         table.joint.iter().map(of).collect()
     }

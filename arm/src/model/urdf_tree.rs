@@ -11,7 +11,7 @@ use super::urdf_joint::{Details, Motion};
 use super::{ArmFile, Selection, plausible};
 use crate::arm::Arm;
 use crate::arm_error::{ArmError, MAX_DOF};
-use crate::fitness::{Fitness, Origin, Purpose, Shortfall};
+use crate::fitness::{Fitness, JointSource, Purpose, Shortfall};
 
 /// Standard gravity of the model's files, m/s².
 pub(super) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
@@ -33,14 +33,14 @@ pub(super) fn arm(mut robot: Robot<'_>, selection: &Selection) -> Result<ArmFile
         None => Isometry3::identity(),
     };
     let shortfall = shortfall(&robot, &fold);
-    let fitness = Fitness::of_file(origins(&robot, &chain), shortfall);
+    let fitness = Fitness::of_file(sources(&robot, &chain), shortfall);
     let arm = Arm::derived(&robot.name, joints, tool, GRAVITY, &fitness)
         .map_err(|source| arm_error(&robot, source))?;
     let mut ignored = vec![fold.what_was_taken(&robot)];
     ignored.append(&mut robot.notes);
     ignored.append(&mut fold.notes);
     ignored.extend(lacking(&arm));
-    ignored.extend(plausible::notes(&arm, &bodies, &origins(&robot, &chain)));
+    ignored.extend(plausible::notes(&arm, &bodies, &sources(&robot, &chain)));
     Ok(ArmFile { arm, effects: Vec::new(), ignored })
 }
 
@@ -121,11 +121,11 @@ fn shortfall(robot: &Robot<'_>, fold: &Fold<'_>) -> Option<Shortfall> {
     moved().find_map(|inertial| inertial.impossible.clone())
 }
 
-fn origins(robot: &Robot<'_>, chain: &Chain) -> Vec<Origin> {
+fn sources(robot: &Robot<'_>, chain: &Chain) -> Vec<JointSource> {
     let of = |&index: &usize| {
         let joint = &robot.joints[index];
         let link = robot.links[joint.child].name.clone();
-        Origin { joint: joint.name.clone(), link, at: robot.source.place(joint.at) }
+        JointSource { joint: joint.name.clone(), link, at: robot.source.place(joint.at) }
     };
     chain.joints.iter().map(of).collect()
 }

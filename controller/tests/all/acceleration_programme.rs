@@ -3,7 +3,7 @@
 
 use freeplay_arm::{Arm, Joint, Limits, Workspace, jacobian, paper_arm, rnea};
 use freeplay_controller::{
-    AccelerationProgramme, CompensationStatus, ContactGuard, Motion, PinForce, Qp, Wanted,
+    AccelerationOptions, AccelerationProgramme, CompensationStatus, Motion, PinForce, Qp, Wanted,
 };
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use nalgebra::{DMatrix, DVector, Vector6};
@@ -57,8 +57,8 @@ fn normal(play: &ArmWithPlay, index: usize) -> [f64; 2] {
 fn without_active_rows_it_is_damped_least_squares() {
     let arm = limited(|_| Limits::NONE);
     let play = with_play(&arm, &[4]);
-    let guard = ContactGuard { least_force: -1e4, turning: 1e4, ..ContactGuard::default() };
-    let mut programme = AccelerationProgramme::new(&arm, &play, PERIOD, guard).unwrap();
+    let options = AccelerationOptions { least_force: -1e4, turning: 1e4, ..AccelerationOptions::default() };
+    let mut programme = AccelerationProgramme::new(&arm, &play, PERIOD, options).unwrap();
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
     let (j, mut worst, n) = (jacobian_at(&arm, &Q), 0.0_f64, normal(&play, 0));
     let mut apart = 0.0_f64;
@@ -75,9 +75,9 @@ fn without_active_rows_it_is_damped_least_squares() {
         assert!(solver.solve(cost, linear, bounds).status.is_usable());
         let pairs = solver.solution().iter().zip(programme.solution());
         apart = pairs.fold(apart, |most, (solved, free)| most.max((solved - free).abs()));
-        let w = DMatrix::from_diagonal(&DVector::from_row_slice(guard.tool.as_slice()));
-        let p = j.transpose() * &w * &j + DMatrix::identity(6, 6) * guard.joints;
-        let expected = p.cholesky().unwrap().solve(&(j.transpose() * w * tool + joints * guard.joints));
+        let w = DMatrix::from_diagonal(&DVector::from_row_slice(options.tool.as_slice()));
+        let p = j.transpose() * &w * &j + DMatrix::identity(6, 6) * options.joints;
+        let expected = p.cholesky().unwrap().solve(&(j.transpose() * w * tool + joints * options.joints));
         assert!(expected.amax() > 0.1, "accelerations of nothing test nothing");
         worst = worst.max((DVector::from_row_slice(programme.accelerations()) - expected).amax());
     }
@@ -117,8 +117,8 @@ fn the_pin_force_is_affine_in_the_accelerations_with_the_mass_matrix() {
 fn an_acceleration_that_would_lift_the_journal_is_held_back_and_is_optimal() {
     let arm = paper_arm().arm;
     let play = with_play(&arm, &[4]);
-    let guard = ContactGuard::default();
-    let mut programme = AccelerationProgramme::new(&arm, &play, PERIOD, guard).unwrap();
+    let options = AccelerationOptions::default();
+    let mut programme = AccelerationProgramme::new(&arm, &play, PERIOD, options).unwrap();
     let (j, n) = (jacobian_at(&arm, &Q), normal(&play, 0));
     // Down, faster than the journal falls.
     let tool = Vector6::new(0.0, 0.0, -25.0, 0.0, 0.0, 0.0);
@@ -134,8 +134,11 @@ fn an_acceleration_that_would_lift_the_journal_is_held_back_and_is_optimal() {
         programme.solve(state, Motion { q: &[0.0; 2], v: &[0.0; 2], a: &[0.0; 2] }, &n, &REST, &wanted);
     assert_eq!(report.status, CompensationStatus::Solved);
     let (before, after) = (push(joints.as_slice()), push(programme.accelerations()));
-    println!("the bearing pushes with {after:.2} N (F_min {} N) instead of {before:.1} N", guard.least_force);
-    assert!(before < -10.0 && (after - guard.least_force).abs() < 1.0);
+    println!(
+        "the bearing pushes with {after:.2} N (F_min {} N) instead of {before:.1} N",
+        options.least_force
+    );
+    assert!(before < -10.0 && (after - options.least_force).abs() < 1.0);
     let (rows, bounds) = programme.rows();
     let (cost, linear) = programme.cost();
     let x = DVector::from_row_slice(programme.solution());
@@ -157,7 +160,8 @@ fn an_acceleration_that_would_lift_the_journal_is_held_back_and_is_optimal() {
 fn torques_and_braking_bind() {
     let arm = limited(|limits| Limits { effort: 1.02 * limits.effort.min(150.0), ..limits });
     let play = with_play(&arm, &[4]);
-    let mut programme = AccelerationProgramme::new(&arm, &play, PERIOD, ContactGuard::default()).unwrap();
+    let mut programme =
+        AccelerationProgramme::new(&arm, &play, PERIOD, AccelerationOptions::default()).unwrap();
     let (j, n, tool) = (jacobian_at(&arm, &Q), normal(&play, 0), Vector6::zeros());
     let limits = arm.joints()[4].limits;
     // Joint 5 runs towards its end and must brake in time; the drives have little to spare over gravity.

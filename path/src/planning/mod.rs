@@ -5,6 +5,7 @@ mod file;
 mod file_error;
 mod laps;
 mod nodes;
+mod path_tracking;
 mod plan;
 mod shape;
 mod sine;
@@ -12,7 +13,6 @@ mod spline;
 mod start;
 mod table;
 mod tool;
-mod track;
 
 pub use error::{HIGHEST_RATE, PathError};
 pub use file_error::{FEWEST_ROWS, FileError, Place};

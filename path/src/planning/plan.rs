@@ -8,12 +8,12 @@ use crate::planning::error::{HIGHEST_RATE, PathError};
 use crate::planning::file::{Content, Rows};
 use crate::planning::laps::Laps;
 use crate::planning::nodes::{Grid, Nodes};
+use crate::planning::path_tracking::{FEWEST_JOINTS, Lost, Tracker};
 use crate::planning::sine::{self, Swing};
 use crate::planning::spline::{Ends, Spline};
 use crate::planning::start::{explain, start_posture};
 use crate::planning::table::JointPath;
 use crate::planning::tool::ToolPath;
-use crate::planning::track::{FEWEST_JOINTS, Lost, Tracker};
 use crate::spec::{PathKind, PathSpec, Size, check_duration};
 
 /// Samples a second through which the sharp square's joint path runs.

@@ -6,8 +6,8 @@ use freeplay_arm::{
 use nalgebra::Isometry3;
 
 use crate::planning::error::PathError;
+use crate::planning::path_tracking::JOINTS_FOR_POSE;
 use crate::planning::sine::middle_of;
-use crate::planning::track::JOINTS_FOR_POSE;
 
 /// A posture, and how inverse kinematics came to it.
 type Solution = (Vec<f64>, IkReport);

@@ -1,4 +1,4 @@
-//! Following a Cartesian path with the joints: exact inverse kinematics from point to point.
+//! Tracks a Cartesian path with the joints: exact inverse kinematics from point to point.
 //!
 //! At each point Newton's method starts from the Taylor polynomial of the last one and runs to rounding error, so the
 //! motion stays on one branch. With the Jacobian J of the task (pose for six joints and more, else position), its

@@ -1,22 +1,22 @@
-//! What of a deviation of the tool the joints can take out with motions in proportion to it.
+//! The part of a tool deviation that the joints can correct with motions in proportion to it.
 //!
-//! Where an arm is stretched, or two of its axes are in line, hardly any motion of the joints moves the tool along one direction: the
-//! Jacobian has a singular value σ near zero there, with the direction u of the tool. To take a deviation d out along u exactly takes joints
-//! that move by d/σ, without bound. Below σ₀ = [`LEAST_SHARE`] of the largest singular value only the part
+//! Near a singular posture, where the arm is stretched or two of its axes are in line, the joints hardly move the tool along one direction u:
+//! the Jacobian has a singular value σ near zero. An exact correction of a deviation d along u moves the joints by d/σ, without bound. Below
+//! σ₀ = [`LEAST_SHARE`] of the largest singular value the controller asks only for the part
 //!
 //! `f = σ²/(σ² + λ²)`, `λ² = σ₀² (1 − (σ/σ₀)²)`
 //!
-//! of it is asked for, which is the solution of least squares damped by λ in that direction alone (Nakamura & Hanafusa 1986, J. Dyn. Syst. Meas.
-//! Control 108:163; Maciejewski & Klein 1988, J. Robot. Syst. 5:527). The joints then move by at most d/(2 σ₀), the
-//! part goes over to the whole without a step, and everywhere else the deviation is what it was.
+//! of d, the solution of least squares damped by λ in that direction alone (Nakamura & Hanafusa 1986, J. Dyn. Syst. Meas.
+//! Control 108:163; Maciejewski & Klein 1988, J. Robot. Syst. 5:527). The joints then move by at most d/(2 σ₀). The
+//! part passes into the whole without a step. All other directions keep their deviation.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// σ₀ over the largest singular value.
 pub const LEAST_SHARE: f64 = 0.05;
 
-/// The part of `deviation`, m, that joints with the tool's `jacobian` (6×n, linear rows first) take out; base frame.
-pub fn attainable(jacobian: &DMatrix<f64>, deviation: Vector3<f64>) -> Vector3<f64> {
+/// The part of `deviation`, m, that the joints correct; `jacobian` is that of the tool, 6×n with the linear rows first. Base frame.
+pub fn correctable_deviation(jacobian: &DMatrix<f64>, deviation: Vector3<f64>) -> Vector3<f64> {
     // Column by column: a transposed view of as many columns as there are joints would be allocated.
     let squares = jacobian.column_iter().fold(Matrix3::zeros(), |squares: Matrix3<f64>, column| {
         let linear = column.fixed_rows::<3>(0);
@@ -24,20 +24,20 @@ pub fn attainable(jacobian: &DMatrix<f64>, deviation: Vector3<f64>) -> Vector3<f
     });
     let eigen = squares.symmetric_eigen();
     let least = LEAST_SHARE * LEAST_SHARE * eigen.eigenvalues.max();
-    let mut attainable = deviation;
+    let mut correctable = deviation;
     for (square, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
         let square = square.max(0.0);
         if square < least {
             let damping = least - square;
-            attainable -= direction * (damping / (square + damping) * direction.dot(&deviation));
+            correctable -= direction * (damping / (square + damping) * direction.dot(&deviation));
         }
     }
-    attainable
+    correctable
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{LEAST_SHARE, attainable};
+    use super::{LEAST_SHARE, correctable_deviation};
     use nalgebra::{DMatrix, Matrix3, Vector3, dmatrix};
 
     /// Two links of 1 m in the x–y plane, bent by `elbow`, and a lift along z: along x it is stretched at 0.
@@ -51,7 +51,7 @@ mod tests {
     #[test]
     fn a_bent_arm_takes_all_of_it_out() {
         let deviation = Vector3::new(1e-4, -2e-4, 3e-4);
-        assert_eq!(attainable(&arm(1.0), deviation), deviation);
+        assert_eq!(correctable_deviation(&arm(1.0), deviation), deviation);
     }
 
     /// Least squares damped in the weak direction alone, by the singular value decomposition.
@@ -71,7 +71,8 @@ mod tests {
                 let gain = if sigma == 0.0 { 0.0 } else { sigma / (sigma * sigma + lambda) };
                 damped += v_t.row(i).transpose() * (gain * u.column(i).dot(&deviation));
             }
-            let (asked, most) = (attainable(&jacobian, deviation), deviation.norm() / (2.0 * least));
+            let (asked, most) =
+                (correctable_deviation(&jacobian, deviation), deviation.norm() / (2.0 * least));
             let off = (linear * damped - asked).norm() / deviation.norm();
             println!(
                 "elbow {elbow}: off by {off:.1e}, margin 1e-9; joints move by {:.2e}, at most {most:.2e}",
@@ -79,16 +80,16 @@ mod tests {
             );
             assert!(off < 1e-9 && damped.norm() <= most + deviation.norm());
         }
-        assert!((attainable(&arm(0.02), deviation) - deviation).norm() > 0.1 * deviation.norm());
+        assert!((correctable_deviation(&arm(0.02), deviation) - deviation).norm() > 0.1 * deviation.norm());
     }
 
     #[test]
     fn what_no_joint_can_move_is_left_out() {
         let mut planar = arm(1.0);
         planar.fixed_rows_mut::<1>(2).fill(0.0);
-        assert_eq!(attainable(&planar, Vector3::new(1e-4, 1e-4, 5e-4)).z, 0.0);
+        assert_eq!(correctable_deviation(&planar, Vector3::new(1e-4, 1e-4, 5e-4)).z, 0.0);
         assert_eq!(
-            attainable(&DMatrix::zeros(6, 2), Vector3::new(1.0, 2.0, 3.0)),
+            correctable_deviation(&DMatrix::zeros(6, 2), Vector3::new(1.0, 2.0, 3.0)),
             Vector3::new(1.0, 2.0, 3.0)
         );
     }
