@@ -22,7 +22,7 @@ use freeplay_terminal::target::{asked_file, claim_out};
 use freeplay_terminal::{flags, messages};
 use serde_json::{Value, json};
 
-use crate::{curves, inputs};
+use crate::{compare_curves, inputs};
 
 /// Compares a recording with what a model makes of the recorded motion.
 ///
@@ -121,14 +121,14 @@ impl View<'_> {
         match asked_file(out, &EXTENSIONS) {
             Some("html") => return write(out, &page()).map(|()| out.to_owned()),
             Some("parquet") => {
-                of_curves.next().map_or(Ok(()), |first| curves::write(first, out))?;
+                of_curves.next().map_or(Ok(()), |first| compare_curves::write(first, out))?;
                 return Ok(out.to_owned());
             }
             Some(_) => return write(out, &data()).map(|()| out.to_owned()),
             None => {}
         }
         for (residuals, name) in of_curves.zip(["residuals.parquet", "positions.parquet"]) {
-            curves::write(residuals, &out.join(name))?;
+            compare_curves::write(residuals, &out.join(name))?;
         }
         write(&out.join("compare.json"), &data())?;
         let path = out.join("report.html");

@@ -1,6 +1,6 @@
 //! The `freeplay` command: what was typed, and one short file for each command that no other crate holds.
 //!
-//! Modules: `args` (the command line), `manual`; `compare` with `curves`, `diagnose` with `diagnose_args`, `diagnose_view` and `diagnose_screen`, `excite`, `inputs` (models beside
+//! Modules: `args` (the command line), `manual`; `compare` with `compare_curves`, `diagnose` with `diagnose_args`, `diagnose_view` and `diagnose_screen`, `excite`, `inputs` (models beside
 //! recordings); `arm_command`, `export_command`, `record`, `scenario_command`, `campaign_command`, `controller`.
 
 mod args;
@@ -8,8 +8,8 @@ mod arm_command;
 mod campaign_command;
 mod check;
 mod compare;
+mod compare_curves;
 mod controller;
-mod curves;
 mod diagnose;
 mod diagnose_args;
 mod diagnose_screen;

@@ -10,9 +10,9 @@ const CAP_IPC_LOCK: u32 = 14;
 /// `CAP_SYS_NICE`, `capabilities(7)`.
 const CAP_SYS_NICE: u32 = 23;
 
-/// Time since the start of the machine, in clock ticks of all cores together.
+/// CPU time of the whole machine since its start, in clock ticks summed over all cores (`/proc/stat`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CpuTime {
+pub struct MachineCpuTime {
     /// Time that the hypervisor gave to others while this machine had work to do.
     pub stolen: u64,
     /// All time.
@@ -53,7 +53,7 @@ pub struct Facts {
     /// Whether a hypervisor is below.
     pub is_virtual: bool,
     /// Stolen time since the start of the machine.
-    pub cpu_time: Option<CpuTime>,
+    pub cpu_time: Option<MachineCpuTime>,
 }
 
 impl Facts {
@@ -91,12 +91,12 @@ impl Facts {
             quota: quota(&text),
             load: text("proc/loadavg").and_then(|text| text.split(' ').next()?.parse().ok()),
             is_virtual: text("proc/cpuinfo").is_some_and(|text| has_flag(&text, "hypervisor")),
-            cpu_time: text("proc/stat").as_deref().and_then(CpuTime::of),
+            cpu_time: text("proc/stat").as_deref().and_then(MachineCpuTime::of),
         }
     }
 }
 
-impl CpuTime {
+impl MachineCpuTime {
     /// From the text of `/proc/stat`: the eighth number of the first line is the time stolen, and the last two are in the first two
     /// already (`proc_stat(5)`).
     pub fn of(stat: &str) -> Option<Self> {
@@ -188,7 +188,7 @@ fn deepest_idle(root: &Path) -> Option<u64> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 mod tests {
-    use super::{CpuTime, Facts, count};
+    use super::{Facts, MachineCpuTime, count};
 
     #[test]
     fn a_machine_of_which_nothing_is_known_is_neither_good_nor_bad() {
@@ -241,7 +241,7 @@ mod tests {
             quota: Some(1.5),
             load: Some(0.52),
             is_virtual: true,
-            cpu_time: Some(CpuTime { stolen: 7, total: 117 }),
+            cpu_time: Some(MachineCpuTime { stolen: 7, total: 117 }),
             ..Facts::default()
         };
         assert_eq!(Facts::read(folder.path()), expected);

@@ -33,7 +33,7 @@ pub fn judge(facts: &Facts, around: &SystemState, probe: Option<&Probe>, wanted:
 #[cfg(test)]
 mod tests {
     use super::judge;
-    use crate::facts::{CpuTime, Facts};
+    use crate::facts::{Facts, MachineCpuTime};
     use crate::findings::{Level, Use, Verdict};
     use crate::probe::{Lateness, Probe, SystemState};
 
@@ -49,7 +49,7 @@ mod tests {
             clock_source: Some("tsc".to_owned()),
             cores: Some(4),
             load: Some(0.1),
-            cpu_time: Some(CpuTime { stolen: 0, total: 1000 }),
+            cpu_time: Some(MachineCpuTime { stolen: 0, total: 1000 }),
             ..Facts::default()
         };
         let around = SystemState {
@@ -86,7 +86,7 @@ mod tests {
             ("timer resolution", Some(Use::Medians), |_, a| a.resolution = 4_000_000),
             ("clock source", Some(Use::Medians), |f, _| f.clock_source = Some("hpet".to_owned())),
             ("time stolen by the hypervisor", Some(Use::Tails), |f, _| {
-                f.cpu_time = Some(CpuTime { stolen: 2, total: 1000 });
+                f.cpu_time = Some(MachineCpuTime { stolen: 2, total: 1000 });
             }),
         ];
         for (item, spoils, change) in cases {

@@ -12,7 +12,7 @@ use rustix::fs::{statfs, statvfs};
 use rustix::time::{ClockId, clock_getres};
 use serde::Serialize;
 
-use crate::facts::CpuTime;
+use crate::facts::MachineCpuTime;
 
 /// `f_type` of tmpfs, `statfs(2)`.
 const TMPFS: u64 = 0x0102_1994;
@@ -114,7 +114,7 @@ fn measure(priority: u8) -> Result<Probe, hdrhistogram::CreationError> {
     };
     let spun = lateness(SPIN)?;
     let after = cpu_time();
-    let passed = |of: fn(&CpuTime) -> u64| match (&before, &after) {
+    let passed = |of: fn(&MachineCpuTime) -> u64| match (&before, &after) {
         (Some(before), Some(after)) => of(after).saturating_sub(of(before)),
         _ => 0,
     };
@@ -130,8 +130,8 @@ fn measure(priority: u8) -> Result<Probe, hdrhistogram::CreationError> {
     })
 }
 
-fn cpu_time() -> Option<CpuTime> {
-    CpuTime::of(&std::fs::read_to_string("/proc/stat").ok()?)
+fn cpu_time() -> Option<MachineCpuTime> {
+    MachineCpuTime::of(&std::fs::read_to_string("/proc/stat").ok()?)
 }
 
 /// Keeps the cores out of deep idle states until the file is closed.

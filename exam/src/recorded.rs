@@ -43,11 +43,12 @@ pub fn play_recorded(
     Ok(Some((summary, recording)))
 }
 
-/// Refuses the controller `name` whose run alone has this `summary` if the plant stopped the arm for what it did: nothing can be measured beside it.
+/// Checks the `summary` of the run in which the controller `name` was alone. Refuses the controller if its own commands made the plant stop the arm: an exam
+/// has then no sound run to compare with.
 ///
 /// # Errors
 /// A verdict that failed: what stopped the arm, and how `mode` takes commands.
-pub fn check_alone(summary: &RunSummary, name: &str, mode: Drive) -> Result<(), Failure> {
+pub fn check_solo_run(summary: &RunSummary, name: &str, mode: Drive) -> Result<(), Failure> {
     // Brakes that close because no command came in time may be the fault of a busy machine.
     let is_its_own =
         summary.stopped["reason"].is_string() && summary.stopped["reason"] == summary.stopped["quantity"];

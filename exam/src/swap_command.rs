@@ -25,7 +25,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::recorded::{check_alone, play_recorded};
+use crate::recorded::{check_solo_run, play_recorded};
 use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
 
 /// The schema of `swap.json`.
@@ -188,7 +188,7 @@ impl Stage {
             else {
                 return Ok(played);
             };
-            check_alone(&summary, &name, self.scenario.mode)?;
+            check_solo_run(&summary, &name, self.scenario.mode)?;
             alone.push(Alone::new(&summary, &name, &recording)?);
         }
         played.held_alone = alone.iter().map(Alone::held_share).fold(0.0, f64::max);

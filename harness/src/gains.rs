@@ -14,8 +14,8 @@ use freeplay_plant::{Input, PlantConfig, System};
 use freeplay_shm::{CommandStatus, Mode, Pace, Reference, State};
 
 use crate::scenario::{Drive, Scenario};
-use crate::screen::BOUNCING;
 use crate::setup::Setup;
+use crate::terminal_summary::BOUNCING;
 use freeplay_terminal::exit::Failure;
 
 /// Time that is left to the drop of a centred journal, s, and the time that is judged after it, s.

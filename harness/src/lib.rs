@@ -10,7 +10,7 @@
 //! - [`columns`], `recorder`, [`histogram_files`], [`summary`]: the recording, the latencies and the results.
 //! - `verdict`: whether a run was sound, and the words for what stopped an arm.
 //! - `live`: the view of a run in the terminal.
-//! - `screen`, `run_report`, `run_film`, [`report_command`]: the table and the reports.
+//! - `terminal_summary`, `run_report`, `run_film`, [`report_command`]: the table and the reports.
 //! - [`weights`]: what a network learned beyond the model, and how far that reaches along the path.
 //! - [`closed_loop`]: the same loop in this process, without shared memory and gate; [`loop_recorder`]: its recording.
 //! - [`replay`]: the recorded states of a run, given to a new controller process.
@@ -35,13 +35,13 @@ mod run_film;
 mod run_report;
 pub mod scenario;
 pub mod scenario_place;
-mod screen;
 pub mod setup;
 pub mod summary;
 pub mod swap_tables;
 pub mod swaps;
+mod terminal_summary;
 mod verdict;
 pub mod weights;
 mod weights_reach;
 
-pub use screen::ending;
+pub use terminal_summary::ending;

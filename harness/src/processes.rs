@@ -231,11 +231,11 @@ fn terminate(child: &Child) {
     }
 }
 
-/// What a run of `members`, the first in charge, came to, from how its processes `ended`; `has_begun` if all of them came.
+/// The exit code of a run, from how its processes `ended`. The first of `members` was in charge; `has_begun` says that all of them joined.
 ///
 /// # Errors
 /// A plant that failed.
-pub fn exit(ended: &Ended, members: &[ControllerSelection], has_begun: bool) -> Result<Exit, Failure> {
+pub fn exit_of_run(ended: &Ended, members: &[ControllerSelection], has_begun: bool) -> Result<Exit, Failure> {
     let said = |status: ExitStatus| match status.code() {
         Some(code) => format!("exit code {code}"),
         None => format!("{status}"),

@@ -25,7 +25,7 @@ use crate::controller_selection::ControllerSelection;
 use crate::live::{Title, Watch};
 use crate::plant_command::pace_name;
 use crate::processes::{
-    Ended, exit as exit_of, new_run, start_in_slot, start_plant, start_watched_plant, supervise,
+    Ended, exit_of_run, new_run, start_in_slot, start_plant, start_watched_plant, supervise,
 };
 use crate::run_files::{Files, RECORDED};
 use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
@@ -33,7 +33,7 @@ use crate::scenario_place::located;
 use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
 
-use crate::{gains, run_report, screen, swaps, weights, weights_reach};
+use crate::{gains, run_report, swaps, terminal_summary, weights, weights_reach};
 
 /// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
 const LAST_WORDS: usize = 2000;
@@ -235,7 +235,7 @@ fn said(contestant: &ControllerSelection, files: &Files) -> PathBuf {
 
 fn title(contestant: &ControllerSelection, scenario: &Scenario, setup: &Setup) -> Title {
     Title {
-        words: screen::heading(scenario, setup),
+        words: terminal_summary::heading(scenario, setup),
         seconds: setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9,
         period: setup.plant.period_ns as f64 * 1e-9,
         controllers: swaps::names(&contestant.asked, &scenario.standby),
@@ -338,7 +338,7 @@ fn play_watched(
         .collect::<Result<_, _>>()?;
     let root = new_run()?;
     let ended = processes(scenario, &members, files, &root, delay, stop, watch)?;
-    let exit = exit_of(&ended, &members, has_left())?;
+    let exit = exit_of_run(&ended, &members, has_left())?;
     if exit != Exit::Done && !has_left() {
         for line in last_lines(&said(contestant, files)) {
             messages::note(line);
@@ -449,7 +449,7 @@ fn finish(
     match args.format {
         Format::Json => say(&format!("{text}\n"))?,
         Format::Text => {
-            show(&screen::table(scenario, setup, runs, out, report.as_deref().unwrap_or(out)))?;
+            show(&terminal_summary::table(scenario, setup, runs, out, report.as_deref().unwrap_or(out)))?;
         }
     }
     report.map(|_| ())

@@ -137,7 +137,7 @@ pub fn overview(played: &[Played]) -> Vec<Block> {
                 run.name(),
             )
         } else {
-            let how = crate::screen::ending(summary).unwrap_or_else(|| summary.ending.to_string());
+            let how = crate::terminal_summary::ending(summary).unwrap_or_else(|| summary.ending.to_string());
             let failures = summary.failures.iter().filter_map(crate::verdict::failure_words);
             let all: Vec<String> = (!finished).then_some(how).into_iter().chain(failures).collect();
             let what = if finished { "finished, and failed" } else { "did not finish under control" };

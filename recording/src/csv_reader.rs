@@ -69,7 +69,7 @@ fn lines<R: Read>(input: R, form: &Form, line: u64) -> Lines<R> {
         .flexible(true)
         .delimiter(form.separator)
         .buffer_capacity(1 << 16)
-        .from_reader(LineGuard::at(input, line))
+        .from_reader(LineGuard::from_line(input, line))
 }
 
 /// The first bytes of `input`: more than a few if lines are long.

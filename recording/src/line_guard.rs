@@ -42,8 +42,8 @@ pub(crate) struct LineGuard<R> {
 }
 
 impl<R: Read> LineGuard<R> {
-    /// Of an input that begins with the line number `line`.
-    pub fn at(input: R, line: u64) -> Self {
+    /// Guards an `input` whose first line has the number `line`.
+    pub fn from_line(input: R, line: u64) -> Self {
         LineGuard {
             input,
             offset: 0,
@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn lines_are_numbered_as_an_editor_does() {
         let text = "a\n\nb\r\n\r\nc\rd,\"e\nf\"\n\"\"\"g\"\n h\"\ni";
-        let mut guard = LineGuard::at(text.as_bytes(), 1);
+        let mut guard = LineGuard::from_line(text.as_bytes(), 1);
         guard.read_to_end(&mut Vec::new()).expect("short lines");
         let expected = [("a", 1), ("b", 3), ("c", 5), ("d", 6), ("\"\"\"g", 8), (" h", 9), ("i", 10)];
         for (start, line) in expected {

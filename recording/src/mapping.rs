@@ -368,8 +368,11 @@ impl Mapping {
         let joints = (0..).take_while(|&joint| place(&our_name("q", joint)).is_some()).count();
         for (key, columns, _) in self.quantities() {
             let count = if key == "t" { 1 } else { expected_columns(key).unwrap_or(joints) };
-            let mut quantity =
-                Quantity { unwrap: columns.unwrap, delay: columns.delay, ..Quantity::plain(key, Vec::new()) };
+            let mut quantity = Quantity {
+                unwrap: columns.unwrap,
+                delay: columns.delay,
+                ..Quantity::unscaled(key, Vec::new())
+            };
             for index in 0..count {
                 let pick = place(&our_name(key, index)).map(|place| mapped.picks[place]);
                 let name = |source: usize| names[source].clone();

@@ -225,7 +225,7 @@ impl Sources {
     fn own(recording: &Recording) -> Self {
         let joints = recording.joints();
         let of = |group: Group| (0..joints).map(|joint| group.column(joint)).collect::<Vec<String>>();
-        let mut quantities = vec![Quantity::plain("t", vec!["t".to_owned()])];
+        let mut quantities = vec![Quantity::unscaled("t", vec!["t".to_owned()])];
         let groups = [
             (Group::Position, true),
             (Group::Velocity, recording.qd.is_some()),
@@ -233,21 +233,21 @@ impl Sources {
             (Group::Reference, recording.q_ref.is_some()),
         ];
         for (group, _) in groups.into_iter().filter(|(_, is_there)| *is_there) {
-            quantities.push(Quantity::plain(group.prefix(), of(group)));
+            quantities.push(Quantity::unscaled(group.prefix(), of(group)));
         }
         if recording.q_link.iter().any(Option::is_some) {
             let there = |(column, link): (String, &Option<Vec<f64>>)| {
                 link.as_ref().map_or_else(String::new, |_| column)
             };
             let columns = of(Group::Link).into_iter().zip(&recording.q_link).map(there).collect();
-            quantities.push(Quantity::plain(Group::Link.prefix(), columns));
+            quantities.push(Quantity::unscaled(Group::Link.prefix(), columns));
         }
         let named = |names: &[&str]| names.iter().map(ToString::to_string).collect();
         if recording.tool.is_some() {
-            quantities.push(Quantity::plain("tool", named(&TOOL)));
+            quantities.push(Quantity::unscaled("tool", named(&TOOL)));
         }
         if recording.orientation.is_some() {
-            quantities.push(Quantity::plain("orientation", named(&ORIENTATION)));
+            quantities.push(Quantity::unscaled("orientation", named(&ORIENTATION)));
         }
         Self { quantities, ..Self::default() }
     }

@@ -36,8 +36,8 @@ pub struct Sources {
 }
 
 impl Quantity {
-    /// The columns `columns` as they stand.
-    pub fn plain(key: &str, columns: Vec<String>) -> Self {
+    /// The quantity `key` in the columns `columns`, with scale 1 and offset 0.
+    pub fn unscaled(key: &str, columns: Vec<String>) -> Self {
         let count = columns.len();
         let (scale, offset) = (vec![1.0; count], vec![0.0; count]);
         Self { key: key.to_owned(), columns, scale, offset, unwrap: false, delay: 0.0 }

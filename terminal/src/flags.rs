@@ -21,16 +21,17 @@ pub struct Common {
     color: ColorChoice,
 }
 
-/// What was asked for, once it is known.
-pub(crate) static VOICE: OnceLock<Voice> = OnceLock::new();
+/// The output settings of this command, once the command line is read.
+pub(crate) static OUTPUT_SETTINGS: OnceLock<OutputSettings> = OnceLock::new();
 
-pub(crate) struct Voice {
+/// How this command writes, and when it started.
+pub(crate) struct OutputSettings {
     pub asked: Common,
-    pub begun: Instant,
+    pub started: Instant,
 }
 
 impl Common {
-    /// Lets all that is said from now on be said as asked for.
+    /// Applies these flags to all later output of the process.
     pub fn apply(self) {
         match self.color {
             ColorChoice::Auto => anstream::ColorChoice::Auto,
@@ -38,12 +39,12 @@ impl Common {
             ColorChoice::Never => anstream::ColorChoice::Never,
         }
         .write_global();
-        // What was said first holds: the command line is read once.
-        let _ = VOICE.set(Voice { asked: self, begun: Instant::now() });
+        // The first setting holds: the process reads its command line once.
+        let _ = OUTPUT_SETTINGS.set(OutputSettings { asked: self, started: Instant::now() });
     }
 }
 
-/// The --color among `words`, for what is printed of them before they are understood: help, and what is wrong with them.
+/// The --color among `words`, for output before the command line is parsed: help and usage errors.
 pub fn color_among(words: impl Iterator<Item = OsString>) -> ColorChoice {
     let words: Vec<String> = words.map(|word| word.to_string_lossy().into_owned()).collect();
     let after = words.iter().position(|word| word == "--color").and_then(|place| words.get(place + 1));
@@ -51,12 +52,12 @@ pub fn color_among(words: impl Iterator<Item = OsString>) -> ColorChoice {
     value.and_then(|value| ColorChoice::from_str(value, false).ok()).unwrap_or_default()
 }
 
-/// Whether results and errors are all that is wanted.
+/// Whether the user wants results and errors alone.
 pub fn is_quiet() -> bool {
-    VOICE.get().is_some_and(|voice| voice.asked.quiet)
+    OUTPUT_SETTINGS.get().is_some_and(|settings| settings.asked.quiet)
 }
 
-/// Whether what goes to standard output has colour.
+/// Whether standard output has colour.
 pub fn is_coloured() -> bool {
     anstream::AutoStream::choice(&std::io::stdout()) != anstream::ColorChoice::Never
 }

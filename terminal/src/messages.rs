@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use freeplay_report::one_line;
 use freeplay_storage::without_error_number;
 
-use crate::flags::{VOICE, is_quiet};
+use crate::flags::{OUTPUT_SETTINGS, is_quiet};
 pub use crate::layout::width;
 use crate::output::tell;
 use crate::progress;
@@ -30,23 +30,25 @@ pub fn fault(words: impl Display) {
 
 /// Says what was done, with --verbose, after the seconds since the start.
 pub fn detail(words: impl Display) {
-    if let Some(voice) = VOICE.get().filter(|voice| voice.asked.verbose && !voice.asked.quiet) {
-        tell_after(voice.begun, words);
+    if let Some(settings) =
+        OUTPUT_SETTINGS.get().filter(|settings| settings.asked.verbose && !settings.asked.quiet)
+    {
+        tell_after(settings.started, words);
     }
 }
 
 /// Says what is being done: of a command that takes long, or with --verbose; not with --quiet.
 pub fn announce(words: impl Display) {
-    let Some(voice) = VOICE.get().filter(|voice| !voice.asked.quiet) else { return };
-    if !voice.asked.verbose && progress::step(&one_line(&words.to_string())) {
+    let Some(settings) = OUTPUT_SETTINGS.get().filter(|settings| !settings.asked.quiet) else { return };
+    if !settings.asked.verbose && progress::step(&one_line(&words.to_string())) {
         return;
     }
-    if voice.asked.verbose || voice.begun.elapsed() > PATIENCE {
-        tell_after(voice.begun, words);
+    if settings.asked.verbose || settings.started.elapsed() > PATIENCE {
+        tell_after(settings.started, words);
     }
 }
 
-fn tell_after(begun: Instant, words: impl Display) {
-    let line = format!("{:5.1} s  {words}", begun.elapsed().as_secs_f64());
+fn tell_after(started: Instant, words: impl Display) {
+    let line = format!("{:5.1} s  {words}", started.elapsed().as_secs_f64());
     tell(&one_line(&line));
 }

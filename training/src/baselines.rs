@@ -18,7 +18,7 @@ use crate::bounds::around;
 use crate::choice::PAPER;
 use crate::data::{Channel, Data, OUTPUTS};
 use crate::held_out::{Answers, Tried, scored};
-use crate::structure::{Fitting, Structure, said, split, with_split};
+use crate::structure::{Fitting, Structure, fit_with_split, said, split};
 
 /// What something says of the windows of a held-out fold, m.
 type Say<'a> = dyn Fn(usize, &[Window]) -> Result<Vec<Vector3<f64>>, Failure> + 'a;
@@ -118,7 +118,7 @@ fn paper(data: &Data, fitting: Fitting) -> Result<Option<Tried>, Failure> {
         let stride = all.len().div_ceil(MOST).max(1);
         let some: Vec<Window> = all.into_iter().step_by(stride).collect();
         let split = at_random(&some, Fractions::PAPER, fitting.seed).map_err(Failure::internal)?;
-        let narx = with_split(&series, &structure, &layout, fitting, &split, Vec::new())?;
+        let narx = fit_with_split(&series, &structure, &layout, fitting, &split, Vec::new())?;
         let windows = data.windows(fitting.stride, layout.memory(), |run| data.folds[run] == fold);
         Ok(Answers { fold, said: said(&narx, &series, &windows)?, windows })
     })?;

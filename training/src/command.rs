@@ -25,7 +25,7 @@ use crate::selection::errors;
 use crate::structure::{Fitting, Structure};
 use crate::text::text;
 use crate::trained::Trained;
-use crate::weights::Weights;
+use crate::weight_files::Weights;
 
 /// Time from one window that trains to the next, s.
 const EVERY: f64 = 0.02;

@@ -109,14 +109,14 @@ pub fn fitted(
     let layout = structure.layout();
     let split = split(data, &layout, fitting, is_in);
     let least_ranges = data.least_ranges(&structure.inputs, &split.train);
-    with_split(series, structure, &layout, fitting, &split, least_ranges)
+    fit_with_split(series, structure, &layout, fitting, &split, least_ranges)
 }
 
-/// The same with a `layout`, a `split` and least ranges of the inputs of its own.
+/// Fits `structure` with the given `layout`, `split` and least ranges of the inputs.
 ///
 /// # Errors
 /// Too few samples for the network.
-pub fn with_split(
+pub fn fit_with_split(
     series: &Series,
     structure: &Structure,
     layout: &Layout,

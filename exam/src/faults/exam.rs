@@ -18,9 +18,9 @@ use indicatif::ProgressBar;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::faults::findings::{Finding, RunFindings, Verdict};
+use crate::faults::findings::{FaultOutcome, RunFindings, Verdict};
 use crate::faults::kinds::{Injection, Kind, Plan};
-use crate::recorded::{check_alone, play_recorded};
+use crate::recorded::{check_solo_run, play_recorded};
 use crate::swap_measures::{Alone, stalls};
 
 /// First tick of a fault: the arm has settled.
@@ -156,7 +156,7 @@ impl Exam {
             let folder = format!("sound/{name}");
             let played = self.play_patiently(&sound, &contestant, &folder, is_late)?;
             let Some((summary, recording)) = played else { return Ok(false) };
-            check_alone(&summary, name, self.scenario.mode)?;
+            check_solo_run(&summary, name, self.scenario.mode)?;
             self.alone.push(Alone::new(&summary, name, &recording)?);
             if slot == 0 && self.scenario.compare.is_none() {
                 let tolerance = self.limits.iter().map(|[lower, upper]| TOLERANCE * (upper - lower));
@@ -194,7 +194,7 @@ impl Exam {
         let findings = |summary: &RunSummary, recording: &Recording| {
             let stalls = stalls(summary);
             let of = |injection: &Injection| {
-                Finding::of(*injection, recording, &stalls, &self.alone, &self.names, WINDOW)
+                FaultOutcome::of(*injection, recording, &stalls, &self.alone, &self.names, WINDOW)
             };
             injections.iter().map(of).collect::<Result<Vec<_>, _>>()
         };

@@ -17,9 +17,9 @@ const HARMLESS: f64 = 1.05;
 /// Code of a braked arm in the column `in_force`.
 const BRAKED: f64 = 3.0;
 
-/// What came of one fault.
+/// The outcome of one fault.
 #[derive(Clone, Debug, Serialize)]
-pub struct Finding {
+pub struct FaultOutcome {
     /// The fault.
     pub injection: Injection,
     /// Whether the controller was in charge when it set in, and no brakes were closed; else there was nothing to find.
@@ -55,7 +55,7 @@ fn column<'a>(recording: &'a Recording, name: &str) -> Result<&'a [f64], Failure
     recording.column(name).ok_or_else(|| Failure::internal(format!("the recording has no column {name}")))
 }
 
-impl Finding {
+impl FaultOutcome {
     /// Of `injection`, from the recording of its run with these `stalls` of the machine: the `window` ticks from it on, beside the controllers
     /// `alone`.
     ///
@@ -151,7 +151,7 @@ fn reason(code: f64) -> &'static str {
 
 /// What came of the faults of one run, and of the run itself.
 pub struct RunFindings {
-    findings: Vec<Finding>,
+    findings: Vec<FaultOutcome>,
     bad_applied: u64,
     plant_late: u64,
     unrecorded: u64,
@@ -164,7 +164,7 @@ impl RunFindings {
     /// # Errors
     /// A recording that lacks what a run records.
     pub fn of(
-        findings: Vec<Finding>,
+        findings: Vec<FaultOutcome>,
         summary: &RunSummary,
         recording: &Recording,
         limits: &[[f64; 2]],
@@ -235,7 +235,7 @@ pub struct Verdict {
     /// Runs left in shared memory by killed processes, which were swept.
     pub swept: usize,
     /// All faults.
-    pub findings: Vec<Finding>,
+    pub findings: Vec<FaultOutcome>,
 }
 
 impl Verdict {

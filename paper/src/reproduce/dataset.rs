@@ -19,10 +19,10 @@ const CONSTANTS: [&str; 3] = ["clearance", "joints_with_play", "joint"];
 /// The deviation, mm.
 const OUTPUTS: [&str; 3] = ["x", "y", "z"];
 
-/// Which runs a network learns from.
+/// The runs that train a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Pool {
+pub enum TrainingRuns {
     /// One run, c = 0.6 mm.
     Single,
     /// The runs of all clearances, told apart by constant inputs: the paper's network.
@@ -31,7 +31,7 @@ pub enum Pool {
     Laps,
 }
 
-impl Pool {
+impl TrainingRuns {
     /// In words.
     pub fn name(self) -> &'static str {
         match self {
@@ -75,11 +75,11 @@ impl Dataset {
     /// Samples that are no numbers.
     pub fn new(
         runs: &Runs,
-        pool: Pool,
+        pool: TrainingRuns,
         (drive, path): (Drive, PathKind),
         period: f64,
     ) -> Result<Option<Self>, Failure> {
-        let told_apart = pool == Pool::Clearances;
+        let told_apart = pool == TrainingRuns::Clearances;
         let names: Vec<&str> =
             INPUTS.into_iter().chain(CONSTANTS.into_iter().filter(|_| told_apart)).collect();
         let mut series = Series::new(&names, &OUTPUTS).map_err(Failure::internal)?;
@@ -92,7 +92,7 @@ impl Dataset {
             series.push_run(&case.situation(), inputs, outputs).map_err(Failure::internal)?;
             physics.push(predicted);
         }
-        let lap = (pool == Pool::Laps).then(|| (period / TICK).round() as usize / STRIDE);
+        let lap = (pool == TrainingRuns::Laps).then(|| (period / TICK).round() as usize / STRIDE);
         Ok(Some(Self { series, physics, lap }))
     }
 }

@@ -7,7 +7,7 @@ use freeplay_terminal::exit::Failure;
 
 use super::case::{CLEARANCES, PERIODS};
 use super::claim::{Claim, Ruling};
-use super::dataset::Pool;
+use super::dataset::TrainingRuns;
 use super::network::{Cut, Study};
 use super::{Reproduction, figures, parameters, tables};
 
@@ -120,10 +120,10 @@ fn network(studies: &[Study]) -> Section {
         .with(tables::networks(studies, true));
     let is_shown = |study: &&Study| {
         let setting = &study.setting;
-        let pool = if studies.iter().any(|study| study.setting.pool == Pool::Clearances) {
-            Pool::Clearances
+        let pool = if studies.iter().any(|study| study.setting.pool == TrainingRuns::Clearances) {
+            TrainingRuns::Clearances
         } else {
-            Pool::Single
+            TrainingRuns::Single
         };
         setting.drive == Drive::Driven && setting.cut == Cut::Random && setting.pool == pool
     };

@@ -8,7 +8,7 @@ use freeplay_report::{Axis, Chart, Drawing, Mark, Series};
 use super::case::{CLEARANCES, Case, FRICTIONS, PERIODS, drive_name, path_name, rubbing};
 use super::dataset::STRIDE;
 use super::network::{Prediction, Study};
-use super::orbit::Orbit;
+use super::orbit::JournalOrbit;
 use super::peaks::ContactMode;
 use super::trace::{Outcome, Runs, Trace};
 use crate::simulation::TICK;
@@ -40,7 +40,7 @@ fn lines(
 }
 
 /// The journal's orbit and its distance from the middle, by contact mode.
-pub fn orbit(title: &str, caption: &str, orbit: &Orbit, clearance: f64) -> Drawing {
+pub fn orbit(title: &str, caption: &str, orbit: &JournalOrbit, clearance: f64) -> Drawing {
     let (x, z) = (&orbit.offset[0], &orbit.offset[1]);
     let eccentricity = orbit.eccentricity();
     let rim = Series::circle("bearing, less the journal's radius", (0.0, 0.0), clearance)
@@ -250,7 +250,7 @@ impl Fit {
 #[cfg(test)]
 mod tests {
     use super::{Fit, orbit};
-    use crate::reproduce::orbit::Orbit;
+    use crate::reproduce::orbit::JournalOrbit;
     use crate::reproduce::peaks::ContactMode;
     use freeplay_report::Document;
 
@@ -272,7 +272,7 @@ mod tests {
 
     #[test]
     fn the_orbit_s_axes_have_units_and_its_modes_names() {
-        let drop = Orbit {
+        let drop = JournalOrbit {
             time: vec![0.0, 1e-4, 2e-4],
             offset: [vec![0.0, 0.1, 0.2], vec![0.0, -0.3, -0.6]],
             mode: vec![ContactMode::Free, ContactMode::Impact, ContactMode::Continuous],

@@ -3,7 +3,7 @@
 //! Modules in the order in which numbers pass through them: `case` (what is simulated), `trace` and `peaks` (what a run leaves),
 //! `orbit` (the journal in its bearing), `dataset`, `network` and `free_run` (learning), `compensation`, `improvement`; `reference` (what
 //! others found), `claim`, `motion_claims` and `network_claims` (verdicts); `parameters`, `figures`, `tables`, `document` and
-//! `screen` (what a person sees).
+//! `terminal_summary` (what a person sees).
 
 mod case;
 mod claim;
@@ -20,8 +20,8 @@ mod orbit;
 mod parameters;
 mod peaks;
 mod reference;
-mod screen;
 mod tables;
+mod terminal_summary;
 mod trace;
 
 use std::path::PathBuf;
@@ -40,12 +40,12 @@ use serde_json::json;
 use case::{CLEARANCES, Case, PERIODS, Scope};
 use claim::Claim;
 use compensation::Played;
-use dataset::{Dataset, Pool};
+use dataset::{Dataset, TrainingRuns};
 use freeplay_terminal::files::claim;
 use improvement::Improved;
 use motion_claims::Evidence;
-use network::{Cut, Setting, Study, study};
-use orbit::Orbit;
+use network::{Cut, Experiment, Study, study};
+use orbit::JournalOrbit;
 use reference::Independent;
 use trace::Runs;
 
@@ -94,7 +94,7 @@ pub struct Reproduction {
     command: String,
     scope: Scope,
     runs: Runs,
-    orbits: Vec<(&'static str, &'static str, Orbit)>,
+    orbits: Vec<(&'static str, &'static str, JournalOrbit)>,
     studies: Vec<Study>,
     played: Vec<Played>,
     improved: Vec<Improved>,
@@ -116,7 +116,7 @@ pub fn reproduce(args: &ReproduceArgs) -> Result<Exit, Failure> {
     freeplay_terminal::files::write(&folder.join("reproduce.json"), &numbers)?;
     match args.format {
         Format::Json => say(&format!("{numbers}\n"))?,
-        Format::Text => show(&screen::summary(&done.claims, folder))?,
+        Format::Text => show(&terminal_summary::summary(&done.claims, folder))?,
     }
     Ok(Exit::Done)
 }
@@ -134,8 +134,9 @@ fn find(args: &ReproduceArgs) -> Result<Reproduction, Failure> {
     let studies = if args.skip.contains(&Part::Network) {
         Vec::new()
     } else {
-        let settings = settings(&scope, args.quick);
-        let studies = over("training", settings.len(), |index| train(&settings[index], &runs, &effort))?;
+        let experiments = experiments(&scope, args.quick);
+        let studies =
+            over("training", experiments.len(), |index| train(&experiments[index], &runs, &effort))?;
         studies.into_iter().flatten().collect()
     };
     let (mut played, mut improved) = (Vec::new(), Vec::new());
@@ -182,7 +183,7 @@ fn command(args: &ReproduceArgs) -> String {
 }
 
 /// The journal's way during the first drop and, where there is a corner, around it.
-fn orbits(scope: &Scope) -> Result<Vec<(&'static str, &'static str, Orbit)>, Failure> {
+fn orbits(scope: &Scope) -> Result<Vec<(&'static str, &'static str, JournalOrbit)>, Failure> {
     let largest = |path| Case::new(Drive::Driven, path, PERIODS[0], CLEARANCES[2]);
     let mut views = vec![(
         "The first drop: the journal falls from the middle of its bearing and bounces",
@@ -200,29 +201,33 @@ fn orbits(scope: &Scope) -> Result<Vec<(&'static str, &'static str, Orbit)>, Fai
     }
     let found = over("following the journal", views.len(), |index| {
         let (_, _, case, start) = &views[index];
-        Orbit::follow(case, *start, 0.3)
+        JournalOrbit::follow(case, *start, 0.3)
     })?;
     Ok(views.iter().zip(found).map(|((title, caption, _, _), orbit)| (*title, *caption, orbit)).collect())
 }
 
 /// The questions to the network: single runs and all clearances, both splits; three laps in blocks.
-fn settings(scope: &Scope, quick: bool) -> Vec<Setting> {
-    let mut settings = Vec::new();
-    let pools: &[Pool] = if quick { &[Pool::Single] } else { &[Pool::Clearances, Pool::Single, Pool::Laps] };
+fn experiments(scope: &Scope, quick: bool) -> Vec<Experiment> {
+    let mut experiments = Vec::new();
+    let pools: &[TrainingRuns] = if quick {
+        &[TrainingRuns::Single]
+    } else {
+        &[TrainingRuns::Clearances, TrainingRuns::Single, TrainingRuns::Laps]
+    };
     for &pool in pools {
         for (drive, path) in scope.pairs() {
             for period in PERIODS {
                 let cuts: &[Cut] =
-                    if pool == Pool::Laps { &[Cut::Block] } else { &[Cut::Random, Cut::Block] };
-                settings.extend(cuts.iter().map(|&cut| Setting { drive, path, period, pool, cut }));
+                    if pool == TrainingRuns::Laps { &[Cut::Block] } else { &[Cut::Random, Cut::Block] };
+                experiments.extend(cuts.iter().map(|&cut| Experiment { drive, path, period, pool, cut }));
             }
         }
     }
-    settings
+    experiments
 }
 
 /// The study of `setting`; none where its runs were not made.
-fn train(setting: &Setting, runs: &Runs, effort: &Effort) -> Result<Option<Study>, Failure> {
+fn train(setting: &Experiment, runs: &Runs, effort: &Effort) -> Result<Option<Study>, Failure> {
     let data = Dataset::new(runs, setting.pool, (setting.drive, setting.path), setting.period)?;
     data.map(|data| study(*setting, &data, effort.seeds, effort.epochs)).transpose()
 }

@@ -17,7 +17,7 @@ use freeplay_predictor::{Activation, Arx, Narx, Provenance, Split, Window, basel
 use freeplay_terminal::exit::Failure;
 use serde::Serialize;
 
-use super::dataset::{Dataset, Pool, layout};
+use super::dataset::{Dataset, TrainingRuns, layout};
 use super::free_run::{free_runs, starts};
 
 /// The paper's hidden layers.
@@ -43,9 +43,9 @@ impl Cut {
     }
 }
 
-/// One question to the network.
+/// One training experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Setting {
+pub struct Experiment {
     /// Who moves the joints.
     pub drive: Drive,
     /// Shape of the path.
@@ -53,7 +53,7 @@ pub struct Setting {
     /// Time of a lap, s.
     pub period: f64,
     /// What it learns from.
-    pub pool: Pool,
+    pub pool: TrainingRuns,
     /// How the windows are distributed.
     pub cut: Cut,
 }
@@ -91,7 +91,7 @@ pub struct Trial {
 #[derive(Clone, Debug, Serialize)]
 pub struct Study {
     /// The question.
-    pub setting: Setting,
+    pub setting: Experiment,
     /// Windows that train, validate and test.
     pub windows: [usize; 3],
     /// Weights of the network.
@@ -120,7 +120,7 @@ pub struct Prediction {
 ///
 /// # Errors
 /// Data that can't be learnt from.
-pub fn study(setting: Setting, data: &Dataset, seeds: u64, epochs: usize) -> Result<Study, Failure> {
+pub fn study(setting: Experiment, data: &Dataset, seeds: u64, epochs: usize) -> Result<Study, Failure> {
     let all = windows(&data.series, layout().memory(), 1).map_err(Failure::internal)?;
     let mut study =
         Study { setting, windows: [0; 3], weights: 0, trials: Vec::new(), shown: Prediction::default() };

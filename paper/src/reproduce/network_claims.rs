@@ -8,8 +8,8 @@ use freeplay_path::PathKind;
 
 use super::case::{PERIODS, drive_name, path_name};
 use super::claim::{Claim, Quantity, Row, Tag};
-use super::dataset::Pool;
-use super::network::{Cut, Scores, Setting, Study, Trial, median, total};
+use super::dataset::TrainingRuns;
+use super::network::{Cut, Experiment, Scores, Study, Trial, median, total};
 use super::reference;
 
 /// Share of all pairs of trainings that must agree on an order: four of five.
@@ -48,7 +48,7 @@ fn least_r(scores: &Scores) -> f64 {
     (0..AXES.len()).map(|axis| r(scores, axis)).fold(f64::INFINITY, f64::min)
 }
 
-fn tags(setting: &Setting, closed: bool) -> Vec<Tag> {
+fn tags(setting: &Experiment, closed: bool) -> Vec<Tag> {
     let path = match setting.path {
         PathKind::SquareSharp => "the path has sharp corners",
         _ => "the path is smooth",
@@ -68,14 +68,14 @@ fn tags(setting: &Setting, closed: bool) -> Vec<Tag> {
         "measured deviations are at hand up to the sample before"
     };
     let pool = match setting.pool {
-        Pool::Single => "one run is learnt from",
-        Pool::Clearances => "all clearances are learnt from",
-        Pool::Laps => "a lap was seen before",
+        TrainingRuns::Single => "one run is learnt from",
+        TrainingRuns::Clearances => "all clearances are learnt from",
+        TrainingRuns::Laps => "a lap was seen before",
     };
     vec![("cut", cut), ("reach", reach), ("path", path), ("drive", drive), ("pool", pool)]
 }
 
-fn situation(setting: &Setting, closed: bool) -> String {
+fn situation(setting: &Experiment, closed: bool) -> String {
     let reach = if closed { "free run" } else { "one step" };
     format!(
         "{}, {}, {}, {} split, {reach}",
@@ -89,7 +89,7 @@ fn situation(setting: &Setting, closed: bool) -> String {
 /// The two studies of a setting that differ in the period: T = 6 s, T = 12 s.
 fn pairs(studies: &[Study]) -> impl Iterator<Item = (&Study, &Study)> {
     studies.iter().filter(|study| study.setting.period == PERIODS[0]).filter_map(|short| {
-        let same = |study: &&Study| study.setting == Setting { period: PERIODS[1], ..short.setting };
+        let same = |study: &&Study| study.setting == Experiment { period: PERIODS[1], ..short.setting };
         studies.iter().find(same).map(|long| (short, long))
     })
 }
@@ -101,14 +101,14 @@ pub fn claims(studies: &[Study]) -> Vec<Claim> {
 
 fn error_falls(studies: &[Study]) -> Claim {
     let mut situations = Vec::new();
-    for (short, long) in pairs(studies).filter(|(short, _)| short.setting.pool != Pool::Laps) {
+    for (short, long) in pairs(studies).filter(|(short, _)| short.setting.pool != TrainingRuns::Laps) {
         for closed in [false, true] {
             let errors =
                 |study: &Study| study.trials.iter().map(|trial| trial.error(closed)).collect::<Vec<f64>>();
             let known = |study: &Study, name| study.median(|trial| baseline(trial, name, closed));
-            let Setting { drive, path, cut, pool, .. } = short.setting;
+            let Experiment { drive, path, cut, pool, .. } = short.setting;
             let theirs = reference::network(drive, path, cut == Cut::Random)
-                .filter(|_| pool == Pool::Single && !closed);
+                .filter(|_| pool == TrainingRuns::Single && !closed);
             let of = |values: Option<[f64; 2]>| {
                 values.map_or([None; 2], |[six, twelve]| [Some(six), Some(twelve)])
             };
@@ -156,7 +156,7 @@ fn baseline(trial: &Trial, name: &str, closed: bool) -> f64 {
 
 fn correlation_rises(studies: &[Study]) -> Claim {
     let mut situations = Vec::new();
-    for (short, long) in pairs(studies).filter(|(short, _)| short.setting.pool != Pool::Laps) {
+    for (short, long) in pairs(studies).filter(|(short, _)| short.setting.pool != TrainingRuns::Laps) {
         for (axis, name) in AXES.into_iter().enumerate() {
             let values =
                 |study: &Study| study.trials.iter().map(|trial| r(&trial.open, axis)).collect::<Vec<f64>>();
@@ -250,8 +250,8 @@ mod tests {
     use super::{claims, least_r, superiority};
     use crate::reproduce::case::PERIODS;
     use crate::reproduce::claim::Ruling;
-    use crate::reproduce::dataset::Pool;
-    use crate::reproduce::network::{Baseline, Cut, Prediction, Scores, Setting, Study, Trial};
+    use crate::reproduce::dataset::TrainingRuns;
+    use crate::reproduce::network::{Baseline, Cut, Experiment, Prediction, Scores, Study, Trial};
     use freeplay_harness::scenario::Drive;
     use freeplay_path::PathKind;
     use freeplay_predictor::metrics::{Parts, Score};
@@ -274,11 +274,11 @@ mod tests {
                 closed: scores(known, r),
             }],
         };
-        let setting = Setting {
+        let setting = Experiment {
             drive: Drive::Driven,
             path: PathKind::Lissajous,
             period,
-            pool: Pool::Single,
+            pool: TrainingRuns::Single,
             cut: Cut::Random,
         };
         let trials = mse.into_iter().enumerate().map(trial).collect();

@@ -11,18 +11,18 @@ const STEP: f64 = 1e-4;
 /// Sub-steps of it: 20 µs, as in all other runs.
 const SUBSTEPS: u32 = 5;
 
-/// The journal's way during a part of a run.
+/// The orbit of the journal in its bearing during a part of a run.
 #[derive(Clone, Debug, Default)]
-pub struct Orbit {
+pub struct JournalOrbit {
     /// Times, s.
     pub time: Vec<f64>,
     /// Offset of the journal in the plane across the joint's axis, along the forearm and across it, mm.
     pub offset: [Vec<f64>; 2],
-    /// How it is at each instant.
+    /// Mode of contact at each instant.
     pub mode: Vec<ContactMode>,
 }
 
-impl Orbit {
+impl JournalOrbit {
     /// Follows the journal of `case` from `start` for `length` seconds.
     ///
     /// # Errors

@@ -7,9 +7,9 @@
 use freeplay_arm::{Arm, Workspace, crba, forward_kinematics, rnea};
 use nalgebra::DMatrix;
 
+use crate::data_sheet_deviations::DataSheetDeviations;
 use crate::machine::{Plan, Trace};
 use crate::sensors::{Chain, Clean};
-use crate::tolerances::Tolerances;
 
 /// Time between points, s.
 const GRID: f64 = 4e-3;
@@ -155,10 +155,10 @@ pub(crate) fn residual(
     nominal: &Arm,
     plan: &Plan,
     trace: &Trace,
-    tolerances: &Tolerances,
+    deviations: &DataSheetDeviations,
     duration: f64,
 ) -> Residual {
-    let clean = Clean::new(plan, trace, tolerances);
+    let clean = Clean::new(plan, trace, deviations);
     let mut walk = Walk::new(nominal);
     let mut residual = Residual { torque: vec![Vec::new(); nominal.dof()], ..Residual::default() };
     for t in grid(duration) {
@@ -206,12 +206,12 @@ pub(crate) fn floor(
     nominal: &Arm,
     plan: &Plan,
     trace: &Trace,
-    tolerances: &Tolerances,
+    deviations: &DataSheetDeviations,
     chain: &Chain,
     duration: f64,
 ) -> (Floor, Residual) {
-    let without = residual(nominal, plan, trace, tolerances, duration);
-    let clean = Clean::new(plan, trace, tolerances);
+    let without = residual(nominal, plan, trace, deviations, duration);
+    let clean = Clean::new(plan, trace, deviations);
     let mut walk = Walk::new(nominal);
     let n = nominal.dof();
     let mut seen: [Vec<Vec<f64>>; 5] = std::array::from_fn(|_| vec![Vec::new(); n]);

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use crate::arms::{Load, Machine};
 use crate::calibrate::{Floor, floor};
+use crate::data_sheet_deviations::DataSheetDeviations;
 use crate::distinct::{can_be_distinct, equivalents};
 use crate::kinds::{CATALOGUE, Seat, seats};
 use crate::machine::{Plan, PlanError, Trace};
@@ -15,7 +16,6 @@ use crate::random::{pick, stream, uniform};
 use crate::sensors::{Chain, Noise, Samples};
 use crate::servo::Servo;
 use crate::sizing::{Found, Sizing};
-use crate::tolerances::Tolerances;
 use crate::truth::{SCHEMA, Truth, TruthEffect, weak};
 
 /// Other places, motions and sizes that are tried where the wanted strength can't be reached.
@@ -143,7 +143,7 @@ pub(crate) struct Bench {
     pub machine: Machine,
     pub sheet: Arm,
     pub load: Load,
-    pub tolerances: Tolerances,
+    pub deviations: DataSheetDeviations,
     pub chain: Chain,
     pub servo: Servo,
     pub duration: f64,
@@ -179,7 +179,7 @@ impl Bench {
     fn new(case: &Case, attempt: u64) -> Result<Self, GenerateError> {
         let mut rng = stream(case.seed, "bench");
         let (sheet, load) = case.machine.loaded(case.machine.capacity() * uniform(&mut rng, 0.3, 1.0))?;
-        let tolerances = Tolerances::draw(sheet.dof(), &mut rng);
+        let deviations = DataSheetDeviations::draw(sheet.dof(), &mut rng);
         let chain = chain(&sheet, case.noise, &mut rng);
         let longest = if chain.rate > 400.0 { 20.0 } else { 40.0 };
         let duration = if uniform(&mut rng, 0.0, 1.0) < 0.7 {
@@ -198,7 +198,7 @@ impl Bench {
         let second = pick(&mut rng, &Family::ALL);
         let motion = Motion::draw(case.machine, &sheet, family, duration, &mut rng);
         let families = [family, second];
-        Ok(Self { machine: case.machine, sheet, load, tolerances, chain, servo, duration, motion, families })
+        Ok(Self { machine: case.machine, sheet, load, deviations, chain, servo, duration, motion, families })
     }
 
     fn make(&self, case: &Case, attempt: u64) -> Result<Made, GenerateError> {
@@ -235,7 +235,7 @@ impl Bench {
             return Ok(Vec::new());
         }
         let (floor, without) =
-            floor(&self.sheet, ordinary, trace, &self.tolerances, &self.chain, self.duration);
+            floor(&self.sheet, ordinary, trace, &self.deviations, &self.chain, self.duration);
         let sizing = Sizing { bench: self, floor: &floor, without: &without };
         let mut all: Vec<Found> = Vec::new();
         for (number, demand) in case.effects.iter().enumerate() {
@@ -281,7 +281,7 @@ impl Bench {
             motion.at(self.duration * f64::from(k) / 24.0, q, v, a);
             poses.push(state[0].clone());
         }
-        Plan::new(&self.sheet, &self.load, &self.tolerances, effects, &poses)
+        Plan::new(&self.sheet, &self.load, &self.deviations, effects, &poses)
     }
 
     /// Builds the machine with `effects` and runs it through `motion` for `duration` s.
@@ -313,7 +313,7 @@ impl Bench {
             let (mut v, mut a) = (vec![0.0; n], vec![0.0; n]);
             motion.at(t, out, &mut v, &mut a);
         };
-        self.chain.sample(plan, trace, &self.tolerances, self.duration, reference, rng)
+        self.chain.sample(plan, trace, &self.deviations, self.duration, reference, rng)
     }
 
     fn truth(&self, case: &Case, found: &[Found]) -> Truth {

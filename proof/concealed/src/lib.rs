@@ -8,7 +8,7 @@
 //!   sheet, how strong), a [`Noise`] level and a seed.
 //! - [`Physics`]: one effect, of the catalogue or outside it, with its parameters.
 //! - [`Motion`]: what the machine is told to do.
-//! - [`Tolerances`]: how far, inside its tolerances, the true arm is from its data sheet.
+//! - [`DataSheetDeviations`]: what was drawn for the true arm beside its data sheet: factors and offsets within its tolerances.
 //! - [`Plan`]: the machine as it is: arm, drives, transmissions, bearings, springs.
 //! - [`Trace`]: what it did, by the servo controller and the time stepping of [`Plan::run`].
 //! - [`Chain`]: the sensors: what of it is written down.
@@ -18,6 +18,7 @@
 mod arms;
 mod calibrate;
 mod case;
+mod data_sheet_deviations;
 mod distinct;
 mod draft;
 mod felt;
@@ -32,13 +33,13 @@ mod servo;
 mod set;
 mod setup;
 mod sizing;
-mod tolerances;
 mod truth;
 mod write;
 
 pub use arms::{Load, Machine};
 pub use calibrate::{Floor, Strength};
 pub use case::{Case, Demand, GenerateError, Made, Severity, generate};
+pub use data_sheet_deviations::DataSheetDeviations;
 pub use distinct::Equivalent;
 pub use kinds::{CATALOGUE, OUTSIDE, Seat, seats};
 pub use machine::{Plan, PlanError, Trace};
@@ -49,6 +50,5 @@ pub use sensors::{Chain, Noise, Samples};
 pub use servo::Servo;
 pub use set::{Quota, draw_set, make_case, make_here};
 pub use setup::{Kept, SETUP, SetupFault, with_setup_faults};
-pub use tolerances::Tolerances;
 pub use truth::{Truth, TruthEffect};
 pub use write::{WriteCaseError, write_case, write_sealed};

@@ -5,9 +5,9 @@
 
 use rand_chacha::ChaCha8Rng;
 
+use crate::data_sheet_deviations::DataSheetDeviations;
 use crate::machine::{Plan, Trace};
 use crate::random::normal;
-use crate::tolerances::Tolerances;
 
 /// How good the sensors are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,7 +96,7 @@ pub(crate) struct Clean<'a> {
 }
 
 impl<'a> Clean<'a> {
-    pub fn new(plan: &'a Plan, trace: &'a Trace, tolerances: &Tolerances) -> Self {
+    pub fn new(plan: &'a Plan, trace: &'a Trace, deviations: &DataSheetDeviations) -> Self {
         let filtered = plan
             .senses
             .cutoff
@@ -107,8 +107,8 @@ impl<'a> Clean<'a> {
             plan,
             trace,
             filtered: filtered.collect(),
-            torque_delay: tolerances.torque_delay + plan.senses.torque_delay,
-            tool_delay: tolerances.tool_delay + plan.senses.tool_delay,
+            torque_delay: deviations.torque_delay + plan.senses.torque_delay,
+            tool_delay: deviations.tool_delay + plan.senses.tool_delay,
         }
     }
 
@@ -188,12 +188,12 @@ impl Chain {
         &self,
         plan: &Plan,
         trace: &Trace,
-        tolerances: &Tolerances,
+        deviations: &DataSheetDeviations,
         duration: f64,
         reference: impl Fn(f64, &mut [f64]),
         rng: &mut ChaCha8Rng,
     ) -> Samples {
-        let clean = Clean::new(plan, trace, tolerances);
+        let clean = Clean::new(plan, trace, deviations);
         let n = plan.joints();
         let mut samples = self.empty(n);
         let mut row = vec![0.0; n];

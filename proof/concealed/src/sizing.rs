@@ -97,7 +97,7 @@ impl Sizing<'_> {
         let bench = self.bench;
         let effect = Effect { joint: seat, physics: physics.clone() };
         let (plan, trace) = bench.run(std::slice::from_ref(&effect), &bench.motion, duration)?;
-        let with = residual(&bench.sheet, &plan, &trace, &bench.tolerances, duration);
+        let with = residual(&bench.sheet, &plan, &trace, &bench.deviations, duration);
         let strength = strength(&with, self.without, self.floor, shows_at_tool(&physics.kind()));
         let distinct = is_distinct(&effect, &trace, &with, self.without, self.floor);
         Ok(Found { effect, strength, plan, trace, distinct })

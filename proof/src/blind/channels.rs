@@ -1,4 +1,4 @@
-//! The ways by which an analyst could learn of anything but its case, each tried.
+//! Covert channels: the ways by which an analyst could learn of anything but its case. The process tries each of them.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -14,10 +14,10 @@ use rustix::process::{
 
 use super::namespaces::Parted;
 
-/// A channel that could not be used.
+/// State of a channel that gave no access.
 pub const CLOSED: &str = "closed";
 
-/// What an analyst must not be able to reach. The parent holds it ready, so that a refusal says something.
+/// Lures that an analyst must not reach. The parent keeps them open, so that a refusal proves isolation.
 #[derive(Debug, Default)]
 pub struct Lures {
     /// A file beside the sealed cases.
@@ -28,18 +28,18 @@ pub struct Lures {
     pub port: Option<u16>,
 }
 
-/// Open files beyond the three standard ones, and variables of the environment, as this process was given them.
+/// Resources that this process inherited: open files beyond the three standard ones, and environment variables.
 #[derive(Debug, Default)]
-pub struct Inherited {
+pub struct InheritedResources {
     files: Vec<String>,
     variables: usize,
 }
 
-/// What this process was given.
-pub fn inherited() -> Inherited {
+/// Lists the resources that this process inherited.
+pub fn inherited() -> InheritedResources {
     let variables = std::env::vars_os().count();
     let Ok(open) = std::fs::read_dir("/proc/self/fd") else {
-        return Inherited { files: vec!["their list can't be read".to_owned()], variables };
+        return InheritedResources { files: vec!["their list can't be read".to_owned()], variables };
     };
     // The list itself is open, too.
     let list = PathBuf::from(format!("/proc/{}/fd", std::process::id()));
@@ -48,11 +48,11 @@ pub fn inherited() -> Inherited {
         let target = std::fs::read_link(entry.path()).unwrap_or_default();
         (number > 2 && target != list).then(|| format!("{number}, {}", target.display()))
     });
-    Inherited { files: told.collect(), variables }
+    InheritedResources { files: told.collect(), variables }
 }
 
 /// Every channel by its name: [`CLOSED`], or `open: ` and how.
-pub fn all(lures: &Lures, inherited: &Inherited, parted: &Parted) -> BTreeMap<String, String> {
+pub fn all(lures: &Lures, inherited: &InheritedResources, parted: &Parted) -> BTreeMap<String, String> {
     let parent = parent_id();
     let variables = (inherited.variables > 0).then(|| format!("{} variables", inherited.variables));
     let states = [

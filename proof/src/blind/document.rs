@@ -9,8 +9,8 @@ use super::leak::Leak;
 use super::matrix::{self, count};
 use super::receipt::Part;
 use super::score::Outcome;
-use super::screen::{is_failure, said};
 use super::tally::{Bin, Goal, Score};
+use super::terminal_summary::{is_failure, said};
 use super::truth::Sort;
 use super::verify::start;
 

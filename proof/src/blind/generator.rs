@@ -70,7 +70,7 @@ pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
         let index = open[at];
         let name = name(&order.names, index);
         tell(&(index, None))?;
-        let line = match order.make(&cases[index]) {
+        let line = match order.generate(&cases[index]) {
             Ok(made) => {
                 write_sealed(&order.folder.join(&name), &made).map_err(Failure::input)?;
                 let truth = serde_json::to_value(&made.truth).map_err(Failure::internal)?;

@@ -52,11 +52,13 @@ pub fn check(path: &Path, receipt: &Receipt) -> Result<Check, Failure> {
     let text = read_text(path)?;
     let lines: Vec<Value> = text.lines().filter_map(|line| strict::parse(line).ok()).collect();
     let noted = |part: &&Part| {
-        lines.iter().any(|line| line["sealed"].is_string() && line["chain"].as_str() == Some(part.seal()))
+        lines
+            .iter()
+            .any(|line| line["sealed"].is_string() && line["chain"].as_str() == Some(part.seal_hash()))
     };
     let strange = receipt.parts.iter().filter(|part| !noted(part));
     let wrong: Vec<String> =
-        strange.map(|part| format!("no line for the seal {}", start(part.seal()))).collect();
+        strange.map(|part| format!("no line for the seal {}", start(part.seal_hash()))).collect();
     Ok(Check::new("history", &wrong, "every seal was noted when it was made"))
 }
 

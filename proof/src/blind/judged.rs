@@ -2,7 +2,7 @@
 
 use super::answer::{Answer, Errors};
 use super::sandbox::Isolation;
-use super::score::{Hit, Outcome, hits, outcome};
+use super::score::{Outcome, ParameterScore, outcome, parameter_scores};
 use super::truth::{Sort, Truth};
 
 /// A channel whose error is no larger than this many times the floor has nothing to close.
@@ -20,13 +20,13 @@ pub struct Judged {
     /// How that compares.
     pub outcome: Outcome,
     /// The parameters of what was rightly named.
-    pub hits: Vec<Hit>,
+    pub hits: Vec<ParameterScore>,
 }
 
 impl Judged {
     /// Judges `answer` by `truth`.
     pub fn new(name: &str, truth: Truth, answer: Answer) -> Self {
-        let hits = truth.effects.iter().flat_map(|concealed| hits(concealed, &answer)).collect();
+        let hits = truth.effects.iter().flat_map(|concealed| parameter_scores(concealed, &answer)).collect();
         Self { name: name.to_owned(), outcome: outcome(&truth, &answer), truth, answer, hits }
     }
 

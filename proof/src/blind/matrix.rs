@@ -1,4 +1,4 @@
-//! The parts of the report about what is taken for what, and where.
+//! The sections of the report on confusions between effects, and on their places.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,14 +14,14 @@ use super::score::Outcome;
 use super::tally::{Bin, Score, WHOLE};
 use super::truth::Sort;
 
-/// Places that are told of a confusion.
+/// Number of places that the report lists for a confusion.
 const PLACES: usize = 4;
 
 pub fn count(of: usize) -> Cell {
     Cell::from(of as u64)
 }
 
-/// The matrix as dots: what was concealed upwards, what was named across.
+/// The confusion matrix as dots: concealed effects upwards, named effects across.
 pub fn confusion(score: &Score) -> Section {
     let concealed: Vec<&String> = score.confusion.keys().collect();
     let mut said: BTreeSet<&String> = score.confusion.values().flat_map(|row| row.keys()).collect();
@@ -81,7 +81,7 @@ pub fn confusion(score: &Score) -> Section {
     section.with(Drawing::new("Confusion matrix").caption(caption).panel(chart))
 }
 
-/// Every confusion with what is known of why.
+/// The table of all confusions and their known causes.
 fn mistakes(mistakes: &[Mistake]) -> Table {
     let mut table = Table::new("Confusions and their causes")
         .column(Column::text("concealed"))
@@ -197,10 +197,10 @@ fn grids(section: Section, matrix: &Matrix, parts: &[Part], judged: &[Judged]) -
     section
 }
 
-/// The sign of a place that could not be made.
+/// Letter for a place without a possible case.
 const NOT_MADE: char = '–';
 
-/// How each place of a matrix came out.
+/// The outcome at each place of a matrix.
 fn letters(parts: &[Part], judged: &[Judged]) -> BTreeMap<String, char> {
     let mut letters = BTreeMap::new();
     for case in of_sort(judged, Sort::Single) {

@@ -6,7 +6,7 @@
 //! Modules in the order of the protocol: `hash` and `canonical` (what is frozen), `sweep` (what is asked for), `source`, `generator`, `names` and `arrange` (the
 //! sealed folder), `analysis` and `lures` (who is asked, and held off what), `analyst` and `answer` (who answers what), `sandbox`, `namespaces` and `channels`
 //! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls`, `nearest` and `leak` (what it is worth), `receipt`, `strict`, `overlap`, `verify`, `verification`, `gathered`, `merge` and `history`
-//! (what stays), `screen`, `document` and `matrix` (what a person sees).
+//! (what stays), `terminal_summary`, `document` and `matrix` (what a person sees).
 
 mod analysis;
 mod analyst;
@@ -36,12 +36,12 @@ mod protocol;
 mod receipt;
 mod sandbox;
 mod score;
-mod screen;
 mod shard;
 mod source;
 mod strict;
 mod sweep;
 mod tally;
+mod terminal_summary;
 mod truth;
 mod verification;
 mod verify;
@@ -198,7 +198,7 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
     receipt.score = json!(score);
     receipt.write(&folder.join("receipt.json"))?;
     if let (Some(list), [part]) = (&args.history, receipt.parts.as_slice()) {
-        history::scored(list, part.seal(), &receipt.sha256, &score)?;
+        history::scored(list, part.seal_hash(), &receipt.sha256, &score)?;
     }
     present(args, folder, &receipt.parts, &judged, &score)
 }
@@ -210,7 +210,7 @@ fn publish_merged(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
     let hash = cases.write(&folder.join("receipt.json"), &parts, &json!(score))?;
     drop(cases);
     if let (Some(list), [part]) = (&args.history, parts.as_slice()) {
-        history::scored(list, part.seal(), &hash, &score)?;
+        history::scored(list, part.seal_hash(), &hash, &score)?;
     }
     present(args, folder, &parts, &judged, &score)
 }
@@ -227,7 +227,7 @@ fn present(
     freeplay_terminal::files::write(&report, &document::document(parts, judged, score).to_html())?;
     match args.format {
         Format::Json => say(&format!("{:#}\n", json!(score)))?,
-        Format::Text => show(&screen::summary(parts, judged, score, &path, &report))?,
+        Format::Text => show(&terminal_summary::summary(parts, judged, score, &path, &report))?,
     }
     Ok(Exit::Done)
 }
@@ -242,7 +242,7 @@ fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
     receipt.write(&path)?;
     match args.format {
         Format::Json => say(&format!("{:#}\n", json!(receipt.cases)))?,
-        Format::Text => show(&screen::answers(&receipt, &path))?,
+        Format::Text => show(&terminal_summary::answers(&receipt, &path))?,
     }
     Ok(Exit::Done)
 }

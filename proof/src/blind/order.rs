@@ -1,4 +1,4 @@
-//! The order that a generator is given.
+//! The order for a generator of blind cases.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -8,24 +8,24 @@ use serde::{Deserialize, Serialize};
 
 use super::truth::at;
 
-/// What is to be made.
+/// The cases that a generator has to make, and where.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Order {
-    /// Everything that is drawn comes from it.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// How many cases of which sort, over all shards.
+    /// Number of cases of each sort, over all shards.
     pub quota: Quota,
-    /// What is swept instead of drawn at random.
+    /// The sweep that replaces random draws.
     pub matrix: Option<Matrix>,
-    /// The key that the names of their folders follow from.
+    /// Key from which the folder names of the cases follow.
     pub names: String,
-    /// Which part of the cases: every `shard[1]`-th, from the `shard[0]`-th on, counted from 1.
+    /// Shard of the cases: every `shard[1]`-th, from the `shard[0]`-th on, counted from 1.
     pub shard: [usize; 2],
-    /// Where the cases are written.
+    /// Folder for the cases.
     pub folder: PathBuf,
-    /// Cases made at a time.
+    /// Number of cases that the generator makes at a time.
     pub jobs: usize,
-    /// Cases that are not to be made any more, by their place in the draw: an earlier generator made them, or died over them.
+    /// Cases to skip, by their place in the draw: an earlier generator made them, or died over them.
     pub done: BTreeSet<usize>,
 }
 
@@ -38,18 +38,18 @@ impl Order {
         }
     }
 
-    /// The places in the draw of `count` cases that are still to be made in this shard.
+    /// The places in the draw of `count` cases that this shard still has to make.
     pub fn open(&self, count: usize) -> Vec<usize> {
         let [shard, shards] = self.shard;
         (0..count).filter(|index| index % shards == shard - 1 && !self.done.contains(index)).collect()
     }
 
-    /// Makes `case`: a place of a matrix is that place, anything else may go to another machine.
-    pub fn make(&self, case: &Case) -> Result<Made, GenerateError> {
+    /// Generates `case`. A case of a matrix stays on its machine and joint; any other case may move to another machine.
+    pub fn generate(&self, case: &Case) -> Result<Made, GenerateError> {
         if self.matrix.is_some() && !case.hollow { make_here(case) } else { make_case(case) }
     }
 
-    /// What `case` asks for, in words: its kinds, or the [`place`] of a matrix.
+    /// Describes `case` in words: its kinds of effects, or its [`place`] in a matrix.
     pub fn asked(&self, case: &Case) -> String {
         let words = case.effects.iter().map(|effect| {
             if self.matrix.is_none() || case.hollow {

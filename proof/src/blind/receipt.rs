@@ -177,8 +177,8 @@ impl Part {
         self.stages.last().map_or("", |stage| stage.chain.as_str())
     }
 
-    /// The hash of the chain at the seal, which whoever wants to check it later notes down.
-    pub fn seal(&self) -> &str {
+    /// The hash of the chain at the seal. A witness notes it down to check the receipt later.
+    pub fn seal_hash(&self) -> &str {
         let seal = self.stages.iter().find(|stage| stage.name == "seal");
         seal.map_or("", |stage| stage.chain.as_str())
     }

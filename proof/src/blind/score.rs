@@ -100,9 +100,9 @@ fn one_of(truth: &Truth, answer: &Answer) -> Outcome {
     }
 }
 
-/// How near a parameter came to the truth.
+/// The error of one estimated parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Hit {
+pub struct ParameterScore {
     /// `kind.parameter`.
     pub name: String,
     /// The truth: a number, or the length of a vector.
@@ -114,20 +114,20 @@ pub struct Hit {
 }
 
 /// The parameters of the effect that says `concealed` by its own name, those left out that leave next to no trace.
-pub fn hits(concealed: &Concealed, answer: &Answer) -> Vec<Hit> {
+pub fn parameter_scores(concealed: &Concealed, answer: &Answer) -> Vec<ParameterScore> {
     let same = |effect: &&Named| concealed.is(&effect.kind, effect.joint.as_deref());
     let Some(effect) = answer.effects.iter().find(same) else { return Vec::new() };
     let strong = effect.parameters.iter().filter(|(name, _)| !concealed.weak.contains(name));
     strong
         .filter_map(|(name, estimate)| {
-            let hit = hit(name, &concealed.parameters[name], estimate)?;
-            Some(Hit { name: format!("{}.{name}", concealed.kind), ..hit })
+            let hit = parameter_score(name, &concealed.parameters[name], estimate)?;
+            Some(ParameterScore { name: format!("{}.{name}", concealed.kind), ..hit })
         })
         .collect()
 }
 
 /// `None` where the truth does not know the parameter or it is a word.
-fn hit(name: &str, truth: &Value, estimate: &Estimate) -> Option<Hit> {
+fn parameter_score(name: &str, truth: &Value, estimate: &Estimate) -> Option<ParameterScore> {
     let vector =
         |value: &Value| value.as_array().map(|v| v.iter().filter_map(Value::as_f64).collect::<Vec<_>>());
     if let (Some(truth), Some(found)) = (vector(truth), vector(&estimate.value)) {
@@ -135,7 +135,12 @@ fn hit(name: &str, truth: &Value, estimate: &Estimate) -> Option<Hit> {
         let apart: Vec<f64> = truth.iter().zip(&found).map(|(a, b)| a - b).collect();
         let size = length(&truth);
         let error = length(&apart) / size;
-        return (size > 0.0).then(|| Hit { name: String::new(), truth: size, error, covered: None });
+        return (size > 0.0).then(|| ParameterScore {
+            name: String::new(),
+            truth: size,
+            error,
+            covered: None,
+        });
     }
     let (truth, found) = (truth.as_f64()?, estimate.value.as_f64()?);
     // Factors of one are no effect: their distance from one is.
@@ -150,7 +155,7 @@ fn hit(name: &str, truth: &Value, estimate: &Estimate) -> Option<Hit> {
         if matches!(name, "phase" | "rest" | "roll" | "pitch") { 1.0 } else { (truth - neutral).abs() };
     // By way of `off`, so that a phase may lie a turn away.
     let inside = |[low, high]: [f64; 2]| (low..=high).contains(&(found - off));
-    (size > 0.0).then(|| Hit {
+    (size > 0.0).then(|| ParameterScore {
         name: String::new(),
         truth,
         error: off.abs() / size,
@@ -164,7 +169,7 @@ mod tests {
 
     use super::super::answer::{Answer, Estimate, Named, Rival};
     use super::super::truth::Truth;
-    use super::{Outcome, hits, outcome};
+    use super::{Outcome, outcome, parameter_scores};
 
     fn truth(effects: serde_json::Value) -> Truth {
         serde_json::from_value(json!({ "effects": effects })).expect("a truth")
@@ -265,7 +270,7 @@ mod tests {
         put("gain", json!(1.1), Some([1.05, 1.15]));
         put("amplitude", json!(2.2), None);
         put("word", json!("tool"), None);
-        let hits = hits(&one.effects[0], &answer);
+        let hits = parameter_scores(&one.effects[0], &answer);
         let of = |name: &str| hits.iter().find(|hit| hit.name.ends_with(name)).expect("a hit");
         println!("{hits:?}");
         assert_eq!(hits.len(), 3);

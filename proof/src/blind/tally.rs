@@ -9,7 +9,7 @@ use super::confusion::{self, Confusion, Mistake};
 use super::controls::Controls;
 use super::interval::{Median, Share};
 use super::judged::{Judged, of_sort};
-use super::score::{Hit, Outcome};
+use super::score::{Outcome, ParameterScore};
 use super::truth::Sort;
 
 /// Bounds of the signal-to-floor ratios in which success is counted.
@@ -251,7 +251,7 @@ fn goals(cases: &[Judged]) -> Vec<Goal> {
 /// Relative errors, %, of all parameters of rightly named effects, and how many intervals hold the truth.
 fn parameters(cases: &[Judged]) -> (Vec<f64>, Share) {
     let right = cases.iter().filter(|case| case.outcome == Outcome::Right);
-    let hits: Vec<&Hit> = right.flat_map(|case| &case.hits).collect();
+    let hits: Vec<&ParameterScore> = right.flat_map(|case| &case.hits).collect();
     let errors = hits.iter().map(|hit| 100.0 * hit.error).collect();
     (errors, Share::among(hits.iter().filter_map(|hit| hit.covered), |covered| *covered))
 }

@@ -3,19 +3,19 @@
 use freeplay_arm::{Arm, Joint};
 use nalgebra::Vector3;
 
-use super::bearing::DryBearing;
 use super::bristles::Bristles;
 use super::cable::Cable;
 use super::chain::{Chain, Role, chain_of};
 use super::drive::{Drive, Notch, Wave, steepest_pull};
+use super::dry_bearing::DryBearing;
 use super::film::OilBearing;
 use super::plan::{Bearing, BearingLaw, Encoder, Plan, PlanError, Senses, Shaft, Spring, ToolForce};
 use super::run::LONG_STEP;
 use super::transmission::Transmission;
 use crate::arms::Load;
+use crate::data_sheet_deviations::DataSheetDeviations;
 use crate::felt::Felt;
 use crate::physics::{Effect, Physics};
-use crate::tolerances::Tolerances;
 
 /// Share of a joint's inertia that is on the motor's side of its transmission where the data sheet names no rotor.
 const ROTOR_SHARE: f64 = 0.4;
@@ -25,18 +25,18 @@ const PHASE_PER_STEP: f64 = 0.3;
 const OIL_STEP: f64 = 25e-6;
 
 impl Plan {
-    /// The machine of the arm `sheet` with what it is loaded with, off by `tolerances`, with `effects`; `poses` are where it works.
+    /// The machine of the arm `sheet` with what it is loaded with, off by `deviations`, with `effects`; `poses` are where it works.
     ///
     /// # Errors
     /// [`PlanError::Seat`] where an effect can't be, [`PlanError::Arm`].
     pub fn new(
         sheet: &Arm,
         load: &Load,
-        tolerances: &Tolerances,
+        deviations: &DataSheetDeviations,
         effects: &[Effect],
         poses: &[Vec<f64>],
     ) -> Result<Plan, PlanError> {
-        let arm = tolerances.apply(sheet)?;
+        let arm = deviations.apply(sheet)?;
         let chain = chain_of(&arm, load, effects, poses)?;
         let felt = felt_inertia(&arm, poses);
         let joints: Vec<Joint> = chain.links.iter().map(|(joint, _)| joint.clone()).collect();
@@ -57,7 +57,7 @@ impl Plan {
             tool_link: link[arm.dof() - 1],
             tool: chain.tool,
             drives: arm.joints().iter().map(nominal_drive).collect(),
-            encoders: tolerances.zero.iter().map(|&zero| Encoder { zero, ..Encoder::default() }).collect(),
+            encoders: deviations.zero.iter().map(|&zero| Encoder { zero, ..Encoder::default() }).collect(),
             bristles: vec![None; arm.dof()],
             cables: vec![None; arm.dof()],
             transmissions: Vec::new(),

@@ -5,8 +5,8 @@ use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use super::plan::{PlanError, Spring};
 use crate::arms::Load;
+use crate::data_sheet_deviations::lengthen;
 use crate::physics::{Effect, Physics};
-use crate::tolerances::lengthen;
 
 /// What a coordinate of the extended arm is.
 #[derive(Clone, Copy, Debug, PartialEq)]

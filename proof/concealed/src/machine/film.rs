@@ -5,7 +5,7 @@
 //! journal that rests (a test), 15 to 25 % weaker for one that is pushed in fast, and pulling back one that leaves fast, where
 //! this film has broken. The viscosity means the same.
 
-use super::bearing::{Push, RADIUS};
+use super::dry_bearing::{Push, RADIUS};
 
 /// Length of the bearing, m.
 const LENGTH: f64 = 0.040;

@@ -1,11 +1,11 @@
 //! The machine as it is, and what it does: laws one to a file, the plan that puts them together, the time stepping.
 
-mod bearing;
 mod bristles;
 mod build;
 mod cable;
 mod chain;
 mod drive;
+mod dry_bearing;
 mod film;
 mod plan;
 mod run;

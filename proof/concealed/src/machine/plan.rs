@@ -4,10 +4,10 @@ use freeplay_arm::{Arm, ArmError};
 use nalgebra::{Isometry3, Vector3};
 use thiserror::Error;
 
-use super::bearing::{DryBearing, Push};
 use super::bristles::Bristles;
 use super::cable::Cable;
 use super::drive::Drive;
+use super::dry_bearing::{DryBearing, Push};
 use super::film::OilBearing;
 use super::transmission::Transmission;
 

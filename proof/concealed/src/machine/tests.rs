@@ -8,15 +8,15 @@ use super::plan::Plan;
 use super::step::Stepper;
 use crate::arms::{Load, Machine};
 use crate::calibrate::residual;
+use crate::data_sheet_deviations::DataSheetDeviations;
 use crate::motion::{Family, Motion};
 use crate::physics::{Effect, Physics};
 use crate::random::stream;
 use crate::servo::Servo;
-use crate::tolerances::Tolerances;
 
 fn plan(arm: &Arm, effects: &[Effect], pose: &[f64]) -> Plan {
     let load = Load { mass: 0.0, place: arm.tool().translation.vector };
-    Plan::new(arm, &load, &Tolerances::none(arm.dof()), effects, &[pose.to_vec()]).expect("a plan")
+    Plan::new(arm, &load, &DataSheetDeviations::none(arm.dof()), effects, &[pose.to_vec()]).expect("a plan")
 }
 
 fn without_friction(arm: &Arm) -> Arm {
@@ -185,7 +185,7 @@ fn without_effects_the_recording_is_the_data_sheet() {
     for machine in [Machine::Slide, Machine::SixCell] {
         let (arm, load) = machine.loaded(1.0).expect("a data sheet");
         let motion = Motion::draw(machine, &arm, Family::Fourier, 4.0, &mut stream(3, "motion"));
-        let ideal = Tolerances::none(arm.dof());
+        let ideal = DataSheetDeviations::none(arm.dof());
         let machine_plan = Plan::new(&arm, &load, &ideal, &[], &[machine.home().to_vec()]).expect("a plan");
         let trace = machine_plan.run(&arm, &servo(&arm), &motion, 4.0).expect("a run");
         let residual = residual(&arm, &machine_plan, &trace, &ideal, 4.0);
@@ -256,7 +256,7 @@ fn a_gap_is_taken_up_by_the_load() {
     let (gap, stiffness) = (4e-3, 5e4);
     let pose = Machine::Two.home();
     let effect = Effect { joint: Some(1), physics: Physics::Backlash { gap, stiffness } };
-    let (machine, ideal) = (plan(&arm, &[effect], pose), Tolerances::none(2));
+    let (machine, ideal) = (plan(&arm, &[effect], pose), DataSheetDeviations::none(2));
     let motion = Motion::draw(Machine::Two, &arm, Family::Sweep, 0.1, &mut stream(1, "m"));
     let trace = machine.run(&arm, &servo(&arm), &motion, 0.1).expect("a run");
     let row = 40;

@@ -1,7 +1,7 @@
 //! What the machine is told to do: three families of motion, scaled to the arm's limits.
 
 mod fourier;
-mod points;
+mod point_to_point;
 mod sweep;
 
 use freeplay_arm::Arm;
@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::arms::Machine;
 use crate::random::uniform;
 use fourier::Fourier;
-use points::Points;
+use point_to_point::PointToPoint;
 use sweep::Sweep;
 
 /// The three families.
@@ -39,7 +39,7 @@ pub struct Motion {
 #[derive(Clone, Debug)]
 enum Kind {
     Fourier(Vec<Fourier>),
-    Points(Points),
+    Points(PointToPoint),
     Sweep(Vec<Sweep>),
 }
 
@@ -79,7 +79,7 @@ impl Motion {
             .collect();
         let kind = match family {
             Family::Fourier => Kind::Fourier(rooms.iter().map(|room| Fourier::draw(room, rng)).collect()),
-            Family::Points => Kind::Points(Points::draw(&rooms, duration, rng)),
+            Family::Points => Kind::Points(PointToPoint::draw(&rooms, duration, rng)),
             Family::Sweep => Kind::Sweep(rooms.iter().map(|room| Sweep::draw(room, rng)).collect()),
         };
         Self { kind, duration }

@@ -1,4 +1,4 @@
-//! How far, inside its tolerances, the true arm is from its data sheet.
+//! Deviations of the true arm from its data sheet, drawn within the tolerances.
 
 use freeplay_arm::{Arm, ArmError};
 use nalgebra::Vector3;
@@ -17,10 +17,10 @@ const LENGTH: f64 = 1e-4;
 /// Delay of a channel, s.
 const DELAY: f64 = 6e-4;
 
-/// What was drawn, inside the tolerances that the diagnosis allows for: masses and inertias ±2 %, nominal friction ±5 %, encoder
+/// The deviations of one machine, within the tolerances that the diagnosis allows for: masses and inertias ±2 %, nominal friction ±5 %, encoder
 /// zeros ±0.1 mrad, lengths ±0.1 mm, delay of torque and of tool against the encoders ±0.6 ms.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tolerances {
+pub struct DataSheetDeviations {
     /// Factor of each link's mass.
     pub mass: Vec<f64>,
     /// Factor of each link's inertia about its centre of mass.
@@ -29,9 +29,9 @@ pub struct Tolerances {
     pub viscous: Vec<f64>,
     /// Factor of each joint's Coulomb friction.
     pub coulomb: Vec<f64>,
-    /// What each encoder reads too much, rad or m.
+    /// Offset of each encoder, rad or m.
     pub zero: Vec<f64>,
-    /// What is added to the length of each joint's placement, and to that of the tool, m.
+    /// Additional length of each joint's placement and of the tool, m.
     pub length: Vec<f64>,
     /// Delay of the torques, s.
     pub torque_delay: f64,
@@ -39,8 +39,8 @@ pub struct Tolerances {
     pub tool_delay: f64,
 }
 
-impl Tolerances {
-    /// Nothing differs.
+impl DataSheetDeviations {
+    /// A machine as its data sheet says.
     pub fn none(dof: usize) -> Self {
         let ones = vec![1.0; dof];
         Self {
@@ -55,7 +55,7 @@ impl Tolerances {
         }
     }
 
-    /// A machine at random: half of them spread evenly over the tolerance, half normally with half of it as deviation.
+    /// Draws a machine: half of all machines deviate uniformly over the tolerance, half normally with half of the tolerance as standard deviation.
     pub(crate) fn draw(dof: usize, rng: &mut ChaCha8Rng) -> Self {
         let even = uniform(rng, 0.0, 1.0) < 0.5;
         let mut within = |tolerance: f64| {
@@ -114,7 +114,7 @@ pub(crate) fn lengthen(way: &mut Vector3<f64>, amount: f64) {
 
 #[cfg(test)]
 mod tests {
-    use super::{DELAY, FRICTION, INERTIA, LENGTH, Tolerances, ZERO};
+    use super::{DELAY, DataSheetDeviations, FRICTION, INERTIA, LENGTH, ZERO};
     use crate::random::stream;
 
     /// No machine is outside the tolerances that a diagnosis allows for, and the tolerances are used.
@@ -122,7 +122,7 @@ mod tests {
     fn machines_are_inside_their_tolerances() {
         let mut most = [0.0_f64; 5];
         for seed in 0..400 {
-            let drawn = Tolerances::draw(6, &mut stream(seed, "bench"));
+            let drawn = DataSheetDeviations::draw(6, &mut stream(seed, "bench"));
             let off = |factors: &[f64]| factors.iter().fold(0.0_f64, |most, x| most.max((x - 1.0).abs()));
             let size = |values: &[f64]| values.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
             let used = [

@@ -1,4 +1,4 @@
-//! What a person sees in the terminal after a run.
+//! The summary of a run in the terminal.
 
 use std::fmt::Write as _;
 use std::path::Path;

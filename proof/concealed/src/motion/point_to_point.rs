@@ -20,12 +20,12 @@ struct Move {
 
 /// Moves with a speed profile in common: a trapezoid, or the smooth quintic.
 #[derive(Clone, Debug)]
-pub(super) struct Points {
+pub(super) struct PointToPoint {
     moves: Vec<Move>,
     trapezoid: bool,
 }
 
-impl Points {
+impl PointToPoint {
     pub fn draw(rooms: &[Room], duration: f64, rng: &mut ChaCha8Rng) -> Self {
         let trapezoid = uniform(rng, 0.0, 1.0) < 0.5;
         // Largest speed and acceleration of the profile over a unit way in a unit time.
