@@ -1,17 +1,17 @@
-//! One step of planning a passage: the quadratic programme that a course is improved by.
+//! One step of planning a passage: a quadratic programme that improves its trajectory.
 //!
 //! Around a course, for changes δΔq of the corrections and δφ of the journals' angles,
 //!
 //! `min Σ_k ½‖e_k‖²_W + ε_a/2 ‖Δq̈_k‖² + w/2 ‖y_k‖² + γ s_k + λ/2 ‖δφ_k‖²` subject to
 //!
-//! - tool: `e = J_p Δq + J_s d(φ)`, what is left of the deviation (with the orientation's share as in the compensation),
-//! - contact: `y = r (tᵀ b + μ F_N)/F_0`, the force across the normal that friction does not explain, as the displacement that it
-//!   would cause; zero on a course that physics allows,
+//! - tool: `e = J_p Δq + J_s d(φ)`, the remaining deviation (with the orientation's share as in the compensation),
+//! - contact: `y = r (tᵀ b + μ F_N)/F_0`, the tangential force beyond friction, expressed as a displacement; zero on a physical
+//!   course,
 //! - push: `−nᵀ b ≥ F_min − s`, `s ≥ 0`,
 //! - the limits of the joints' position, speed, acceleration and torque, where the course is past half of them.
 //!
-//! All are taken to first order; b changes with the accelerations by the mass matrix, with φ by the turning of n and t, with φ̇ by
-//! friction. Lengths are in mm, corrections in mrad, forces in N.
+//! The programme is linear in the changes: b depends on the accelerations through the mass matrix, on φ through the directions n and t,
+//! and on φ̇ through friction. Lengths are in mm, corrections in mrad, forces in N.
 
 use std::collections::BTreeSet;
 
@@ -26,7 +26,7 @@ use crate::sparse_programme::{Row, SparseProgramme};
 const DAMPING: f64 = 1e-3;
 
 impl Corner<'_> {
-    /// The programme around `course`, with w = `weight`; limits that the course comes near to are added to `watched`.
+    /// The programme around `course`, with w = `weight`. The function adds the limits that the course comes near to `watched`.
     pub fn programme(
         &self,
         course: &PassageTrajectory,
@@ -50,7 +50,7 @@ impl Corner<'_> {
         programme
     }
 
-    /// The change that `solution` of the programme around `course` says.
+    /// Unpacks `solution`, that of the programme around `course`, into a change of the course.
     pub fn change(&self, course: &PassageTrajectory, solution: &[f64]) -> Change {
         let layout = self.layout(course);
         let ticks = 0..layout.ticks;

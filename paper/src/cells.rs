@@ -81,23 +81,23 @@ pub struct CellsArgs {
     format: Format,
 }
 
-/// One cell.
+/// One cell of the grid of paths, periods and clearances.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cell {
-    /// The part that it belongs to.
+    /// The part of the grid to which the cell belongs.
     pub part: Part,
     /// The reference.
     #[serde(skip)]
     pub path: PathSpec,
     /// Joints with play, by index, and their clearances, m: the truth.
     pub plays: Plays,
-    /// And what the controllers believe.
+    /// Joints with play and their clearances as the controllers believe them.
     pub believed: Plays,
     /// Time after which the deviation counts, s.
     pub after: f64,
 }
 
-/// What a controller came to in a cell, after the start of the run.
+/// Results of one controller in one cell, after the start of the run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Reached {
     /// RMS of the tool's deviation, mm.
@@ -106,13 +106,13 @@ pub struct Reached {
     pub max: f64,
     /// Answers whose programme had no solution.
     pub failures: u64,
-    /// What the motors did, impacts in the bearings included.
+    /// Use of the motors, impacts in the bearings included.
     pub joint_use: Vec<UsedByJoint>,
-    /// What they were commanded: the reference with its correction, and the torque.
+    /// Use of the motors by the commands: corrected reference and torque.
     pub commanded: Vec<UsedByJoint>,
 }
 
-/// A cell and what the three controllers came to in it.
+/// A cell and the results of the three controllers in it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// The cell.

@@ -1,4 +1,4 @@
-//! How good predictions are, per output channel.
+//! Quality of predictions, per output channel.
 //!
 //! # Formulas
 //! MSE = mean (ŷ − y)², R = correlation of ŷ and y (Pearson), skill = 1 − MSE / MSE of the best baseline (A. H. Murphy,
@@ -27,15 +27,15 @@ pub struct Score {
 /// One result per part of a split.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parts<T> {
-    /// On the windows that trained.
+    /// On the training windows.
     pub train: T,
-    /// On the windows that stopped the training.
+    /// On the validation windows, which stop the training.
     pub validation: T,
-    /// On the windows that were only tested on.
+    /// On the test windows.
     pub test: T,
 }
 
-/// The lists don't fit together.
+/// The lists differ in length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{predictions} predicted and {truths} true values of {channels} channels, mask of {mask}: they must match"
@@ -47,7 +47,7 @@ pub struct ShapeError {
     pub truths: usize,
     /// Channels.
     pub channels: usize,
-    /// Rows the mask has (or there should be, if there is no mask).
+    /// Rows of the mask; without a mask, rows of the true values.
     pub mask: usize,
 }
 

@@ -1,45 +1,46 @@
 //! Films: figures whose parts move, played over time.
 
-/// A figure whose parts move. It is drawn as SVG, as a still that also paper shows; a small script plays it, and stops at any frame.
+/// A figure whose parts move. The report draws one frame as SVG, so that a printed page shows it, too. A small script plays the film and
+/// stops at any frame.
 #[derive(Debug, Clone, Default)]
 pub struct Film {
-    /// What the film shows; stands above it.
+    /// Title above the film.
     pub title: String,
-    /// What is seen, and at which scale; may be empty.
+    /// Caption with the content and the scale; may be empty.
     pub caption: String,
-    /// The time of each frame, s; increasing. They need not be evenly spread: more of them where more happens.
+    /// Time of each frame, s; increasing. Frames may lie closer together where more happens.
     pub times: Vec<f64>,
-    /// The frame that is seen until somebody plays the film.
+    /// Frame that the page shows until a reader plays the film.
     pub first: usize,
-    /// What is seen side by side.
+    /// Scenes side by side.
     pub scenes: Vec<Scene>,
 }
 
 /// One picture of a film, with equal axes.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
-    /// What it shows; stands above it.
+    /// Title above the scene.
     pub title: String,
-    /// What is in view: least and greatest value across, in any unit.
+    /// Least and greatest horizontal value in view, in any unit.
     pub x: [f64; 2],
-    /// Least and greatest value upwards, in the same unit.
+    /// Least and greatest vertical value in view, in the same unit.
     pub y: [f64; 2],
-    /// Lines that do not move, each with whether it is closed.
+    /// Lines that do not move; the flag of each says whether the line is closed.
     pub still: Vec<(Vec<[f64; 2]>, bool)>,
-    /// What moves, the first at the bottom.
+    /// Moving parts, the first at the bottom.
     pub moving: Vec<Moving>,
-    /// The states that it can be in, in words; empty for none.
+    /// Names of the states of the scene; empty for none.
     pub states: Vec<String>,
-    /// The place of its state in `states`, by frame.
+    /// Index of the state in `states`, by frame.
     pub state: Vec<usize>,
 }
 
 /// A part that moves: a line with joints, or a dot with the trail that it leaves.
 #[derive(Debug, Clone, Default)]
 pub struct Moving {
-    /// The name whose colour it has, as that of a series; empty for a pale one.
+    /// Name of the series whose colour the part has; empty for a pale part.
     pub name: String,
-    /// Its points, by frame, as many in each.
+    /// Points by frame, equally many in each.
     pub frames: Vec<Vec<[f64; 2]>>,
     /// Of a dot, how many frames back its trail goes; 0 for a line.
     pub trail: usize,

@@ -1,4 +1,4 @@
-//! The elements of a mechanism, summed up for each joint.
+//! The elements of a mechanism, summed by joint.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
@@ -17,11 +17,11 @@ pub(super) struct JointParts {
     pub damping: [f64; 2],
     /// Coulomb friction.
     pub friction: f64,
-    /// Torque that the drive spends whatever the joint does.
+    /// Constant torque of the drive, independent of the motion.
     pub constant: f64,
     /// The spring across the joint.
     pub spring: Option<Spring>,
-    /// The gear that gives way.
+    /// The elastic gear.
     pub gear: Option<Gear>,
     /// Radial clearance, m.
     pub play: Option<f64>,
@@ -72,18 +72,18 @@ pub(super) struct Shaft {
     pub coulomb: f64,
 }
 
-/// All of a mechanism.
+/// All parts of a mechanism.
 #[derive(Clone, Debug)]
 pub(super) struct Parts {
     pub joints: Vec<JointParts>,
     pub shafts: Vec<Shaft>,
     pub delays: Vec<(Channel, f64)>,
-    /// Elements that leave no possible joint, in words.
+    /// Elements that the exported file cannot express, in words.
     pub unsaid: Vec<String>,
 }
 
 impl Parts {
-    /// The parts of the elements of `mechanism` that `takes` says to take.
+    /// The parts of the elements of `mechanism` that `takes` selects.
     pub fn of(mechanism: &Mechanism, takes: impl Fn(&Element) -> bool) -> Parts {
         let joints = mechanism.arm.joints().iter().map(JointParts::of).collect();
         let mut parts = Parts { joints, shafts: Vec::new(), delays: Vec::new(), unsaid: Vec::new() };
@@ -102,7 +102,7 @@ impl Parts {
             if own_shares_named {
                 for lost in parts.give_shares(&mut shaft) {
                     parts.unsaid.push(format!(
-                        "{name}: its {lost} across the joints; a shaft loads each joint by its own motion, too, and the joints' own {lost} is less than that"
+                        "{name}: its {lost} across the joints; the shaft adds {lost} to each joint, too, and the joints' own {lost} is less than that share"
                     ));
                 }
             }
@@ -149,7 +149,8 @@ impl Parts {
         }
     }
 
-    /// Takes the shares of `shaft` out of the joints' own numbers. A part of which they hold less goes from the shaft instead, and is returned in words.
+    /// Subtracts the shares of `shaft` from the joints' own parameters. If a joint has less of a parameter than its share, the shaft loses the parameter instead; the
+    /// function returns the names of the lost parameters.
     fn give_shares(&mut self, shaft: &mut Shaft) -> Vec<&'static str> {
         let square = shaft.ratio * shaft.ratio;
         let left = |own: [f64; 2], part: f64| {
@@ -199,7 +200,7 @@ impl JointParts {
         }
     }
 
-    /// Damping and friction below zero, which no tool takes, in words.
+    /// Negative damping and friction, which no tool accepts, in words.
     pub fn below_zero(&self) -> Vec<String> {
         let [linear, quadratic] = self.damping;
         let parts = [
@@ -223,7 +224,7 @@ impl JointParts {
         }
     }
 
-    /// Compliances and gaps add; of the dampings the one that is there counts, or both in series.
+    /// Adds a gear in series: compliances and gaps add up. Two dampings combine in series; a single one stays.
     fn add_gear(&mut self, gear: Gear) {
         let Some(before) = self.gear else {
             self.gear = Some(gear);

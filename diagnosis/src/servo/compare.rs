@@ -15,9 +15,9 @@ use crate::signals::channel::{Channel, Kind};
 use crate::signals::motion::Settings;
 use crate::signals::residual::{Residuals, check_joints};
 
-/// Compares all that `recording` measures with what `file` and its `effects` say: torques, tool and link encoders as [`compare`] does, and, where `file` has servos, measured
-/// positions with those simulated from the commanded ones; a recording of positions and commands alone as [`compare_commands`] does. Each of the residuals has times of
-/// its own; their channels, one after the other, are those of the numbers.
+/// Compares every measured channel of `recording` with the model: `file` with its `effects`. Torques, tool and link encoders are compared as in [`compare`]. If `file`
+/// has servos, measured positions are compared with positions simulated from the commands. A recording of positions and commands alone is compared as in
+/// [`compare_commands`]. Each group of residuals has its own times. The channels of all groups, one after the other, are those of the numbers.
 ///
 /// # Errors
 /// See [`ResidualError`].
@@ -41,8 +41,8 @@ pub fn compare_all(
     Ok((comparison, all))
 }
 
-/// Compares the measured positions of `recording` with those that the servos of `file` make of the commanded ones, from the first sample to the last; where
-/// `file` has no servos, with the commands as late as they are nearest to what was measured. Nothing is filtered.
+/// Compares the measured positions of `recording` with positions that the servos of `file` simulate from the commands, from the first sample to the last. If
+/// `file` has no servos, the model is the commands, shifted by the delay that fits the measurement best. The comparison filters nothing.
 ///
 /// # Errors
 /// [`ResidualError::JointCount`], [`ResidualError::Stamps`] where no stretch without a gap is left, [`ResidualError::Effects`], [`ResidualError::NotFinite`].

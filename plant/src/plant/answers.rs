@@ -1,4 +1,4 @@
-//! The answers to a tick: whose are waited for, and what they tell of the time they took.
+//! The answers to a tick: which of them the plant awaits, and their latencies.
 
 use freeplay_shm::{COMMAND_BUFFER, Command, Pace, now_ns};
 
@@ -7,13 +7,13 @@ use crate::cause::TickLatencies;
 use crate::misses::Ended;
 use crate::plant::{PUBLISHED, Plant, PlantError};
 
-/// Real time: a standby that has missed so many ticks in a row is no longer waited for before the plant steps.
+/// Real time: after so many missed ticks in a row, the plant steps without waiting for a standby.
 const MISSED_WAITED_FOR: u32 = 3;
-/// How long lockstep waits before it asks whether the peer still lives, ns.
+/// Lockstep waits this long before it checks that the peer still lives, ns.
 const LIFE_CHECK_NS: u64 = 20_000_000;
 
 impl Plant {
-    /// Takes answers until all that are waited for are there, the `deadline` has passed or those that lack are gone.
+    /// Collects answers until every awaited controller has answered, the `deadline` has passed or the processes of the missing controllers have ended.
     pub(super) fn await_answers(
         &mut self,
         tick: u64,
@@ -43,8 +43,8 @@ impl Plant {
         }
     }
 
-    /// Takes the answer of `slot` to `tick` if it is there; older ones are counted as late. No more of them than a buffer holds,
-    /// so that a flood does not keep the loop.
+    /// Takes the answer of `slot` to `tick` if it has arrived, and counts older answers as late. The plant reads at most one buffer of answers,
+    /// so that a flood does not stall the loop.
     fn take_answer(&mut self, slot: usize, tick: u64, scheduled: u64) -> Result<(), PlantError> {
         if self.manager.slot_mut(slot).answer.is_some() {
             return Ok(());
