@@ -8,7 +8,7 @@ use thiserror::Error;
 use crate::arm_error::ArmError;
 use crate::place::Place;
 
-/// A use of an arm, in the order of what it asks of the masses.
+/// A use of an arm, in the order of its requirements on the masses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Purpose {
     /// Poses of the tool: lengths and axes alone.
@@ -31,7 +31,7 @@ pub enum Shortfall {
         /// The start of the file.
         at: Place,
     },
-    /// The inertia of a moving link can't be.
+    /// The inertia of a moving link is impossible.
     #[error(
         "{at}: link `{link}`: <inertia> is `{value}`; {problem}; correct it for torques and simulations; tool poses can be compared without it"
     )]
@@ -40,7 +40,7 @@ pub enum Shortfall {
         at: Place,
         /// The link.
         link: String,
-        /// As it stands in the file.
+        /// The text in the file.
         value: String,
         /// The fault of the link, in words.
         problem: String,
@@ -48,7 +48,7 @@ pub enum Shortfall {
     /// A joint whose motion no inertia resists.
     #[error("{at}: link `{link}`: {source}, or a `rotor_inertia` in an arm file")]
     MovesNoInertia {
-        /// Where the joint stands.
+        /// The place of the joint.
         at: Place,
         /// The link that the joint moves.
         link: String,
@@ -65,22 +65,22 @@ pub(crate) struct JointSource {
     pub at: Place,
 }
 
-/// The shortfalls of an arm and the places of its joints in their file, handed on to the arms that are made of it. The arms of
-/// [`crate::Arm::new`] lack nothing and stand in no file.
+/// The shortfalls of an arm and the places of its joints in their file; arms derived from it inherit them. The arms of [`crate::Arm::new`]
+/// have no shortfalls and no file.
 #[derive(Clone, Default)]
 pub struct Fitness {
     sources: Arc<[JointSource]>,
     lacks: Option<Arc<Lacks>>,
 }
 
-/// The same arm looks the same wherever its joints stand in a file.
+/// The output does not depend on the places of the joints in a file.
 impl fmt::Debug for Fitness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Fitness").field(&self.lacks).finish()
     }
 }
 
-/// Two arms are equal wherever their joints stand in their files.
+/// Equality ignores the places of the joints in their files.
 impl PartialEq for Fitness {
     fn eq(&self, other: &Self) -> bool {
         self.lacks == other.lacks
@@ -94,15 +94,15 @@ struct Lacks {
 }
 
 impl Fitness {
-    /// Of an arm from a file: whatever `torque` says stays true of arms that are made of it.
+    /// For an arm from a file; arms derived from it inherit the shortfall `torque`.
     pub(crate) fn of_file(sources: Vec<JointSource>, torque: Option<Shortfall>) -> Fitness {
         Fitness { sources: sources.into(), lacks: Some(Arc::new(Lacks { torque, simulation: None })) }
     }
 
-    /// The same after the inertias of the joints were looked at: `moves` names a joint that moves none.
+    /// The same after a check of the joints' inertias: `moves` names a joint that moves none.
     ///
     /// # Errors
-    /// `moves`, where this is the fitness of an arm that lacked nothing.
+    /// `moves`, if this is the fitness of an arm without shortfalls.
     pub(crate) fn judged(&self, moves: Result<(), ArmError>) -> Result<Fitness, ArmError> {
         let with = |lacks: Option<Arc<Lacks>>| Fitness { sources: Arc::clone(&self.sources), lacks };
         let Some(lacks) = &self.lacks else { return moves.map(|()| with(None)) };
@@ -111,7 +111,7 @@ impl Fitness {
             Ok(()) => None,
             Err(source) => {
                 let origin = self.sources.iter().find(|origin| Some(origin.joint.as_str()) == source.joint());
-                // A joint that stands in no file was put in by an effect.
+                // A joint without a place in the file comes from an effect.
                 let Some(JointSource { link, at, .. }) = origin.cloned() else { return Err(source) };
                 Some(Shortfall::MovesNoInertia { at, link, source: Box::new(source) })
             }
@@ -120,7 +120,7 @@ impl Fitness {
         Ok(with(Some(Arc::new(Lacks { torque: lacks.torque.clone(), simulation }))))
     }
 
-    /// Where the joint `name` stands in its file; `None` for one that an effect put in, and for the arms of [`crate::Arm::new`].
+    /// The place of the joint `name` in its file; `None` for a joint from an effect, and for the arms of [`crate::Arm::new`].
     pub fn place(&self, name: &str) -> Option<&Place> {
         self.sources.iter().find(|origin| origin.joint == name).map(|origin| &origin.at)
     }

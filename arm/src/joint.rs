@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
-/// How a joint moves.
+/// The kind of motion of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
     /// Turns about its axis; q in rad, tau in N·m. A URDF `continuous` joint is one without position limits.
@@ -11,7 +11,7 @@ pub enum JointKind {
     Prismatic,
 }
 
-/// What the joint may do; infinite where the file is silent. Units: rad or m, per s, per s²; N·m or N.
+/// The limits of a joint; infinite where the file gives none. Units: rad or m, per s, per s²; N·m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Least position, rad or m; −∞ if none.
@@ -37,7 +37,7 @@ impl Limits {
     };
 }
 
-/// Nominal friction of a joint (URDF `<dynamics damping friction>`). The dynamics of this crate leave it out.
+/// Nominal friction of a joint (URDF `<dynamics damping friction>`). The dynamics of this crate ignore it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointFriction {
     /// Torque per speed, N·m·s/rad or N·s/m; not negative.
@@ -70,7 +70,7 @@ impl Inertia {
         let other_com = (pose * nalgebra::Point3::from(other.com)).coords;
         let other_about_com = rotation.matrix() * other.about_com * rotation.matrix().transpose();
         let mass = self.mass + other.mass;
-        // A body without mass leaves the other's centre as it is, to the last digit.
+        // A body without mass leaves the centre of the other one unchanged, to the last digit.
         let com = if other.mass == 0.0 {
             self.com
         } else if self.mass == 0.0 {
@@ -87,8 +87,8 @@ impl Inertia {
         Inertia { mass, com, about_com: (sum + sum.transpose()) * 0.5 }
     }
 
-    /// What makes the tensor impossible, in words: it is not finite, not symmetric or not positive semi-definite. Rounding of a
-    /// file that writes three digits passes.
+    /// Describes why the tensor is impossible, in words: it is not finite, not symmetric or not positive semi-definite. Rounding of a file
+    /// with three digits passes.
     pub fn tensor_problem(&self) -> Option<String> {
         let size = self.about_com.amax();
         if !self.about_com.iter().all(|x| x.is_finite()) {
@@ -106,10 +106,10 @@ impl Inertia {
         None
     }
 
-    /// Principal moments over the largest element, so that no size of the tensor can over- or underflow.
+    /// Principal moments over the largest element; this scaling avoids overflow and underflow.
     fn principal_ratios(&self) -> Vector3<f64> {
         let size = self.about_com.amax();
-        // The eigenvalue iteration does not end on NaN.
+        // The eigenvalue iteration does not terminate on NaN.
         if size > 0.0 && self.about_com.iter().all(|x| x.is_finite()) {
             (self.about_com / size).symmetric_eigenvalues()
         } else {
@@ -117,8 +117,8 @@ impl Inertia {
         }
     }
 
-    /// How far the principal moments break the triangle inequality that every real body obeys: the largest minus the sum of
-    /// the other two, over the trace; zero or below for a body that can exist.
+    /// Violation of the triangle inequality that the principal moments of every real body obey: the largest minus the sum of the other two,
+    /// over the trace; zero or negative for a possible body.
     pub fn triangle_excess(&self) -> f64 {
         let moments = self.principal_ratios();
         if moments.sum() > 0.0 { 2.0 * moments.max() / moments.sum() - 1.0 } else { 0.0 }
@@ -130,7 +130,7 @@ impl Inertia {
 pub struct Joint {
     /// Name, unique in the arm.
     pub name: String,
-    /// Turning or sliding.
+    /// Revolute or prismatic.
     pub kind: JointKind,
     /// Axis of the motion in the joint frame.
     pub axis: Unit<Vector3<f64>>,
@@ -140,9 +140,9 @@ pub struct Joint {
     pub limits: Limits,
     /// Nominal friction, not part of the dynamics here.
     pub friction: JointFriction,
-    /// Inertia of the motor's rotor as the joint feels it through its gear, kg·m² (kg); on this joint's own row of the mass
-    /// matrix alone (Spong 1987, J. Dyn. Syst. Meas. Control 109:310, assumption A2; Featherstone 2008, §9.6). Negative only
-    /// where something else has taken inertia out of the link.
+    /// Inertia of the motor's rotor, reflected through its gear to the joint's side, kg·m² (kg); on this joint's own row of the mass matrix
+    /// alone (Spong 1987, J. Dyn. Syst. Meas. Control 109:310, assumption A2; Featherstone 2008, §9.6). Negative only if another element
+    /// has taken inertia out of the link.
     pub rotor_inertia: f64,
     /// Inertia of the link, everything rigidly fixed to it included, in the link frame.
     pub inertia: Inertia,

@@ -1,18 +1,19 @@
 //! The rigid arm: model, kinematics and dynamics of a serial chain.
 //!
-//! An arm is a chain of one to [`MAX_DOF`] revolute or prismatic joints on a fixed base, with a tool at its end. This crate
-//! knows nothing of time, of contact or of processes, and reads nothing but the model file.
+//! An arm is a chain of one to [`MAX_DOF`] revolute or prismatic joints on a fixed base, with a tool at its end. This crate contains no
+//! time, contact or processes, and reads nothing but the model file.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`Selection`]: which chain of a robot is the arm: the one to a link, or the one whose joints have certain names.
-//! - [`ArmFile`]: what a model file says: an arm, the effects beyond the rigid body, and what was not used ([`load`],
+//! - [`Selection`]: the chain of a robot that is the arm: the chain to a given link, or the one whose joints have certain names.
+//! - [`ArmFile`]: the contents of a model file: an arm, the effects beyond the rigid body, and the unused parts ([`load`],
 //!   [`load_selected`], [`parse_urdf`], [`parse_toml`], [`paper_arm`], [`to_toml`]).
-//! - [`export::Mechanism`]: an arm with elements beyond it, for the files of other tools ([`export::to_urdf`], [`export::to_mjcf`]).
+//! - [`export::Mechanism`]: an arm with elements beyond the rigid body, for the files of other tools ([`export::to_urdf`],
+//!   [`export::to_mjcf`]).
 //! - [`Joint`]: one joint and the link it moves: [`JointKind`], axis, placement, [`Limits`], [`JointFriction`], [`Inertia`].
-//! - [`Arm`]: the checked, immutable chain of joints, with tool and gravity; what it can be used for is a [`Purpose`], what it lacks
-//!   for one a [`Shortfall`] ([`Arm::require`], [`Fitness`]).
-//! - [`Workspace`]: the numbers that are worked out for one arm, allocated once; every function below writes into it.
+//! - [`Arm`]: the checked, immutable chain of joints, with tool and gravity; each use of an arm is a [`Purpose`], and a property that it
+//!   lacks for one a [`Shortfall`] ([`Arm::require`], [`Fitness`]).
+//! - [`Workspace`]: the intermediate results for one arm, allocated once; every function below writes into it.
 //! - Kinematics, q → poses: [`forward_kinematics`], [`jacobian`], [`tool_bias_acceleration`].
 //! - Inverse kinematics, pose → q: [`inverse_kinematics`], [`inverse_kinematics_global`], [`IkTask`], [`IkOptions`], [`IkReport`].
 //! - Inverse dynamics, q, v, a → tau: [`rnea`], [`bias`], [`gravity_torque`], [`joint_reaction`].

@@ -34,7 +34,7 @@ impl Symmetric3 {
         )
     }
 
-    /// R · this · Rᵀ: the same tensor seen from the frame that R leads to.
+    /// R · this · Rᵀ: the same tensor in the target frame of R.
     #[inline(always)]
     pub fn rotated(&self, r: &Matrix3<f64>) -> Self {
         let row1 = self.times(&Vector3::new(r.m11, r.m12, r.m13));
@@ -74,8 +74,8 @@ impl Symmetric3 {
         self.yz -= w.y * v.z;
     }
 
-    /// The inertia about a point from which the old reference point is seen at `r`, of a body with this inertia about the old
-    /// point, mass `m` and first moment `h` about the old point: J + m(r² 1 − r rᵀ) + 2(r·h) 1 − r hᵀ − h rᵀ (Steiner 1840).
+    /// The inertia of the body about a new point; the old reference point is at `r` from it. This is the inertia about the old point, with
+    /// mass `m` and first moment `h` about the old point: J + m(r² 1 − r rᵀ) + 2(r·h) 1 − r hᵀ − h rᵀ (Steiner 1840).
     #[inline(always)]
     pub fn about_point(&self, r: &Vector3<f64>, m: f64, h: &Vector3<f64>) -> Self {
         let g = h + r * (0.5 * m);
@@ -99,7 +99,7 @@ pub(crate) struct Wrench {
 }
 
 impl Wrench {
-    /// The same wrench with its moment taken about a point from which the old one is seen at `r`.
+    /// The same wrench with its moment about a new point; the old one is at `r` from it.
     #[inline(always)]
     pub fn about_point(&self, r: &Vector3<f64>) -> Self {
         Self { moment: self.moment + r.cross(&self.force), force: self.force }
@@ -120,8 +120,8 @@ pub(crate) struct Acceleration {
     pub linear: Vector3<f64>,
 }
 
-/// Articulated inertia about the link origin (Featherstone 2008, §7.1), world axes: the symmetric 6×6 matrix
-/// [J H; Hᵀ M] that turns an acceleration (ω̇, a) into the wrench (n, f) that causes it.
+/// Articulated inertia about the link origin (Featherstone 2008, §7.1), world axes: the symmetric 6×6 matrix [J H; Hᵀ M] that maps an
+/// acceleration (ω̇, a) to the wrench (n, f) that causes it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ArticulatedInertia {
     /// J, kg·m²: the block from ω̇ to the moment.
@@ -157,19 +157,19 @@ impl ArticulatedInertia {
         }
     }
 
-    /// The column for turning about `axis`.
+    /// The column for rotation about `axis`.
     #[inline(always)]
     pub fn turning_column(&self, axis: &Vector3<f64>) -> Wrench {
         Wrench { moment: self.angular.times(axis), force: self.cross.tr_mul(axis) }
     }
 
-    /// The column for sliding along `axis`.
+    /// The column for translation along `axis`.
     #[inline(always)]
     pub fn sliding_column(&self, axis: &Vector3<f64>) -> Wrench {
         Wrench { moment: self.cross * axis, force: self.linear.times(axis) }
     }
 
-    /// Subtracts `scale · u uᵀ`, the part of the inertia that a free joint with column `u` does not hand on.
+    /// Subtracts `scale · u uᵀ`, the part of the inertia that a free joint with column `u` does not transmit.
     #[inline(always)]
     pub fn subtract_outer(&mut self, scale: f64, u: &Wrench) {
         self.angular.subtract_outer(scale, &u.moment);
@@ -177,7 +177,7 @@ impl ArticulatedInertia {
         self.cross -= (u.moment * scale) * u.force.transpose();
     }
 
-    /// The same inertia about a point from which the old reference point is seen at `r`:
+    /// The same inertia about a new point; the old reference point is at `r` from it:
     /// H′ = H + [r]M, J′ = J − H′[r] + [r]Hᵀ, M′ = M, with [r] the cross-product matrix.
     #[inline(always)]
     pub fn about_point(&self, r: &Vector3<f64>) -> Self {

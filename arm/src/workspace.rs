@@ -1,16 +1,17 @@
-//! The numbers that are worked out for one arm, allocated once.
+//! The intermediate results for one arm, allocated once.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::arm::Arm;
 use crate::spatial::{Acceleration, ArticulatedInertia, Symmetric3, Wrench};
 
-/// Intermediate results for one arm: scratch memory, not the space that the arm can reach. Any function of this crate may overwrite all of it, so a reading function such as
-/// [`Workspace::link_pose`] or [`crate::joint_reaction`] belongs directly after the function that it reads from.
+/// Intermediate results for one arm: scratch memory, not the space that the arm can reach. Any function of this crate may overwrite all of
+/// it. A reading function such as [`Workspace::link_pose`] or [`crate::joint_reaction`] therefore belongs directly after the function whose
+/// results it reads.
 #[derive(Clone, Debug)]
 pub struct Workspace {
     pub(crate) links: Vec<LinkState>,
-    /// Which algorithm wrote the links last; it decides where `joint_reaction` finds the wrench.
+    /// The algorithm that wrote the links last; it determines where `joint_reaction` finds the wrench.
     pub(crate) wrench_source: WrenchSource,
     /// The step of the inverse kinematics, one value per joint.
     pub(crate) step: Vec<f64>,
@@ -37,15 +38,15 @@ pub(crate) struct LinkState {
     pub axis: Vector3<f64>,
     /// Angular velocity, rad/s.
     pub omega: Vector3<f64>,
-    /// Velocity-dependent part of the acceleration that the joint adds to the parent's.
+    /// Velocity-dependent part of the joint's contribution to the acceleration of the link.
     pub drift: Acceleration,
     /// Acceleration of the link.
     pub acceleration: Acceleration,
     /// First moment m·c, kg·m.
     pub first_moment: Vector3<f64>,
-    /// Inertia of the link, or of all it carries, about the link origin, kg·m².
+    /// Inertia of the link, or of the link and all links beyond, about the link origin, kg·m².
     pub inertia: Symmetric3,
-    /// Mass of the link, or of all it carries, kg.
+    /// Mass of the link, or of the link and all links beyond, kg.
     pub mass: f64,
     /// Articulated inertia.
     pub articulated: ArticulatedInertia,
@@ -53,9 +54,9 @@ pub(crate) struct LinkState {
     pub wrench: Wrench,
     /// Column of the articulated inertia for the joint's motion.
     pub column: Wrench,
-    /// 1/(axis · column), the inverse of the inertia that the joint feels.
+    /// 1/(axis · column), the inverse of the joint's effective inertia.
     pub inverse_felt: f64,
-    /// Torque (or force) left to accelerate the joint.
+    /// Remaining torque (or force) that accelerates the joint.
     pub residual: f64,
 }
 
@@ -69,8 +70,8 @@ impl Workspace {
         }
     }
 
-    /// Pose of the link moved by joint number `joint` (from 0) in the base frame, after [`crate::forward_kinematics`] or any
-    /// other function that was given q.
+    /// Pose of the link moved by joint number `joint` (from 0) in the base frame, after [`crate::forward_kinematics`] or any other function
+    /// with q as input.
     ///
     /// # Panics
     /// If `joint` is not below the number of joints.
@@ -79,7 +80,7 @@ impl Workspace {
         isometry(&link.rotation, link.position)
     }
 
-    /// Panics unless the workspace and every slice fit the arm: mixing up two arms is a fault of the program.
+    /// Panics unless the workspace and every slice fit the arm: mixing up two arms is a bug of the caller.
     #[inline]
     pub(crate) fn check_sizes<const N: usize>(&self, arm: &Arm, lengths: [usize; N]) {
         assert_eq!(

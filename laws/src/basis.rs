@@ -1,37 +1,37 @@
-//! An effect as a sum of terms: what a diagnosis builds its columns from.
+//! An effect as a sum of terms, from which a diagnosis builds its columns.
 //!
-//! With its shape fixed, what an effect adds to a prediction is Σ cᵢ·(column of term i). The coefficients cᵢ need not be the
-//! parameters: a·sin(Nq + φ) is the sum of c₁ sin Nq and c₂ cos Nq, a spring k(q − q₀) that of k q and −k q₀. A [`Term`] says its
-//! column as a difference of two effects of the catalogue, and [`crate::Terms::compose`] gives the parameters back.
+//! For a fixed shape, an effect adds Σ cᵢ·(column of term i) to a prediction. The coefficients cᵢ need not be the parameters: a·sin(Nq + φ)
+//! is the sum of c₁ sin Nq and c₂ cos Nq, a spring k(q − q₀) that of k q and −k q₀. A [`Term`] defines its column as a difference of two
+//! effects of the catalogue, and [`crate::Terms::compose`] converts coefficients to parameters.
 
 use toml::{Table, Value};
 
 /// One linear term of an effect: its coefficient and its column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
-    /// Name of the coefficient: a parameter's, or one of the effect's own, such as `compliance`.
+    /// Name of the coefficient: that of a parameter, or one of the effect's own, such as `compliance`.
     pub name: &'static str,
     /// Unit of the coefficient at this place.
     pub unit: String,
-    /// Least value that is physical here: an extra friction may take away what the arm file names, and no more.
+    /// Least physical value here: a negative extra friction is at most the friction of the arm file.
     pub least: f64,
     /// Greatest value.
     pub most: f64,
-    /// Whether a coefficient that would be less is the least one, and one that would be more the greatest: no friction at all is still a joint, and
-    /// flanks that don't give are still those of a gap.
+    /// True if a fit clamps the coefficient to its bounds instead of rejecting the effect: a joint without friction is still a joint, and
+    /// rigid flanks are still those of a gap.
     pub held: bool,
-    /// The value that it has on most machines, where one is plainer than all others: a limit that takes away all that is beyond it.
+    /// The value on most machines, if one value is simpler than all others: a limit that removes everything beyond it.
     pub usual: Option<f64>,
-    /// The column is `weight` times what the effect with the parameters `plus` shows, …
+    /// The column is `weight` times the prediction of the effect with the parameters `plus`, …
     pub plus: Table,
-    /// … less what the one with these shows; `None`: less nothing.
+    /// … minus that of the effect with these parameters; `None`: minus zero.
     pub minus: Option<Table>,
-    /// One over the difference of the coefficient between the two.
+    /// Reciprocal of the difference of the coefficient between the two.
     pub weight: f64,
 }
 
 impl Term {
-    /// A term whose column is what `plus` shows.
+    /// A term whose column is the prediction of `plus`.
     pub fn new(name: &'static str, unit: impl Into<String>, [least, most]: [f64; 2], plus: Table) -> Term {
         Term {
             name,
@@ -46,25 +46,25 @@ impl Term {
         }
     }
 
-    /// The same for a coefficient of `step` in place of 1.
+    /// The same for a coefficient of `step` instead of 1.
     pub fn stepped(mut self, step: f64) -> Term {
         self.weight = 1.0 / step;
         self
     }
 
-    /// The same, of `value` on most machines.
+    /// The same with the usual value `value`.
     pub fn usually(mut self, value: f64) -> Term {
         self.usual = Some(value);
         self
     }
 
-    /// The same, held at its least value.
+    /// The same, clamped to its bounds.
     pub fn held(mut self) -> Term {
         self.held = true;
         self
     }
 
-    /// The same less what `minus` shows.
+    /// The same minus the prediction of `minus`.
     pub fn less(mut self, minus: Table) -> Term {
         self.minus = Some(minus);
         self
@@ -78,7 +78,7 @@ pub fn with<'a>(shape: &Table, values: impl IntoIterator<Item = (&'a str, f64)>)
     table
 }
 
-/// A vector as an arm file has it.
+/// A vector as a value of an arm file.
 pub fn vector(of: [f64; 3]) -> Value {
     Value::Array(of.into_iter().map(Value::Float).collect())
 }

@@ -1,26 +1,26 @@
-//! From where the journal is in its bearing to the force and the moment on it.
+//! From the journal's position in its bearing to the force and the moment on it.
 //!
-//! With the journal's centre at r = (x, z) from the bearing's centre (in the plane across the axis), eccentricity
-//! e = |r|, normal n = r/e and tangent t = axis × n: penetration δ = e − c, rate δ̇ = ṙ·n, sliding speed of the
-//! journal's surface at the contact v_T = ṙ·t + R_j ω, where ω is the journal's turning against the bearing about
-//! the axis. The force on the journal is −F_N n + F_T t and the moment about its centre F_T R_j.
+//! With the journal's centre at r = (x, z) from the bearing's centre (in the plane across the axis), eccentricity e = |r|, normal n = r/e
+//! and tangent t = axis × n: penetration δ = e − c, rate δ̇ = ṙ·n, sliding speed of the journal's surface at the contact v_T = ṙ·t + R_j ω,
+//! where ω is the angular velocity of the journal against the bearing about the axis. The force on the journal is −F_N n + F_T t and the
+//! moment about its centre F_T R_j.
 //!
 //! Source: Flores et al. 2006, Mech. Mach. Theory 41:247; Erkaya 2018, Eqs. 1–7.
 
 use crate::Clearance;
 
-/// The journal against its bearing, in the two coordinates of the plane across the joint's axis.
+/// State of the journal in its bearing, in the two coordinates of the plane across the joint's axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Journal {
     /// Offset of the journal's centre from the bearing's, m.
     pub offset: [f64; 2],
     /// Its velocity, m/s.
     pub velocity: [f64; 2],
-    /// Turning of the journal against the bearing about the joint's axis, rad/s.
+    /// Angular velocity of the journal against the bearing about the joint's axis, rad/s.
     pub turning: f64,
 }
 
-/// A journal in touch with its bearing: which way, how deep, how fast.
+/// Position and velocity of a journal relative to the wall of its bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Approach {
     /// Eccentricity e, m.
@@ -49,7 +49,7 @@ pub struct BearingContact {
 }
 
 impl Journal {
-    /// How the journal stands to a bearing with the clearance `clearance`.
+    /// The position and velocity of the journal relative to a bearing with the clearance `clearance`.
     ///
     /// The plane's coordinates have e₂ = e₁ × axis, so that axis × e₁ = −e₂, axis × e₂ = e₁ and the tangent
     /// axis × n is (n₂, −n₁).
@@ -57,7 +57,7 @@ impl Journal {
     pub fn approach(&self, clearance: &Clearance) -> Approach {
         let [x, z] = self.offset;
         let eccentricity = x.hypot(z);
-        // A journal in the very centre has no direction; any will do, since it touches nothing there.
+        // A journal in the very centre has no direction; any direction is valid, since it has no contact there.
         let normal = if eccentricity > 0.0 { [x / eccentricity, z / eccentricity] } else { [1.0, 0.0] };
         let tangent = [normal[1], -normal[0]];
         let along = |d: [f64; 2]| self.velocity[0] * d[0] + self.velocity[1] * d[1];
@@ -73,7 +73,7 @@ impl Journal {
 
 /// Force and moment on a journal that approaches its bearing, zero out of contact.
 ///
-/// `impact_speed` is the approach speed latched at first contact, m/s; it is floored by the clearance's own floor.
+/// `impact_speed` is the approach speed latched at first contact, m/s; the clearance's own floor bounds it from below.
 #[inline]
 pub fn bearing_contact(clearance: &Clearance, approach: &Approach, impact_speed: f64) -> BearingContact {
     if approach.penetration <= 0.0 {

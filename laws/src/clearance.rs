@@ -1,8 +1,8 @@
 //! The play of one revolute joint: `[[effect]] kind = "joint_clearance"`.
 //!
-//! Law: the journal moves freely in the plane across the axis within the radial clearance c; where it meets the
-//! bearing, [`NormalContact`] and [`ContactFriction`] act. Parameters, SI: see [`ClearanceTable`]. Defaults: those of
-//! Erkaya 2018 where it has them, else of its sources (bearing radius, smoothing speeds, floor of the impact speed).
+//! Law: the journal moves freely in the plane across the axis within the radial clearance c. At the wall of the bearing, [`NormalContact`]
+//! and [`ContactFriction`] act. Parameters, SI: see [`ClearanceTable`]. Defaults: those of Erkaya 2018, else of its sources (bearing
+//! radius, smoothing speeds, floor of the impact speed).
 
 use freeplay_arm::EffectTable;
 use schemars::JsonSchema;
@@ -147,11 +147,11 @@ pub struct Clearance {
     pub clearance: f64,
     /// Bearing radius R_b, m.
     pub bearing_radius: f64,
-    /// The force across the surface.
+    /// The normal force on the surface.
     pub normal: NormalContact,
-    /// The force along the surface.
+    /// The friction force along the surface.
     pub friction: ContactFriction,
-    /// Least impact speed that the normal law divides by, m/s.
+    /// Lower bound of the impact speed in the denominator of the normal law, m/s.
     pub impact_speed_floor: f64,
 }
 
@@ -189,7 +189,7 @@ impl Clearance {
     /// The clearance that an `[[effect]]` of an arm file describes.
     ///
     /// # Errors
-    /// [`LawError::Unreadable`] for unknown or missing parameters, [`LawError::OutOfRange`] for values that cannot be.
+    /// [`LawError::Unreadable`] for unknown or missing parameters, [`LawError::OutOfRange`] for impossible values.
     pub fn from_effect(effect: &EffectTable) -> Result<Self, LawError> {
         let table: ClearanceTable = effect.read(None).map_err(|message| LawError::Unreadable {
             kind: effect.kind.clone(),

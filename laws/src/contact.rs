@@ -106,7 +106,7 @@ impl NormalContact {
         (self.elastic_force(penetration) * (1.0 + self.damping * rate / impact_speed)).max(0.0)
     }
 
-    /// The part of the force that is stored and given back, K δ^1.5, N.
+    /// The elastic part of the force, whose energy the contact returns: K δ^1.5, N.
     #[inline]
     pub fn elastic_force(&self, penetration: f64) -> f64 {
         self.stiffness * penetration * penetration.sqrt()

@@ -1,4 +1,4 @@
-//! What an effect does: physics that a rigid arm leaves out, in one definition for the plant, for `compare` and for the diagnosis.
+//! The interface of an effect: physics beyond a rigid arm, in one definition for the plant, for `compare` and for the diagnosis.
 
 use std::fmt::Debug;
 
@@ -15,83 +15,83 @@ use crate::play::across;
 use crate::prediction::{Change, Prediction};
 use crate::scene::Scene;
 
-/// An effect with its parameters, at its place. The stages are called in the order in which they stand here; each effect does
-/// something in one or a few of them.
+/// An effect with its parameters, at its place. Callers run the stages in the order below; each effect contributes to one or a few of them.
 ///
-/// `arm` to `measure` say what a *recording* shows, given the motion that the encoders read, without integrating anything.
-/// [`Effect::inject`] puts the same law into the plant. A test of each effect compares the two.
+/// `arm` to `measure` predict a *recording* from the motion of the encoders, without integrating anything. [`Effect::inject`] puts the same
+/// law into the plant. A test of each effect compares the two.
 pub trait Effect: Debug + Send + Sync {
     /// Changes the rigid arm: masses, lengths, gravity.
     ///
     /// # Errors
-    /// A change that leaves no possible arm.
+    /// [`LawError`] if the change makes the arm impossible.
     fn arm(&self, _parts: &mut ArmParts) -> Result<(), LawError> {
         Ok(())
     }
 
-    /// Adds to `shift`, `[joint][point]`, how far each link is from where the motor-side encoder has it, rad (m). The link's velocity and
+    /// Adds to `shift`, `[joint][point]`, the displacement of each link from its motor-side encoder, rad (m). The link's velocity and
     /// acceleration follow, unless the kind is rough.
     fn shift(&self, _scene: &Scene, _shift: &mut Columns) {}
 
-    /// Adds to `torque`, `[joint][point]`, what the drives have to spend beyond the rigid arm, N·m (N).
+    /// Adds to `torque`, `[joint][point]`, the torque of the drives beyond the rigid arm, N·m (N).
     fn torque(&self, _scene: &Scene, _torque: &mut Columns) {}
 
-    /// Adds to `tool`, `[axis][point]`, how far the tool is from where the shifted joints put it, base frame, m.
+    /// Adds to `tool`, `[axis][point]`, the tool's displacement from its position by the shifted joints, base frame, m.
     fn displace(&self, _scene: &Scene, _tool: &mut Columns) {}
 
-    /// The three before in one: an effect that takes one course through the motion follows it once.
+    /// Runs the three stages above in one pass, for an effect with a single course through the motion.
     fn apply(&self, scene: &Scene, change: &mut Change) {
         self.shift(scene, &mut change.link);
         self.torque(scene, &mut change.torque);
         self.displace(scene, &mut change.tool);
     }
 
-    /// Whether [`Effect::measure`] does anything.
+    /// True if [`Effect::measure`] changes the prediction.
     fn measures(&self) -> bool {
         false
     }
 
-    /// Changes what is measured: gains, offsets, delays.
+    /// Changes the measurements: gains, offsets, delays.
     fn measure(&self, _scene: &Scene, _prediction: &mut Prediction) {}
 
-    /// Whether [`Effect::measure`] makes corners, which a low-pass on what was measured rounds.
+    /// True if [`Effect::measure`] makes corners, which the low-pass of the measurement rounds.
     fn bends(&self) -> bool {
         false
     }
 
-    /// The same with its memory standing at `start` as a motion begins; `None` if it has none of that sort that a recording leaves open, or if it was told.
+    /// The same with the initial state `start`; `None` if the effect has no state that a recording leaves undetermined, or if its initial
+    /// state is given.
     fn with_initial_state(&self, _start: Start) -> Option<Box<dyn Effect>> {
         None
     }
 
-    /// Courses that the effect may take, where a recorded motion does not foretell which; none where it does.
+    /// Possible courses of the effect, if the recorded motion does not determine the course; empty otherwise.
     fn courses(&self) -> Vec<Box<dyn Effect>> {
         Vec::new()
     }
 
-    /// Puts the effect into a plant. Changes of the arm are already in.
+    /// Puts the effect into a plant. The arm already includes the effect's changes.
     fn inject(&self, injection: &mut Injection);
 
-    /// Adds to `elements` what multibody tools share words for. Changes of the arm are already in.
+    /// Adds the elements that multibody tools have in common to `elements`. The arm already includes the effect's changes.
     fn export_elements(&self, _elements: &mut Vec<Element>) -> ExportCoverage {
         ExportCoverage::Not
     }
 }
 
-/// How much of an effect the elements that multibody tools share can express.
+/// The part of an effect that the common elements of multibody tools can express.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExportCoverage {
-    /// All of it.
+    /// The whole effect.
     Whole,
-    /// All but what the words name.
+    /// All but the named part.
     But(&'static str),
     /// Nothing: other tools have no such law.
     Not,
-    /// Nothing, for the reason that the words give.
+    /// Nothing, for the given reason.
     Never(&'static str),
 }
 
-/// Where a memory stands as a motion begins.
+/// The initial state of a memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Start {
     /// Between two stops: −1 at the one, 1 at the other.
@@ -101,7 +101,7 @@ pub enum Start {
 }
 
 impl Start {
-    /// The same as an arm file says it of `joint`.
+    /// The value in an arm file, for `joint`.
     pub fn said_of(self, joint: &Joint) -> Value {
         match self {
             Start::Between(place) => Value::Float(place),

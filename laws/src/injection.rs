@@ -1,4 +1,5 @@
-//! What effects put into a plant. The plant asks these laws at every sub-step, or at every tick for sensors; none of them allocates.
+//! The contributions of effects to a plant. The plant calls these laws at every sub-step, or at every tick for sensors; none of them
+//! allocates.
 
 use std::fmt::Debug;
 
@@ -6,16 +7,16 @@ use nalgebra::Vector3;
 
 use crate::{Archive, Clearance};
 
-/// All that the effects of an arm file put into a plant, beside their changes of the arm.
+/// Everything that the effects of an arm file add to a plant, besides their changes of the arm.
 #[derive(Debug, Default)]
 pub struct Injection {
     /// Radial play by joint index.
     pub clearances: Vec<(usize, Clearance)>,
     /// Joints whose journals float in oil.
     pub films: Vec<usize>,
-    /// What stands between motor and link, by joint index, at most one a joint in [`crate::Effects::injection`].
+    /// Transmissions between motor and link, by joint index; at most one per joint in [`crate::Effects::injection`].
     pub transmissions: Vec<(usize, Transmission)>,
-    /// Inertia of rotors beside the arm's, by joint index, kg·m² (kg): to be added to [`freeplay_arm::Joint::rotor_inertia`].
+    /// Rotor inertia that the effects add, by joint index, kg·m² (kg): to be added to [`freeplay_arm::Joint::rotor_inertia`].
     pub rotors: Vec<(usize, f64)>,
     /// Torques on the drives.
     pub drives: Vec<Box<dyn DriveLaw>>,
@@ -27,9 +28,10 @@ pub struct Injection {
     pub saturations: Vec<(usize, f64)>,
     /// Forces on the tool.
     pub forces: Vec<ToolForce>,
-    /// Where the tool is beside where the joints put it: what bends, gives or floats. Asked on the truth, before the sensors.
+    /// Displacements of the tool from its position by the joints: bending, elastic or floating. The plant applies these laws to the true
+    /// state, before the sensors.
     pub tool: Vec<Box<dyn SensorLaw>>,
-    /// What the sensors make of the truth.
+    /// Laws of the sensors, which turn the true state into measurements.
     pub sensors: Vec<Box<dyn SensorLaw>>,
 }
 
@@ -52,12 +54,12 @@ pub struct ServoLaw {
     pub offset: f64,
 }
 
-/// A torque on the drives that depends on the state of the joints. It may keep a memory.
+/// A torque on the drives that depends on the state of the joints. It may have state variables.
 pub trait DriveLaw: Debug + Send {
-    /// Adds to `torque` what acts on each joint, N·m (N): friction opposes the motion, so it is subtracted.
+    /// Adds the torque on each joint to `torque`, N·m (N): friction opposes the motion, so a law subtracts it.
     fn act(&mut self, now: &DriveState, torque: &mut [f64]);
 
-    /// Forgets: the plant starts anew.
+    /// Resets the state variables: the plant starts anew.
     fn restart(&mut self) {}
 
     /// Saves the state variables of the law to `archive`, or restores them from it. A law without state does nothing here.
@@ -85,7 +87,7 @@ pub struct DriveState<'a> {
     pub load: &'a [f64],
 }
 
-/// What stands between a motor and its link: τ = k·dead(θ − q) + d(θ̇ − q̇) while the flanks touch.
+/// A transmission between a motor and its link: τ = k·dead(θ − q) + d(θ̇ − q̇) while the flanks touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transmission {
     /// k, N·m/rad (N/m), > 0.
@@ -97,7 +99,7 @@ pub struct Transmission {
 }
 
 impl Transmission {
-    /// Both in series: gaps and compliances add, and of the dampings the one that is there counts, or both in series.
+    /// Both transmissions in series: gaps and compliances add up. Two dampings combine in series; a single one stays.
     pub fn in_series(self, other: Transmission) -> Transmission {
         let series = |a: f64, b: f64| a * b / (a + b);
         let damping = match (self.damping > 0.0, other.damping > 0.0) {
@@ -114,25 +116,26 @@ impl Transmission {
 pub struct ToolForce {
     /// Force, base frame, N.
     pub force: Vector3<f64>,
-    /// When it sets in, s.
+    /// Start of the window, s.
     pub start: f64,
-    /// When it ends, s.
+    /// End of the window, s.
     pub end: f64,
 }
 
-/// What a sensor makes of the truth, or what the tool does beside the joints. Called once a tick, in the order of the arm file; it may keep a memory.
+/// A law of a sensor, or of a displacement of the tool. The plant calls it once a tick, in the order of the arm file; the law may have
+/// state variables.
 pub trait SensorLaw: Debug + Send {
     /// Changes the readings of a tick.
     fn read(&mut self, readings: &mut Readings);
 
-    /// Forgets: the plant starts anew.
+    /// Resets the state variables: the plant starts anew.
     fn restart(&mut self) {}
 
     /// Saves the state variables of the law to `archive`, or restores them from it. A law without state does nothing here.
     fn transfer_state(&mut self, archive: &mut Archive);
 }
 
-/// What is measured in one tick, before noise and rounding.
+/// Measurements of one tick, before noise and rounding.
 #[derive(Debug)]
 pub struct Readings<'a> {
     /// Time between two readings, s.

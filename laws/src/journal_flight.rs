@@ -1,20 +1,19 @@
-//! A journal in its bearing when the force that presses it turns round: it leaves the wall, flies, meets the wall elsewhere and slides to
-//! where the force holds it.
+//! A journal in its bearing when its load reverses: it leaves the wall, flies, reaches the wall elsewhere and slides to its rest position.
 //!
 //! Law: with d the journal's offset across the axis, b the force that the bearing carries while the journal rests, and m the mass of all
-//! that lies beyond the joint, m d̈ = −b + f, where the wall's force f is zero for |d| < c + δ. At |d| = c + δ, δ = (F_N/K)^(2/3), the
-//! wall takes the outward part of ḋ and rubs with μ against the sliding; along the wall a journal then swings about the force's
-//! direction as a pendulum of the length c, with [`DAMPING`] of the critical damping. Units: m, s, N, kg.
-//! Source: Erkaya 2018, Eqs. 1–7, for a wall as rigid as the recording's period is long. Departure: no bounces. On generated recordings
-//! of vertical axes whose journals had restitutions of 0.6 to 0.9, neither the true restitution nor 0.3 brought the course nearer (decision
-//! 0028): when a bounce ends is not foretold from a recorded motion, and the mean of many is the wall. How far bounces take it from there is what its
-//! course leaves open.
+//! links beyond the joint, m d̈ = −b + f; the wall's force f is zero for |d| < c + δ. At |d| = c + δ, δ = (F_N/K)^(2/3), the wall absorbs
+//! the outward part of ḋ and rubs with μ against the sliding. Along the wall a journal then swings about the force's direction as a
+//! pendulum of the length c, with [`DAMPING`] of the critical damping. Units: m, s, N, kg.
+//! Source: Erkaya 2018, Eqs. 1–7, for a wall as rigid as the recording's period is long. Departure: no bounces. On generated recordings of
+//! vertical axes whose journals had restitutions of 0.6 to 0.9, neither the true restitution nor 0.3 improved the course (decision 0028): a
+//! recorded motion does not predict when bouncing ends, and the mean of many bounces is the wall. The deviation by bounces is part of the
+//! uncertainty of the course.
 
 use crate::Clearance;
 
-/// Parts of a sample's period: the wall is met at the end of one.
+/// Parts of a sample's period; contact with the wall occurs at the end of a part.
 const PARTS: u32 = 16;
-/// Damping of the swing along the wall, share of the critical: what bounces and rubbing of real journals amount to.
+/// Damping of the swing along the wall, share of the critical damping: the total effect of bouncing and rubbing in real journals.
 const DAMPING: f64 = 0.1;
 
 /// A journal with its mass, in a bearing with a rigid wall.
@@ -23,10 +22,10 @@ pub(crate) struct JournalFlight {
     clearance: Clearance,
     /// Mass beyond the joint, kg.
     mass: f64,
-    /// Offset from the bearing's middle, m, and its change with time, m/s.
+    /// Offset from the bearing's centre, m, and its rate of change, m/s.
     place: [f64; 2],
     rate: [f64; 2],
-    /// The restitution with which it meets the wall.
+    /// The restitution at the wall.
     bounce: f64,
 }
 
@@ -40,7 +39,7 @@ impl JournalFlight {
         let size = force[0].hypot(force[1]);
         let reach = clearance.clearance + clearance.normal.static_penetration(size);
         let place = if size > 0.0 { force.map(|b| -b * reach / size) } else { [0.0; 2] };
-        // A journal without a mass is where it is pressed at once.
+        // A journal without a mass reaches its rest position at once.
         JournalFlight { clearance, mass: mass.max(f64::MIN_POSITIVE), place, rate: [0.0; 2], bounce: 0.0 }
     }
 
@@ -49,12 +48,12 @@ impl JournalFlight {
         JournalFlight { bounce, ..self }
     }
 
-    /// Offset from the bearing's middle, m.
+    /// Offset from the bearing's centre, m.
     pub fn place(&self) -> [f64; 2] {
         self.place
     }
 
-    /// Goes on by `step` s, over which the force b goes from the first to the second of `forces`, N, while the joint turns at `turning`
+    /// Advances by `step` s, over which the force b goes from the first to the second of `forces`, N, while the joint turns at `turning`
     /// rad/s.
     pub fn advance(&mut self, forces: [[f64; 2]; 2], turning: f64, step: f64) {
         let part = step / f64::from(PARTS);
@@ -123,7 +122,7 @@ mod tests {
         }
     }
 
-    /// A journal that falls across its bearing and meets the wall with the restitution e rises by e² of what it fell.
+    /// A journal that falls across its bearing and meets the wall with the restitution e rises to e² of its height of fall.
     #[test]
     fn it_bounces_as_high_as_its_restitution_says() {
         for restitution in [0.3, 0.6, 0.9] {

@@ -1,4 +1,4 @@
-//! An entry of the catalogue: one kind of effect, with all that the documentation, the readers of files and a diagnosis need.
+//! An entry of the catalogue: one kind of effect, with everything that the documentation, the file readers and a diagnosis need.
 
 use std::fmt::Debug;
 
@@ -13,7 +13,7 @@ use crate::parameter::{Parameter, Range, Role};
 use crate::place::{Place, Site};
 use crate::values::Values;
 
-/// A number of a data sheet: how far a machine may be from its model.
+/// A quantity of a data sheet with a tolerance: how far a machine may differ from its model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tolerance {
     /// Of the mass of a link, as a share.
@@ -30,7 +30,7 @@ pub enum Tolerance {
     Delay,
 }
 
-/// How often a machine has an effect, at a given place, that its model leaves out.
+/// How often machines have an effect, at a given place, that their models lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occurrence {
     /// On every second joint: dry and viscous friction.
@@ -52,7 +52,7 @@ impl Occurrence {
     }
 }
 
-/// Where an effect shows.
+/// The channels in which an effect appears.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seen {
     /// In the torques.
@@ -70,62 +70,65 @@ impl Seen {
     pub const BOTH: Seen = Seen { torque: true, pose: true };
 }
 
-/// Name of the number in a shape about which the only term of an effect is taken: its column is then what the law says with this
-/// coefficient, per unit of it. For a law that is not linear, as a delay of more than a few samples, that is right where it is needed.
+/// Name of the entry of a shape that holds an operating point: the coefficient at which the only term of an effect is evaluated. The term's
+/// column is then the law with this coefficient, divided by it. For a non-linear law, such as a delay of more than a few samples, the
+/// column is then accurate near that coefficient.
 pub const ABOUT: &str = "about";
 
-/// Name of a shape's entry and of a parameter: where a memory stands as a motion begins, a number from −1 to 1 between its stops or a vector in its bearing,
-/// see [`crate::Start`]. What came before a recording is not in it, so that this is a state of each recording, not a property of the machine.
+/// Name of a shape's entry and of a parameter: the initial state of a memory, a number from −1 to 1 between its stops or a vector in its
+/// bearing, see [`crate::Start`]. It depends on the motion before the recording. It is therefore a state of each recording, not a property
+/// of the machine.
 pub const START: &str = "start";
 
-/// Name of the number in a shape that is the arm file's own: what the file names already of the effect.
+/// Name of the entry of a shape that holds the arm file's own value of the effect.
 pub(crate) const NOMINAL: &str = "nominal";
 
 /// An entry of the catalogue: one kind of effect.
 pub struct Kind {
     /// Name in arm files and in `diagnosis.json`.
     pub name: &'static str,
-    /// What a mechanical engineer calls it.
+    /// The term of mechanical engineers.
     pub title: &'static str,
-    /// The same with its numbers, as the object of "the model leaves out": the names of parameters in braces stand for their values. What is in brackets
-    /// is left out where one of its numbers is not there.
+    /// The same with its numbers, as the object of "the model leaves out": names of parameters in braces stand for their values. A part in
+    /// brackets is omitted if one of its numbers is missing.
     pub words: &'static str,
-    /// Where it can sit.
+    /// The places where it can occur.
     pub site: Site,
-    /// Its parameters, in the order in which people name them.
+    /// Its parameters, in their usual order.
     pub parameters: &'static [Parameter],
-    /// How often machines have it that their model does not: the prior odds of a diagnosis.
+    /// How often machines have it and their models lack it: the prior odds of a diagnosis.
     pub occurs: Occurrence,
-    /// Which number of a data sheet says how far a machine may be from its model in it; `None` where none does.
+    /// The quantity of a data sheet whose tolerance covers this effect; `None` if none does.
     pub tolerance: Option<Tolerance>,
-    /// Where it shows.
+    /// The channels in which it appears.
     pub seen: Seen,
-    /// Whether its law jumps with the motion, or looks back in it: it is evaluated on every point of the recording's grid, and what it
-    /// predicts before the sensors goes through the low-pass that the measurement went through.
+    /// True if its law jumps with the motion, or depends on its past. The prediction then evaluates the law at every point of the
+    /// recording's grid, and applies the low-pass of the measurement to the result before the sensors.
     pub rough: bool,
-    /// Whether parts come apart and meet again: what that does to torques, by blows and by the loop that answers them, is not in the law.
+    /// True if parts separate and touch again. The law does not include the effects of this on torques, by impacts and by the reaction of
+    /// the control loop.
     pub shakes: bool,
     /// The law, in one line with its symbols.
     pub equation: &'static str,
     /// Author, year.
     pub source: &'static str,
-    /// What gives it away.
+    /// The feature by which an engineer recognises it.
     pub signature: &'static str,
-    /// The kinds that look like it, and what separates them.
+    /// The kinds that look similar, and the differences.
     pub confounders: &'static [(&'static str, &'static str)],
-    /// The kinds that are special cases of this one, and what makes them that: to be tested nested, not as alternatives.
+    /// The kinds that are special cases of this one, each with its condition: a diagnosis tests them nested, not as alternatives.
     pub contains: &'static [(&'static str, &'static str)],
-    /// What a recording has to hold for the effect to be told; see [`Kind::missing`].
+    /// Requirements on a recording that identifies the effect; see [`Kind::missing`].
     pub needs: &'static [Need],
-    /// The terms of which the effect is a sum while its shape is fixed, and how parameters come of their coefficients.
+    /// The terms of which the effect is a sum for a fixed shape, and the conversion of their coefficients to parameters.
     pub terms: Terms,
-    /// What a search tries for the shape: tables that [`Kind::terms_at`] takes. Empty where the motion tells no shape from another.
+    /// The shapes that a search tries: tables for [`Kind::terms_at`]. Empty if the motion does not distinguish shapes.
     pub shapes: fn(&Place) -> Vec<toml::Table>,
-    /// Makes the effect of checked values.
+    /// Builds the effect from checked values.
     pub build: fn(&Values) -> Result<Box<dyn Effect>, LawError>,
 }
 
-/// How an effect is a sum of terms.
+/// The terms of which an effect is a sum.
 #[derive(Clone, Copy)]
 pub struct Terms {
     /// The terms at a place for a shape.
@@ -140,12 +143,12 @@ impl Debug for Kind {
     }
 }
 
-/// The shapes of an effect that has one only.
+/// The shapes of an effect with a single shape.
 pub fn one_shape(_: &Place) -> Vec<toml::Table> {
     vec![toml::Table::new()]
 }
 
-/// `shape` for small coefficients of its only term, and [`ABOUT`] each of `coefficients`, for a law that is far from linear.
+/// `shape` for small coefficients of its only term, and with each of `coefficients` as [`ABOUT`], for a strongly non-linear law.
 pub fn small_and_about(shape: toml::Table, coefficients: impl IntoIterator<Item = f64>) -> Vec<toml::Table> {
     let about = coefficients.into_iter().map(|about| with(&shape, [(ABOUT, about)]));
     std::iter::once(shape.clone()).chain(about).collect()
@@ -170,7 +173,7 @@ impl Kind {
         }
     }
 
-    /// Greatest value of the number called `name`; infinite for what is none.
+    /// Greatest value of the parameter called `name`; infinite if it is not a number.
     pub fn most(&self, name: &str) -> f64 {
         match self.parameter(name).map(|parameter| parameter.range) {
             Some(Range::Number { most, .. }) => most,
@@ -178,7 +181,7 @@ impl Kind {
         }
     }
 
-    /// Whether the effect can sit at `joint` (`None`: on the arm as a whole).
+    /// True if the effect can occur at `joint` (`None`: on the arm as a whole).
     pub fn fits(&self, joint: Option<&Joint>) -> bool {
         match (self.site, joint) {
             (Site::Arm, None) | (Site::Joint, Some(_)) => true,
@@ -187,13 +190,13 @@ impl Kind {
         }
     }
 
-    /// Whether it happens at a time of the recording's clock, which another recording need not repeat.
+    /// True if the effect occurs at a time of the recording's clock, so that it need not occur in another recording.
     pub fn happens(&self) -> bool {
         let is_time = |range: &Range| matches!(range, Range::Number { unit: "s", least, role: Role::Shape, .. } if *least < 0.0);
         self.parameters.iter().any(|parameter| is_time(&parameter.range))
     }
 
-    /// Whether the number `name` of a shape has values between those that [`Kind::shapes`] lists.
+    /// True if the number `name` of a shape has values between those that [`Kind::shapes`] lists.
     pub fn refines(&self, name: &str) -> bool {
         let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });
         let is_state = self.memory().is_some_and(|start| start.name == name);
@@ -201,12 +204,13 @@ impl Kind {
         !(is_state || is_chosen || [ABOUT, NOMINAL].contains(&name))
     }
 
-    /// The parameter that says where its memory stands at the beginning of a recording; `None` if it has none. A time at which something sets in is called the same.
+    /// The parameter with the initial state of its memory; `None` if it has none. The start time of a temporary effect has the same name
+    /// but is no state.
     pub fn memory(&self) -> Option<&Parameter> {
         self.parameter(START).filter(|_| self.takes_as_given(START))
     }
 
-    /// Whether `name` is a parameter that no recording tells: its value is a usual one.
+    /// True if no recording determines the parameter `name`: it then has a usual value.
     pub fn takes_as_given(&self, name: &str) -> bool {
         self.parameter(name).is_some_and(|parameter| {
             matches!(
@@ -216,7 +220,7 @@ impl Kind {
         })
     }
 
-    /// The terms of the effect at `place` with `shape`, one of [`Kind::shapes`], which may say [`ABOUT`] which coefficient.
+    /// The terms of the effect at `place` with `shape`, one of [`Kind::shapes`], which may hold a coefficient as [`ABOUT`].
     pub fn terms_at(&self, place: &Place, shape: &toml::Table) -> Vec<Term> {
         let mut terms = (self.terms.list)(self, place, shape);
         if let (Some(about), [term]) = (shape.get(ABOUT).and_then(toml::Value::as_float), &mut terms[..]) {
@@ -232,13 +236,14 @@ impl Kind {
         parameters
     }
 
-    /// What a recording with `recorded` lacks for this effect at `place`: a plain sentence, or `None` if nothing.
+    /// The requirement of this effect at `place` that a recording with `recorded` does not meet, as a plain sentence; `None` if it meets
+    /// all.
     pub fn missing(&self, place: &Place, recorded: &Recorded) -> Option<String> {
         let name = place.joint().map_or("the arm", |joint| &joint.name);
         self.needs.iter().find_map(|need| need.missing(place, recorded, self.site, name))
     }
 
-    /// The same without what the motion covers too little of: with that, the effect can be fitted, if not told from others.
+    /// The same without the requirements on coverage of the motion: if the others are met, a fit is possible, though perhaps not unique.
     pub fn cannot_be_fitted(&self, place: &Place, recorded: &Recorded) -> Option<String> {
         let name = place.joint().map_or("the arm", |joint| &joint.name);
         let needs = self.needs.iter().filter(|need| !need.is_coverage());
@@ -248,7 +253,7 @@ impl Kind {
     /// The values of `table`, checked against this kind and the joints of `arm`.
     ///
     /// # Errors
-    /// [`LawError`] with the line of the table: a joint that is not there or cannot have the effect; a parameter that is unknown,
+    /// [`LawError`] with the line of the table: a joint that does not exist or cannot have the effect; a parameter that is unknown,
     /// missing, of the wrong type or out of its range.
     pub fn values(&self, table: &EffectTable, arm: &Arm) -> Result<Values, LawError> {
         Values::new(self.name, self.site, self.parameters, table, arm)

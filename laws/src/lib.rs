@@ -1,29 +1,30 @@
-//! The laws of a joint with play, and of all else that a rigid arm leaves out: one file a law.
+//! The laws of a joint with play, and of all other effects beyond a rigid arm: one file per law.
 //!
-//! Nothing here has a state or a clock. The plant integrates these laws, the quasi-static predictor solves them
-//! for equilibrium and the diagnosis fits their parameters, so that one definition serves all three.
+//! Nothing here has a state or a clock. The plant integrates these laws, the quasi-static predictor solves them for equilibrium and the
+//! diagnosis fits their parameters, so that one definition serves all three.
 //!
 //! The nouns, in the order in which numbers pass through them:
 //!
-//! - [`Material`] and [`hertz_stiffness`]: what the bearing and the journal are made of, and how stiff they meet.
-//! - [`NormalContact`]: the force that pushes the journal back, with the [`NormalLaw`] that says how it dissipates.
+//! - [`Material`] and [`hertz_stiffness`]: the elasticity of bearing and journal, and the stiffness of their contact.
+//! - [`NormalContact`]: the force that pushes the journal back; its [`NormalLaw`] defines the dissipation.
 //! - [`ContactFriction`]: the force along the bearing's surface, by one of the [`FrictionLaw`]s.
-//! - [`Clearance`]: one joint's play: how far the journal may move, and what happens when it arrives.
-//! - [`bearing_contact`]: from where the journal is in the bearing to force and moment.
-//! - [`BearingLoad`]: what a bearing carries in a moving arm, and how the tool moves with its journal.
-//! - [`ArmWithPlay`]: the arm that has two slides across the axis of every joint with play.
+//! - [`Clearance`]: the play of one joint: the range of the journal, and its contact with the bearing.
+//! - [`bearing_contact`]: from the journal's position in the bearing to force and moment.
+//! - [`BearingLoad`]: the load of a bearing in a moving arm, and the tool's displacement by its journal.
+//! - [`ArmWithPlay`]: the arm with two slides perpendicular to the axis of every joint with play.
 //! - [`DriveFriction`]: the nominal friction of a joint's drive.
-//! - [`Film`]: the oil in a bearing; [`settle`] and [`Rest`]: where a journal lies in a dry one.
+//! - [`Film`]: the oil in a bearing; [`settle`] and [`Rest`]: the rest position of a journal in a dry one.
 //! - [`CATALOGUE`]: every [`Kind`] of effect: its name, [`Parameter`]s, equation, source, signature and confounders; one file each;
-//!   [`COMMANDED`] lists those that show in commanded against measured positions alone.
-//! - [`Term`]s: what an effect is a sum of at a [`Place`]; [`Need`]s: what a recording must have [`Recorded`] for it to be told.
+//!   [`COMMANDED`] lists the kinds that appear only in commanded against measured positions.
+//! - [`Term`]s: the terms of an effect at a [`Place`], which add up; [`Need`]s: the requirements on a recording ([`Recorded`]) that
+//!   identifies the effect.
 //! - [`Values`]: the values of one `[[effect]]` table, checked against its kind.
 //! - [`Effect`]: the law with its values; [`Placed`] at a joint or on the whole arm; [`Effects`]: all of an arm file.
-//! - [`Trajectory`] and [`Scene`]: the motion that effects see; [`Prediction`]: what a recording of it would show; made by [`predict`],
-//!   or by a [`Baseline`], which also says what one more effect would [`Change`], in [`Columns`].
-//! - [`Injection`]: what effects put into a plant: [`DriveLaw`], [`Transmission`], [`ToolForce`], [`SensorLaw`]; their state variables go
-//!   to and come from an [`Archive`].
-//! - [`mechanism`]: an arm file for the formats of other tools; [`ExportCoverage`]: how much of an effect they can say.
+//! - [`Trajectory`] and [`Scene`]: the motion, as input of effects; [`Prediction`]: the predicted recording; made by [`predict`], or by a
+//!   [`Baseline`], which also computes the [`Change`] by one more effect, in [`Columns`].
+//! - [`Injection`]: the contributions of effects to a plant: [`DriveLaw`], [`Transmission`], [`ToolForce`], [`SensorLaw`]; an [`Archive`]
+//!   saves and restores their state variables.
+//! - [`mechanism`]: an arm file for the formats of other tools; [`ExportCoverage`]: the part of an effect that these formats can express.
 
 mod archive;
 mod arm_parts;

@@ -1,22 +1,22 @@
 //! The film of oil in a bearing with clearance.
 //!
-//! Law: a journal at the eccentricity e = c ε turning at ω against the bearing feels, from the side of the film that is under pressure
-//! (Gümbel 1925), along the normal n (outwards) and the tangent t (in the sense of ω), with C = μ L R³/c², w = ω − 2γ̇,
-//! k² = (1 − ε²)[(w/(2ε̇))² + 1/ε²], A = (2 + ε²)(1 − ε²)^(3/2), B = (2 + ε²)(1 − ε²)^(1/2):
+//! Law: the pressurised side of the film (Gümbel 1925) exerts a force on a journal at the eccentricity e = c ε that turns at ω against the
+//! bearing. Its components are along the normal n (outwards) and the tangent t (in the sense of ω), with C = μ L R³/c², w = ω − 2γ̇, k² =
+//! (1 − ε²)[(w/(2ε̇))² + 1/ε²], A = (2 + ε²)(1 − ε²)^(3/2), B = (2 + ε²)(1 − ε²)^(1/2):
 //!
 //! - ε̇ > 0: F_r = −(6Cε̇/A)[4kε² + (2 + ε²)π(k + 3)/(k + 3/2)], F_t = (6πCεw/B)(k + 3)/(k + 3/2)
 //! - ε̇ < 0: F_r = (6Cε̇/A)[4kε² − (2 + ε²)πk/(k + 3/2)], F_t = (6πCεw/B)k/(k + 3/2)
 //!
 //! μ \[Pa·s\] viscosity, L, R, c \[m\] length, radius and clearance of the bearing, γ the direction of the eccentricity.
 //! Source: Pinkus & Sternlicht 1961, Theory of Hydrodynamic Lubrication, §8; Flores et al. 2006, Mech. Mach. Theory 41:247 (long bearing).
-//! Departure: the sign of the last F_r is the one that makes F_r continuous at ε̇ = 0, often printed the other way.
+//! Departure: the sign of the last F_r makes F_r continuous at ε̇ = 0; it is often printed the other way.
 //!
 //! In terms of the rates p = ε̇ and s = εw/2 the law has no singularity: k|ε̇| = √(1 − ε²)·√(p² + s²)/ε, and the force is homogeneous
 //! of degree one in (p, s).
 
 use std::f64::consts::PI;
 
-/// Eccentricity ratio at which the film is taken as thinnest.
+/// Eccentricity ratio of the thinnest film in the law.
 pub const THINNEST: f64 = 0.999;
 
 /// A film of oil.
@@ -42,8 +42,8 @@ impl Film {
         [-per_rate * inwards, per_rate * along]
     }
 
-    /// The rates ε̇ and εw/2, 1/s, at which the film carries the force `radial`, `tangential` (N): the inverse of [`Film::force`]. Which way the
-    /// force points depends on which way the rates do alone, and turns with it.
+    /// The rates ε̇ and εw/2, 1/s, at which the film carries the force `radial`, `tangential` (N): the inverse of [`Film::force`]. The
+    /// direction of the force depends on the direction of the rates alone, and turns with it.
     pub fn rates(&self, eps: f64, radial: f64, tangential: f64) -> [f64; 2] {
         let size = length(radial, tangential);
         if size == 0.0 {
@@ -66,7 +66,7 @@ impl Film {
         [radial * n[0] + tangential * t[0], radial * n[1] + tangential * t[1]]
     }
 
-    /// Velocity of a journal without inertia at `offset` that the film carries with the `force`, m/s; not outwards at the thinnest film.
+    /// Velocity of a massless journal at `offset` under the `force`, m/s; not outwards at the thinnest film.
     pub fn drift(&self, offset: [f64; 2], force: [f64; 2], turning: f64) -> [f64; 2] {
         let (eps, n, t) = self.place(offset);
         let radial = force[0] * n[0] + force[1] * n[1];
@@ -77,11 +77,11 @@ impl Film {
         [0, 1].map(|i| self.clearance * (rate * n[i] + whirl * t[i]))
     }
 
-    /// Where a journal at `offset` is after `time` s, carried with `force` while turning at `turning`: Heun's method in steps that are
-    /// short against the film that is left and against the bearing. Where the journal turns back within a step, it has passed a place at
-    /// which the film carries the force, and is put there.
+    /// Position of a massless journal at `offset` after `time` s under `force` while turning at `turning`: Heun's method in steps that are
+    /// short against the remaining film and against the bearing. If the journal turns back within a step, it has passed an equilibrium with
+    /// the force; the method puts it there.
     pub fn carried(&self, mut offset: [f64; 2], force: [f64; 2], turning: f64, time: f64) -> [f64; 2] {
-        /// Largest change in a step, as a share of the film that is left, and of the clearance.
+        /// Largest change in a step, as a share of the remaining film, and of the clearance.
         const SHARE: f64 = 0.1;
         const MOST_STEPS: usize = 400;
         let mut left = time;
@@ -115,7 +115,7 @@ impl Film {
         if e > most { offset.map(|x| x * most / e) } else { offset }
     }
 
-    /// Eccentricity ratio, kept from 0 and 1, normal and tangent axis × n = (n₂, −n₁).
+    /// Eccentricity ratio, clamped away from 0 and 1, normal and tangent axis × n = (n₂, −n₁).
     fn place(&self, offset: [f64; 2]) -> (f64, [f64; 2], [f64; 2]) {
         let e = length(offset[0], offset[1]);
         let n = if e > 0.0 { [offset[0] / e, offset[1] / e] } else { [1.0, 0.0] };
@@ -123,7 +123,7 @@ impl Film {
     }
 }
 
-/// The gap that is left at one eccentricity.
+/// The remaining gap at one eccentricity.
 struct Gap {
     /// ε² and 1 − ε².
     square: f64,
@@ -152,13 +152,15 @@ impl Gap {
         [4.0 * self.square * k_rate + sign * squeeze, 2.0 * PI * self.open * slip * part]
     }
 
-    /// The rates, of any size, at which the film is pushed along (`inwards`, `along`), a vector of length 1 with `along` ≥ 0.
+    /// The rates, of any size, at which the force on the film has the direction (`inwards`, `along`), a vector of length 1 with `along` ≥
+    /// 0.
     ///
-    /// A thin film gives way along the wall 1/(1 − ε²) times as easily as across it: the force points nearly as rates so scaled do, and there Newton's method begins.
-    /// Its unknown y is the share of the scaled rate across the film, and its equation, multiplied by what [`Gap::force`] divides by, has no singularity. The root
-    /// lies between y = 0 and y = 1; a step beyond what is known to hold it is halved.
+    /// A thin film yields along the wall 1/(1 − ε²) times as easily as across it: in rates scaled by this factor the force is nearly
+    /// parallel to the rates, and Newton's method starts from there. Its unknown y is the share of the scaled rate across the film. Its
+    /// equation, multiplied by the denominator of [`Gap::force`], has no singularity. The root lies between y = 0 and y = 1; the method
+    /// halves a step that leaves the bracket.
     fn rates(&self, inwards: f64, along: f64) -> [f64; 2] {
-        /// Newton's method squares its error: after a step as small as this nothing is left.
+        /// Newton's method squares its error: after a step as small as this the error is below rounding.
         const CLOSE: f64 = 1e-8;
         const MOST_STEPS: usize = 60;
         let Self { square, open, wedge: k, .. } = *self;
@@ -166,7 +168,8 @@ impl Gap {
         let (more, sign) = if outwards { (3.0, 1.0) } else { (0.0, -1.0) };
         let [radial, tangential, across] =
             [4.0 * square * k * along, 2.0 * PI * open * inwards, sign * (2.0 + square) * PI * along];
-        // The cross product of the film's force at y with the wanted direction, times a positive factor, and its derivative by y: the root is where both point the same way.
+        // The cross product of the film's force at y with the wanted direction, times a positive factor, and its derivative by y: at the
+        // root both have the same direction.
         let off = |y: f64| {
             let (u, s) = (open * y, 1.0 - y);
             let l = length(u, s);
@@ -199,7 +202,7 @@ impl Gap {
     }
 }
 
-/// Length of a vector whose squares are no extremes.
+/// Length of a vector; its squares must neither overflow nor underflow.
 fn length(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }

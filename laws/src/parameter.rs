@@ -1,17 +1,17 @@
-//! The parameters of an effect: names, units, ranges, and what a diagnosis can do about them.
+//! The parameters of an effect: names, units, ranges, and their treatment in a diagnosis.
 
 /// One parameter of an effect.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
     /// Its name in arm files and in `diagnosis.json`.
     pub name: &'static str,
-    /// What it is, in a few words.
+    /// Its meaning, in a few words.
     pub meaning: &'static str,
-    /// What it may be.
+    /// Its type and range.
     pub range: Range,
 }
 
-/// What a parameter may be.
+/// Type and range of a parameter.
 #[derive(Clone, Copy, Debug)]
 pub enum Range {
     /// A number.
@@ -24,7 +24,7 @@ pub enum Range {
         least: f64,
         /// Greatest value.
         most: f64,
-        /// What a file that is silent means.
+        /// Default where the file gives no value.
         absent: Absent<f64>,
         /// How the effect depends on it.
         role: Role,
@@ -33,45 +33,45 @@ pub enum Range {
     Vector {
         /// Unit.
         unit: &'static str,
-        /// What a file that is silent means.
+        /// Default where the file gives no value.
         absent: Absent<[f64; 3]>,
         /// How the effect depends on it.
         role: Role,
     },
     /// The name of another joint.
     OtherJoint,
-    /// One of these words; the first is taken where the file is silent.
+    /// One of these words; the first is the default.
     Word(&'static [&'static str]),
     /// A table that the effect reads itself.
     Table,
 }
 
-/// What it means that a file does not give a value.
+/// Default of a parameter that a file does not give.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Absent<T> {
-    /// The value has to be given.
+    /// No default: the file must give the value.
     Refused,
     /// This value.
     Is(T),
-    /// What these words say, such as `from the material`.
+    /// The meaning in these words, such as `from the material`.
     Means(&'static str),
 }
 
-/// How the prediction depends on a parameter: what a diagnosis can do about it.
+/// Dependence of the prediction on a parameter, which determines its treatment in a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// With the shape fixed, what is predicted is a sum of terms in the parameters of this role; see [`crate::Term`].
+    /// For a fixed shape, the prediction is a sum of terms in the parameters of this role; see [`crate::Term`].
     Linear,
-    /// It shapes the effect; searched on a grid and refined.
+    /// It shapes the effect; the search tries a grid and refines it.
     Shape,
-    /// It shapes the effect by one of a few values, between which there is nothing.
+    /// It shapes the effect by one of a few discrete values.
     Choice,
-    /// The measured motion hardly depends on it (a contact's stiffness); given by the material, not identified.
+    /// The measured motion hardly depends on it (a contact's stiffness); the material gives it, and the diagnosis does not identify it.
     Given,
 }
 
 impl Parameter {
-    /// A number from `least` to `most` that has to be given, of [`Role::Linear`], in the same `unit` for all joints.
+    /// A required number from `least` to `most`, of [`Role::Linear`], in the same `unit` for all joints.
     pub const fn number(
         name: &'static str,
         meaning: &'static str,
@@ -89,7 +89,7 @@ impl Parameter {
         Parameter { name, meaning, range }
     }
 
-    /// A vector of [`Role::Linear`] that has to be given.
+    /// A required vector of [`Role::Linear`].
     pub const fn vector(name: &'static str, meaning: &'static str, unit: &'static str) -> Parameter {
         Parameter {
             name,
@@ -106,7 +106,7 @@ impl Parameter {
         self
     }
 
-    /// The same, but taken as `value` where the file is silent.
+    /// The same with the default `value`.
     pub const fn or(mut self, value: f64) -> Parameter {
         if let Range::Number { absent, .. } = &mut self.range {
             *absent = Absent::Is(value);
@@ -114,7 +114,7 @@ impl Parameter {
         self
     }
 
-    /// The same, but free to be left away, which means `what`.
+    /// The same, but optional; without a value it means `what`.
     pub const fn or_else(mut self, what: &'static str) -> Parameter {
         match &mut self.range {
             Range::Number { absent, .. } => *absent = Absent::Means(what),
@@ -124,7 +124,7 @@ impl Parameter {
         self
     }
 
-    /// The same vector, taken as zero where the file is silent.
+    /// The same vector with the default zero.
     pub const fn or_zero(mut self) -> Parameter {
         if let Range::Vector { absent, .. } = &mut self.range {
             *absent = Absent::Is([0.0; 3]);

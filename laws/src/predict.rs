@@ -1,4 +1,4 @@
-//! What a recording would show of an arm with effects, given the motion that its encoders read.
+//! Predicts the recording of an arm with effects from the motion of its encoders.
 
 use std::cell::OnceCell;
 use std::fmt::Debug;
@@ -17,13 +17,13 @@ use crate::scene::{
 use crate::trajectory::Trajectory;
 use crate::{DriveFriction, LawError, Placed};
 
-/// The low-pass that a measured column has gone through, applied to one column of the trajectory's points.
+/// The low-pass of a measured column, applied to one column of the trajectory's points.
 pub type LowPassed<'a> = dyn Fn(&[f64]) -> Vec<f64> + 'a;
 
-/// What a recording of `motion` would show of `arm` with `effects`. Laws that jump go through `low_pass`, as the measurement did.
+/// Predicts the recording of `motion` by `arm` with `effects`. Laws that jump pass through `low_pass`, as the measurement did.
 ///
 /// # Errors
-/// [`LawError::Changed`] if an effect leaves no possible arm.
+/// [`LawError::Changed`] if an effect makes the arm impossible.
 pub fn predict(
     arm: &Arm,
     effects: &[Placed],
@@ -37,7 +37,7 @@ pub fn predict(
 /// `arm` with the effects that change it.
 ///
 /// # Errors
-/// [`LawError::Changed`] if an effect leaves no possible arm.
+/// [`LawError::Changed`] if an effect makes the arm impossible.
 pub fn changed<'a>(arm: &Arm, effects: impl IntoIterator<Item = &'a Placed>) -> Result<Arm, LawError> {
     let mut parts = ArmParts::of(arm);
     for placed in effects {
@@ -46,25 +46,25 @@ pub fn changed<'a>(arm: &Arm, effects: impl IntoIterator<Item = &'a Placed>) -> 
     parts.into_arm(arm.name())
 }
 
-/// A prediction with all that went into it, and how one more effect would change it.
+/// A prediction with its inputs; it computes the changes of the prediction by further effects.
 pub struct Baseline<'a> {
     nominal: &'a Arm,
     effects: Vec<Held<'a>>,
     low_pass: &'a LowPassed<'a>,
-    /// What `motion`, which a low-pass made smooth, hides of the machine.
+    /// Difference between the machine and the low-passed `motion`, which hides parts of the machine's motion.
     hidden: Option<&'a Change>,
     scene: Rc<Scene<'a>>,
     shift: Vec<Vec<f64>>,
     /// Before the sensors.
     plain: Prediction,
     measured: Prediction,
-    /// What a small shift of each link does to the torques: `[moved joint][joint][point]`.
+    /// Sensitivity of the torques to a small shift of each link: `[moved joint][joint][point]`.
     torque_sensitivity: OnceCell<Vec<Vec<Vec<f64>>>>,
-    /// And to the tool: `[moved joint][axis][point]`.
+    /// The same of the tool: `[moved joint][axis][point]`.
     tool_sensitivity: OnceCell<Vec<[Vec<f64>; 3]>>,
 }
 
-/// An effect that somebody else keeps, or that is kept by all who need it.
+/// An effect that is borrowed, or shared by several owners.
 #[derive(Clone)]
 enum Held<'a> {
     Lent(&'a Placed),
@@ -93,7 +93,7 @@ impl<'a> Baseline<'a> {
     /// The prediction for `arm` with `effects` along `motion`.
     ///
     /// # Errors
-    /// [`LawError::Changed`] if an effect leaves no possible arm.
+    /// [`LawError::Changed`] if an effect makes the arm impossible.
     pub fn new(
         arm: &'a Arm,
         effects: &[&'a Placed],
@@ -103,11 +103,11 @@ impl<'a> Baseline<'a> {
         Self::with_hidden(arm, effects, motion, low_pass, None)
     }
 
-    /// The same for a machine that says `hidden` beyond what the arm says along `motion`: where a low-pass made the motion smooth, what the machine did in
-    /// its corners. Its sensors see that, too.
+    /// The same for a machine whose measurements differ from the prediction for `motion` by `hidden`: a low-pass has smoothed the motion
+    /// and hides the machine's motion in its corners. The sensors measure this part, too.
     ///
     /// # Errors
-    /// [`LawError::Changed`] if an effect leaves no possible arm.
+    /// [`LawError::Changed`] if an effect makes the arm impossible.
     pub fn with_hidden(
         arm: &'a Arm,
         effects: &[&'a Placed],
@@ -198,18 +198,18 @@ impl<'a> Baseline<'a> {
         sense(placed, &self.scene, self.low_pass, prediction);
     }
 
-    /// The prediction with `more` effects behind those that are in.
+    /// The prediction with `more` effects after the present ones.
     ///
     /// # Errors
-    /// [`LawError::Changed`] if they leave no possible arm.
+    /// [`LawError::Changed`] if they make the arm impossible.
     pub fn with(&self, more: &[&Placed]) -> Result<Prediction, LawError> {
         Ok(self.upon(more)?.measured)
     }
 
-    /// The baseline with `more` effects behind those that are in.
+    /// The baseline with `more` effects after the present ones.
     ///
     /// # Errors
-    /// [`LawError::Changed`] if they leave no possible arm.
+    /// [`LawError::Changed`] if they make the arm impossible.
     pub fn upon<'b>(&self, more: &[&'b Placed]) -> Result<Baseline<'b>, LawError>
     where
         'a: 'b,
@@ -217,10 +217,10 @@ impl<'a> Baseline<'a> {
         self.behind(more.iter().map(|placed| Held::Lent(placed)).collect())
     }
 
-    /// The same with effects that others need, too, so that the baseline may be kept.
+    /// The same with shared effects, so that the caller may keep the baseline.
     ///
     /// # Errors
-    /// [`LawError::Changed`] if they leave no possible arm.
+    /// [`LawError::Changed`] if they make the arm impossible.
     pub fn upon_shared(&self, more: &[Rc<Placed>]) -> Result<Baseline<'a>, LawError> {
         self.behind(more.iter().map(|placed| Held::Shared(Rc::clone(placed))).collect())
     }
@@ -230,7 +230,7 @@ impl<'a> Baseline<'a> {
         'a: 'b,
     {
         let is_changed = self.is_changed_by(more.iter().map(|held| &**held))?;
-        // The same arm along the same motion: if no link is shifted, what they say is all that there is to work out.
+        // For the same arm along the same motion without shifted links, only the contributions of the new effects need computing.
         let said: Vec<Change> =
             if is_changed { Vec::new() } else { more.iter().map(|placed| self.said(placed)).collect() };
         let effects: Vec<Held<'b>> = self.effects.iter().cloned().chain(more).collect();
@@ -243,10 +243,10 @@ impl<'a> Baseline<'a> {
         Ok(Baseline::read(self.nominal, effects, (self.low_pass, self.hidden), scene, shift, plain))
     }
 
-    /// The prediction with `instead` in the place of the effects for which `is_out` holds.
+    /// The prediction with `instead` in place of the effects that `is_out` selects.
     ///
     /// # Errors
-    /// [`LawError::Changed`] if it leaves no possible arm.
+    /// [`LawError::Changed`] if it makes the arm impossible.
     pub fn instead(
         &self,
         is_out: &dyn Fn(&Placed) -> bool,
@@ -264,18 +264,18 @@ impl<'a> Baseline<'a> {
         Baseline::holding(self.nominal, effects, self.scene.motion, self.low_pass, self.hidden)
     }
 
-    /// Whether `more` effects make another arm.
+    /// True if `more` effects change the arm.
     fn is_changed_by<'b>(&self, mut more: impl Iterator<Item = &'b Placed>) -> Result<bool, LawError> {
         let mut parts = ArmParts::of(&self.scene.arm);
         more.try_for_each(|placed| placed.effect.arm(&mut parts))?;
         Ok(!parts.are_of(&self.scene.arm))
     }
 
-    /// What `placed` would change, beside the effects that are in: exact where it changes the arm or the torque, to first order where
-    /// it shifts links (for a shift of 1 mrad that is to about 1e-3 of the change).
+    /// The change of the prediction by `placed`, added to the present effects: exact where it changes the arm or the torque, to first order
+    /// where it shifts links (for a shift of 1 mrad the relative error is about 1e-3).
     ///
     /// # Errors
-    /// [`LawError::Changed`] if it leaves no possible arm.
+    /// [`LawError::Changed`] if it makes the arm impossible.
     pub fn change(&self, placed: &Placed) -> Result<Change, LawError> {
         if self.is_changed_by(std::iter::once(placed))? {
             let effects = self.effects.iter().cloned().chain([Held::Lent(placed)]).collect();
@@ -292,7 +292,7 @@ impl<'a> Baseline<'a> {
         Ok(Change::between(&self.measured, changed))
     }
 
-    /// What an effect that leaves the arm as it is says itself, without what its shifts of links do to torques and tool.
+    /// The direct contribution of an effect that does not change the arm, without the consequences of its link shifts for torques and tool.
     fn said(&self, placed: &Placed) -> Change {
         let mut said = Change::nothing(self.scene.arm.dof(), self.scene.motion.len());
         placed.effect.apply(&self.scene, &mut said);
@@ -304,7 +304,7 @@ impl<'a> Baseline<'a> {
         said
     }
 
-    /// What an effect that leaves the arm as it is changes before the sensors.
+    /// The change before the sensors by an effect that does not change the arm.
     fn plain_change(&self, placed: &Placed) -> Change {
         let (scene, points) = (&self.scene, self.scene.motion.len());
         let mut change = self.said(placed);
@@ -330,9 +330,9 @@ impl<'a> Baseline<'a> {
     }
 }
 
-/// Torques that the rigid arm takes from its transmissions with its links shifted, `[joint][point]`, N·m (N). Where `smooth` shifts them,
-/// velocities and accelerations follow; a shift that jumps counts by its position alone, since what the flanks do to each other while
-/// they meet is not in a recording of the motor.
+/// Torques of the rigid arm on its transmissions with its links shifted, `[joint][point]`, N·m (N). For shifts in `smooth`, velocities and
+/// accelerations follow; a shift that jumps counts by its position alone, since a recording of the motor does not contain the impacts of
+/// the flanks.
 fn link_torques(scene: &Scene, smooth: &[Vec<f64>], jumping: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let any = |shift: &[Vec<f64>]| shift.iter().flatten().any(|&shift| shift != 0.0);
     if !any(smooth) && !any(jumping) {
@@ -344,7 +344,7 @@ fn link_torques(scene: &Scene, smooth: &[Vec<f64>], jumping: &[Vec<f64>]) -> Vec
     torque
 }
 
-/// Adds to `channels` what `placed` has to say; what jumps is filtered first.
+/// Adds the contribution of `placed` to `channels`; filters it first if it jumps.
 fn say(
     placed: &Placed,
     low_pass: &LowPassed,
@@ -361,7 +361,7 @@ fn say(
     }
 }
 
-/// Changes `prediction` as the sensors of `placed` do; where these make corners, what they change is filtered.
+/// Applies the sensors of `placed` to `prediction`; filters the change if the sensors make corners.
 fn sense(placed: &Placed, scene: &Scene, low_pass: &LowPassed, prediction: &mut Prediction) {
     if !placed.effect.bends() {
         return placed.effect.measure(scene, prediction);
@@ -402,7 +402,7 @@ fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a + b).collect()
 }
 
-/// The friction that the arm file names for each joint; the jump of its sign goes through `low_pass`.
+/// The nominal friction of each joint from the arm file; the jump of its sign passes through `low_pass`.
 fn nominal_friction(scene: &Scene, low_pass: &LowPassed) -> Vec<Vec<f64>> {
     let joints = scene.arm.joints().iter().zip(&scene.motion.v);
     joints

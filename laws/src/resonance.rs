@@ -1,42 +1,42 @@
-//! A link on the spring of its joint, driven by the motor that carries it.
+//! A link on the spring of its joint, excited by its motor.
 //!
-//! Law: the motor leads its link by δ. The link moves as the motor less δ, so that of the torque τ that it would need to follow the motor at
-//! once, its own inertia M takes M δ̈ and its weight, which pulls less or more where it is, κ δ: M δ̈ + d δ̇ + (k + κ) δ = τ with κ = ∂τ/∂q.
-//! Units: rad, s, N·m, kg·m²; for prismatic joints m, N and kg.
-//! Source: Spong 1987, J. Dyn. Sys. Meas. Control 109:310, Eqs. 3–4, for the one joint, the others where their encoders have them. Over each
-//! sample τ is a straight line and M and κ are constant, for which the solution is exact: a stiff joint follows its load at once. Departure: a joint
-//! with less than 2 % of the critical damping rings as if it had that.
+//! Law: the motor leads its link by δ. τ is the torque that the link would need to follow the motor exactly. Of this torque the link's own
+//! inertia M takes M δ̈, and the change of its weight with the position takes κ δ: M δ̈ + d δ̇ + (k + κ) δ = τ with κ = ∂τ/∂q. Units: rad,
+//! s, N·m, kg·m²; for prismatic joints m, N and kg.
+//! Source: Spong 1987, J. Dyn. Sys. Meas. Control 109:310, Eqs. 3–4, for the one joint, with the others at their encoder positions. Over
+//! each sample τ is linear in time and M and κ are constant. The solution is exact for this input, so that a stiff joint follows its load
+//! at once. Departure: the damping ratio is at least 2 %.
 
-/// Least damping, as a share of the critical one.
+/// Least damping, as a share of the critical damping.
 const LEAST_DAMPED: f64 = 0.02;
-/// Least stiffness that the weight leaves, as a share.
+/// Least total stiffness with the weight, as a share of the spring's.
 const LEAST_LEFT: f64 = 0.1;
 
-/// How a motor leads its link.
+/// Lead of a motor over its link.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Resonance {
     /// k and d.
     stiffness: f64,
     damping: f64,
-    /// Motor less link, and its change with time.
+    /// Motor minus link, and its rate of change.
     place: f64,
     rate: f64,
 }
 
 impl Resonance {
-    /// A link that hangs on the spring as `load`, which goes on at `slope` per second and gives way by κ = `yielding`, bends it.
+    /// A link in quasi-static equilibrium on the spring, under `load`, which changes at `slope` per second; κ = `yielding`.
     pub fn settled([stiffness, damping]: [f64; 2], load: f64, slope: f64, yielding: f64) -> Resonance {
         let all = total(stiffness, yielding);
         let rate = slope / all;
         Resonance { stiffness, damping, place: (load - damping * rate) / all, rate }
     }
 
-    /// How far the motor leads.
+    /// The lead of the motor.
     pub fn place(&self) -> f64 {
         self.place
     }
 
-    /// Goes on by `step` s, over which the load goes from the first to the second of `loads`, with the `inertia` M and κ = `yielding`.
+    /// Advances by `step` s, over which the load goes from the first to the second of `loads`, with the `inertia` M and κ = `yielding`.
     pub fn advance(&mut self, loads: [f64; 2], inertia: f64, yielding: f64, step: f64) {
         let stiffness = total(self.stiffness, yielding);
         // A link without inertia follows at once.
@@ -52,7 +52,7 @@ impl Resonance {
     }
 }
 
-/// k + κ; a spring that the weight tips over is no joint.
+/// k + κ; bounded from below, since the weight does not tip the spring of a real joint over.
 fn total(stiffness: f64, yielding: f64) -> f64 {
     (stiffness + yielding).max(LEAST_LEFT * stiffness)
 }
@@ -79,7 +79,7 @@ mod tests {
     const STIFFNESS: f64 = 80.0;
     const INERTIA: f64 = 0.05;
 
-    /// A load that swings at Ω bends the spring by 1/|k − MΩ² + i d Ω|: below, at and above the resonance, and with strong damping.
+    /// A load that oscillates at Ω deflects the spring by 1/|k − MΩ² + i d Ω|: below, at and above the resonance, and with strong damping.
     #[test]
     fn the_amplitude_is_that_of_the_transfer_function() {
         for damping in [0.3, 1.0, 12.0] {

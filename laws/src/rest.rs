@@ -1,25 +1,25 @@
-//! Where the journal of a joint with play rests in its bearing.
+//! The rest position of the journal of a joint with play in its bearing.
 //!
-//! A journal that stays in touch with its bearing lies against it where the contact force carries the outer links. With b the force that
-//! the bearing has to carry (the two slide rows of the inverse dynamics of the arm with play), the contact force is b; without friction
-//! its normal n points along u = −b/|b|. Friction with the signed coefficient m = μ(v_T) turns the normal by atan m,
+//! A journal in permanent contact lies against its bearing where the contact force carries the outer links. With b the force that the
+//! bearing must carry (the two slide rows of the inverse dynamics of the arm with play), the contact force is b; without friction its
+//! normal n points along u = −b/|b|. Friction with the signed coefficient m = μ(v_T) turns the normal by atan m,
 //!
 //! `n = (u + m u⊥)/√(1 + m²),  u⊥ = (−u₂, u₁),  F_N = |b|/√(1 + m²)`,
 //!
-//! and loads the drive with the moment −m F_N R_j. The sliding speed is v_T = R_j q̇ + (c + δ) ṅ·t with q̇ the turning of the joint
-//! and t = axis × n; since ṅ holds the change of atan m, m is the root of m = μ(v_T(m)), taken over the last tick. The journal is
-//! displaced by d = (c + δ) n, δ = (F_N/K)^(2/3).
+//! and loads the drive with the moment −m F_N R_j. The sliding speed is v_T = R_j q̇ + (c + δ) ṅ·t with the joint velocity q̇ and t = axis
+//! × n. Since ṅ contains the change of atan m, m is the root of m = μ(v_T(m)), evaluated over the last tick. The displacement of the
+//! journal is d = (c + δ) n, δ = (F_N/K)^(2/3).
 //!
 //! Source: the contact laws of Erkaya (2018), Eqs. 3–7, solved for rest. It fails where the journal detaches (|b| → 0).
 
 use crate::Clearance;
 
-/// Below this force, N, a journal has no side to lie on; it keeps the last one.
+/// Below this force, N, a journal has no defined rest position; it keeps the last one.
 const LEAST_FORCE: f64 = 1e-9;
 /// Halvings of the interval of friction coefficients: to 1e-9 of it.
 const BISECTIONS: usize = 30;
 
-/// How the journal of one joint with play rests in its bearing.
+/// The journal of one joint with play at rest in its bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rest {
     /// Force of the bearing on the journal, |b|, N.
@@ -28,21 +28,21 @@ pub struct Rest {
     pub displacement: [f64; 2],
     /// Moment of the contact friction on the joint, N·m.
     pub moment: f64,
-    /// Direction u of the load, if there was one.
+    /// Direction u of the load; `None` without a load so far.
     load: Option<[f64; 2]>,
     /// Angle atan m by which friction turns the normal away from it, rad.
     tilt: f64,
 }
 
 impl Rest {
-    /// Direction in which the load presses the journal, in the coordinates of the slides; none before there was a load.
+    /// Direction in which the load presses the journal, in the coordinates of the slides; `None` before the first load.
     pub fn direction(&self) -> Option<[f64; 2]> {
         self.load
     }
 }
 
-/// How a journal in `clearance` rests under the force `b` (N, along the two slides) of its bearing while its joint turns at `turning`, rad/s; `last` is one tick of `period`
-/// seconds before.
+/// The rest of a journal in `clearance` under the force `b` (N, along the two slides) of its bearing, while its joint turns at `turning`,
+/// rad/s; `last` is the rest one tick of `period` seconds before.
 pub fn settle(clearance: &Clearance, b: [f64; 2], turning: f64, last: &Rest, period: f64) -> Rest {
     let force = b[0].hypot(b[1]);
     if force.is_nan() || force <= LEAST_FORCE {
@@ -53,7 +53,7 @@ pub fn settle(clearance: &Clearance, b: [f64; 2], turning: f64, last: &Rest, per
     let m = match last.load {
         None => clearance.friction.coefficient(surface_speed),
         Some(before) => {
-            // (c + δ) times the turning of u towards t = (u₂, −u₁) is the speed of a journal that does not tilt.
+            // (c + δ) times the turning rate of u towards t = (u₂, −u₁) is the speed of a journal that does not tilt.
             let turned = (u[0] - before[0]) * u[1] - (u[1] - before[1]) * u[0];
             let reach = clearance.clearance + clearance.normal.static_penetration(force);
             tilt(clearance, surface_speed + reach * turned / period, reach / period, last.tilt)
@@ -71,8 +71,8 @@ pub fn settle(clearance: &Clearance, b: [f64; 2], turning: f64, last: &Rest, per
     }
 }
 
-/// The signed friction coefficient m of a journal that, tilting by atan m, slides at `speed − lever (atan m − before)`, m/s: the root
-/// of `m = μ(v_T)` by bisection. Tilting back takes time: without this the journal would jump where the sliding changes its sign.
+/// The signed friction coefficient m of a journal that tilts by atan m and slides at `speed − lever (atan m − before)`, m/s: the root of `m
+/// = μ(v_T)` by bisection. The time for tilting back matters: without it the journal would jump where the sliding changes its sign.
 fn tilt(clearance: &Clearance, speed: f64, lever: f64, before: f64) -> f64 {
     let friction = &clearance.friction;
     let largest = friction.static_coefficient.max(friction.dynamic_coefficient);

@@ -1,10 +1,11 @@
-//! Laws by which something in the arm gives under its weight and its acceleration at the instant.
+//! Laws by which a part of the arm deflects under the arm's weight and inertial force at the instant.
 //!
-//! Where a link bends or the mount tilts, all links beyond move as one rigid body, by some millimetres at most. The tool moves with these links, and so do their
-//! centres of mass, so that the drives hold them by other levers. To first order in the displacement: a force f whose point of action is shifted by s presses with
-//! the additional moment s × f on all joints before; joints that are turned by θ together with the links meet the same forces as if the forces were turned by −θ.
-//! Where an elastic energy belongs to the displacement, the additional torque of a joint is the derivative of that energy by the position of the joint. The moment of
-//! each link about its own centre of mass is taken as if the link were not turned.
+//! Where a link bends or the mount tilts, all links beyond move as one rigid body, by some millimetres at most. The tool moves with these
+//! links, and so do their centres of mass, so that the drives hold them by other levers. To first order in the displacement, a force f
+//! whose point of action is shifted by s exerts the additional moment s × f on all joints before it. For joints that turn by θ together
+//! with the links, the same forces act as if they were turned by −θ. Where the displacement stores elastic energy, the additional torque of
+//! a joint is the derivative of that energy by the position of the joint. The moment of each link about its own centre of mass is
+//! approximated by that of the unturned link.
 
 use std::fmt::Debug;
 
@@ -19,34 +20,34 @@ use crate::injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw};
 use crate::prediction::Change;
 use crate::scene::Scene;
 
-/// How something gives under the arm.
+/// A law of deflection under the arm's load.
 pub(crate) trait SagLaw: Debug + Copy + Send + Sync + 'static {
-    /// How it gives; `ws` holds the poses and reactions of `arm` at the instant.
+    /// The deflection; `ws` holds the poses and reactions of `arm` at the instant.
     fn sag(&self, arm: &Arm, ws: &Workspace) -> Sag;
 }
 
-/// How a part of an arm is off because something gave, base frame.
+/// The displacement of a part of an arm by a deflection, base frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Sag {
     /// The first link that moves as a whole; all beyond move with it.
     pub from: usize,
-    /// A place that moves with them, m.
+    /// A point that moves with them, m.
     pub about: Vector3<f64>,
-    /// How far that place is off, m.
+    /// Displacement of that point, m.
     pub shift: Vector3<f64>,
-    /// By how much they are turned, rad.
+    /// Rotation of these links, rad.
     pub turn: Vector3<f64>,
-    /// How far the centre of mass of the link before them is off, m.
+    /// Displacement of the centre of mass of the link before them, m.
     pub before: Vector3<f64>,
 }
 
 impl Sag {
-    /// How far `place` is off if it moves with what is beyond, m.
+    /// Displacement of `place` if it moves with the links beyond, m.
     fn at(&self, place: Vector3<f64>) -> Vector3<f64> {
         self.shift + self.turn.cross(&(place - self.about))
     }
 
-    /// What presses on each joint in addition, along its axis, into `load`, N·m (N).
+    /// Adds the additional load of each joint along its axis to `load`, N·m (N).
     fn load(&self, arm: &Arm, ws: &Workspace, load: &mut [f64]) {
         let (mut carried, mut moment) = (Vector3::zeros(), Vector3::zeros());
         let mut beyond = (Vector3::zeros(), Vector3::zeros());
@@ -59,7 +60,7 @@ impl Sag {
             load[link] = if link >= self.from {
                 moment += self.at(mass).cross(&force);
                 let turned = force.cross(&self.turn);
-                // About the base's origin, so that the sum serves every joint.
+                // Moments are about the base's origin, so that one sum serves every joint.
                 beyond = (beyond.0 + turned, beyond.1 + mass.cross(&turned));
                 match joint.kind {
                     JointKind::Revolute => axis.dot(&(beyond.1 - pose.translation.vector.cross(&beyond.0))),
@@ -78,7 +79,7 @@ impl Sag {
     }
 }
 
-/// Force and moment about its origin with which the link of `joint` and all beyond it press on what carries them, base frame, N and N·m.
+/// Force, and moment about its origin, that the link of `joint` and all links beyond exert on their support, base frame, N and N·m.
 pub(crate) fn pressure(ws: &Workspace, joint: usize) -> (Vector3<f64>, Vector3<f64>) {
     let rotation = ws.link_pose(joint).rotation;
     let (force, moment) = joint_reaction(ws, joint);
@@ -92,7 +93,7 @@ pub(crate) struct Sagging<L> {
     pub arm: Arm,
 }
 
-/// The arm at one instant, in vectors of one number a joint.
+/// The arm at one instant, in vectors with one number per joint.
 #[derive(Clone, Debug)]
 struct Instant {
     workspace: Workspace,
@@ -118,7 +119,7 @@ impl Instant {
         sag.at((self.workspace.link_pose(arm.dof() - 1) * arm.tool()).translation.vector)
     }
 
-    /// Additional torque of each joint's drive that `sag` asks for, N·m (N).
+    /// Additional torque of each joint's drive for `sag`, N·m (N).
     fn load(&mut self, sag: &Sag, arm: &Arm) -> &[f64] {
         sag.load(arm, &self.workspace, &mut self.tau);
         &self.tau
@@ -126,7 +127,7 @@ impl Instant {
 }
 
 impl<L: SagLaw> Sagging<L> {
-    /// Calls `each` with every point of the motion of `scene`, the arm there and how it gives.
+    /// Calls `each` with every point of the motion of `scene`, the arm there and its deflection.
     fn along(&self, scene: &Scene, mut each: impl FnMut(usize, &mut Instant, &Sag)) {
         let mut now = Instant::new(&scene.arm);
         for point in 0..scene.motion.len() {
@@ -169,7 +170,7 @@ fn take_load(load: &[f64], point: usize, torque: &mut Columns) {
     load.iter().enumerate().for_each(|(joint, load)| torque[joint][point] -= load);
 }
 
-/// Moves the tool at `point` by `off`.
+/// Displaces the tool at `point` by `off`.
 fn move_tool(off: Vector3<f64>, point: usize, tool: &mut Columns) {
     off.iter().enumerate().for_each(|(axis, off)| tool[axis][point] += off);
 }
@@ -186,7 +187,8 @@ impl<L: SagLaw> DriveLaw for Loaded<L> {
         let now = &mut self.now;
         now.q.copy_from_slice(state.q);
         now.v.copy_from_slice(state.v);
-        // One sub-step old: what gives is some millimetres, and the acceleration's share of that is small beside the arm's own.
+        // The acceleration is one sub-step old: the deflection is some millimetres, so that its effect on the acceleration is small beside
+        // the arm's own.
         now.a.copy_from_slice(state.a);
         let sag = now.sag(&self.of.law, &self.of.arm);
         let load = now.load(&sag, &self.of.arm);

@@ -1,4 +1,4 @@
-//! What effects see, and what they change: the arm in its motion, and everything that is predicted of it.
+//! The scene of effects: the arm, its motion, and the quantities predicted from them.
 
 use std::cell::OnceCell;
 
@@ -10,15 +10,15 @@ use crate::arm_parts::ArmParts;
 use crate::bearing_course::BearingCourse;
 use crate::trajectory::Trajectory;
 
-/// What effects see: the arm, its motion, and what the rigid arm makes of it.
+/// The inputs of effects: the arm, its motion, and the torques of the rigid arm.
 #[derive(Clone, Debug)]
 pub struct Scene<'a> {
     /// The arm, with the effects that change it.
     pub arm: Arm,
     /// The motion that the encoders read.
     pub motion: &'a Trajectory,
-    /// Torque that the rigid arm needs for that motion beyond what its rotors do, `[joint][point]`, N·m (N): the load of the
-    /// transmissions. It is the model's, never the measured one, which holds what is to be explained.
+    /// Torque of the rigid arm for that motion without its rotors, `[joint][point]`, N·m (N): the load of the transmissions. It comes from
+    /// the model, never from the measurement, which contains the effects to be explained.
     pub load: Vec<Vec<f64>>,
     tool_sensitivity: OnceCell<Vec<[Vec<f64>; 3]>>,
     carrying: OnceCell<Vec<Vec<f64>>>,
@@ -41,30 +41,30 @@ impl<'a> Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// How the tool moves with each joint along the motion, `[joint][axis][point]`, m/rad (m/m); worked out once.
+    /// Displacement of the tool per unit of each joint along the motion, `[joint][axis][point]`, m/rad (m/m); computed once.
     pub fn tool_sensitivity(&self) -> &[[Vec<f64>; 3]] {
         self.tool_sensitivity.get_or_init(|| tool_sensitivity(&self.arm, &self.motion.q))
     }
 
-    /// Inertia that each joint moves beyond its rotor along the motion, `[joint][point]`, kg·m² (kg); worked out once.
+    /// Inertia that each joint moves beyond its rotor along the motion, `[joint][point]`, kg·m² (kg); computed once.
     pub fn inertia(&self) -> &[Vec<f64>] {
         self.inertia.get_or_init(|| inertia(&self.arm, &self.motion.q))
     }
 
-    /// How the torque of `joint` changes with its own position along the motion, N·m/rad (N/m); worked out once.
+    /// Derivative of the torque of `joint` by its own position along the motion, N·m/rad (N/m); computed once.
     pub fn yielding(&self, joint: usize) -> &[f64] {
         self.yielding[joint].get_or_init(|| slopes(&self.arm, self.motion, &[], joint).swap_remove(joint))
     }
 
-    /// What the bearing of `joint` carries along the motion, if there can be play in it; worked out once.
+    /// The load of the bearing of `joint` along the motion, if the joint can have play; computed once.
     pub(crate) fn bearing(&self, joint: usize) -> Option<&BearingCourse> {
         self.bearings[joint].get_or_init(|| BearingCourse::new(&self.arm, joint, self.motion)).as_ref()
     }
 
-    /// What 1 kg at the tool's origin adds to the torques, weight and inertia, `[joint][point]`, N·m/kg (N/kg); worked out once.
+    /// Torques of 1 kg at the tool's origin, weight and inertia, `[joint][point]`, N·m/kg (N/kg); computed once.
     ///
     /// # Errors
-    /// [`LawError::Changed`]: no arm can carry it there.
+    /// [`LawError::Changed`] if the arm with this mass is impossible.
     pub fn carrying(&self) -> Result<&[Vec<f64>], LawError> {
         if let Some(carrying) = self.carrying.get() {
             return Ok(carrying);
@@ -79,7 +79,7 @@ impl Scene<'_> {
 
 /// `arm` with a point of `mass`, kg, at its tool's origin.
 ///
-/// # Errors
+/// [`LawError::Changed`] if the arm with this mass is impossible.
 /// [`LawError::Changed`]: no such arm can exist.
 pub(crate) fn loaded(arm: &Arm, mass: f64) -> Result<Arm, LawError> {
     let mut parts = ArmParts::of(arm);
@@ -90,7 +90,7 @@ pub(crate) fn loaded(arm: &Arm, mass: f64) -> Result<Arm, LawError> {
     parts.into_arm(arm.name())
 }
 
-/// Torque of the rigid arm along `motion`, with the links `shift` away from where the encoders have them, `[joint][point]`, N·m (N).
+/// Torque of the rigid arm along `motion`, with the links displaced by `shift` from the encoder positions, `[joint][point]`, N·m (N).
 pub fn rigid_torques(arm: &Arm, motion: &Trajectory, shift: Option<&[Vec<f64>]>) -> Vec<Vec<f64>> {
     let dof = arm.dof();
     let mut ws = Workspace::new(arm);
@@ -109,7 +109,7 @@ pub fn rigid_torques(arm: &Arm, motion: &Trajectory, shift: Option<&[Vec<f64>]>)
     torques
 }
 
-/// Torque that the named rotors of `arm` take for their own acceleration along `motion`, `[joint][point]`, N·m (N).
+/// Torque for the acceleration of the rotors in the file of `arm` along `motion`, `[joint][point]`, N·m (N).
 pub fn rotor_torques(arm: &Arm, motion: &Trajectory) -> Vec<Vec<f64>> {
     let joints = arm.joints().iter().zip(&motion.a);
     joints.map(|(joint, a)| a.iter().map(|a| joint.rotor_inertia * a).collect()).collect()
@@ -155,7 +155,7 @@ pub fn torque_unit(kind: JointKind) -> &'static str {
     }
 }
 
-/// How the tool moves with each joint, `[joint][axis][point]`, m/rad (m/m): the upper half of the Jacobian along `motion`.
+/// Displacement of the tool per unit of each joint, `[joint][axis][point]`, m/rad (m/m): the upper half of the Jacobian at `q`.
 pub fn tool_sensitivity(arm: &Arm, q: &[Vec<f64>]) -> Vec<[Vec<f64>; 3]> {
     let points = q.first().map_or(0, Vec::len);
     let (mut ws, mut columns) = (Workspace::new(arm), DMatrix::zeros(6, arm.dof()));
@@ -174,15 +174,15 @@ pub fn tool_sensitivity(arm: &Arm, q: &[Vec<f64>]) -> Vec<[Vec<f64>; 3]> {
     sensitivity
 }
 
-/// How the rigid arm's torques change with each joint's position, `[moved joint][joint][point]`, N·m/rad, by central differences about
-/// the positions `shift` away from the motion's.
+/// Derivative of the rigid arm's torques by each joint's position, `[moved joint][joint][point]`, N·m/rad, by central differences about the
+/// positions displaced by `shift` from the motion's.
 pub fn torque_sensitivity(arm: &Arm, motion: &Trajectory, shift: &[Vec<f64>]) -> Vec<Vec<Vec<f64>>> {
     (0..arm.dof()).map(|joint| slopes(arm, motion, shift, joint)).collect()
 }
 
-/// The same for the position of `joint` alone, `[joint][point]`; no `shift` is none.
+/// The same for the position of `joint` alone, `[joint][point]`; an empty `shift` means zero.
 fn slopes(arm: &Arm, motion: &Trajectory, shift: &[Vec<f64>], joint: usize) -> Vec<Vec<f64>> {
-    /// Rounding and curvature together are about 1e-9 of the torque.
+    /// Rounding and curvature errors together are about 1e-9 of the torque.
     const STEP: f64 = 1e-4;
     let moved = |by: f64| {
         let nothing = || vec![vec![0.0; motion.len()]; arm.dof()];

@@ -61,7 +61,7 @@ impl Values {
         Ok(values)
     }
 
-    /// Index of the joint at which the effect sits.
+    /// Index of the joint of the effect.
     ///
     /// # Errors
     /// [`LawError::Unreadable`] for an effect of the whole arm.
@@ -69,12 +69,12 @@ impl Values {
         self.joint.ok_or_else(|| self.unreadable("it needs a joint".to_owned()))
     }
 
-    /// The arm, as its file has it.
+    /// The arm of the arm file.
     pub fn arm(&self) -> &Arm {
         &self.arm
     }
 
-    /// The friction that the arm file names for the joint; none for an effect of the whole arm.
+    /// The joint's friction in the arm file; zero for an effect of the whole arm.
     pub fn nominal_friction(&self) -> JointFriction {
         self.joint.map(|joint| self.arm.joints()[joint].friction).unwrap_or_default()
     }
@@ -87,10 +87,10 @@ impl Values {
         self.optional(name)?.ok_or_else(|| self.unreadable(format!("`{name}` is missing")))
     }
 
-    /// The number called `name`, or its default; `None` where the file is silent and that means something of its own.
+    /// The number called `name`, or its default; `None` if the file gives no value and this has a meaning of its own.
     ///
     /// # Errors
-    /// [`LawError::Unreadable`] if it has to be given and is not, or is not a number.
+    /// [`LawError::Unreadable`] if it is required and missing, or is not a number.
     pub fn optional(&self, name: &str) -> Result<Option<f64>, LawError> {
         let range = self.parameter(name).map(|parameter| parameter.range);
         match (self.table.parameters.get(name), range) {
@@ -114,10 +114,10 @@ impl Values {
         self.optional_vector(name)?.ok_or_else(|| self.unreadable(format!("`{name}` is missing")))
     }
 
-    /// The vector called `name`, or its default; `None` where the file is silent and that means something of its own.
+    /// The vector called `name`, or its default; `None` if the file gives no value and this has a meaning of its own.
     ///
     /// # Errors
-    /// [`LawError::Unreadable`] if it has to be given and is not, or is not three numbers.
+    /// [`LawError::Unreadable`] if it is required and missing, or is not three numbers.
     pub fn optional_vector(&self, name: &str) -> Result<Option<[f64; 3]>, LawError> {
         let range = self.parameter(name).map(|parameter| parameter.range);
         match (self.table.parameters.get(name), range) {
@@ -133,10 +133,10 @@ impl Values {
         }
     }
 
-    /// Index of the other joint called by the parameter `name`.
+    /// Index of the other joint that the parameter `name` refers to.
     ///
     /// # Errors
-    /// [`LawError::UnknownJoint`] if there is none.
+    /// [`LawError::UnknownJoint`] if there is no such joint.
     pub fn other_joint(&self, name: &str) -> Result<usize, LawError> {
         let other = self.table.parameters.get(name).and_then(|value| value.as_str()).unwrap_or_default();
         let found = self.arm.joint_index(other).filter(|&found| Some(found) != self.joint);
@@ -148,10 +148,10 @@ impl Values {
         })
     }
 
-    /// The word called `name`, or the first that is allowed.
+    /// The word called `name`, or the first allowed word.
     ///
     /// # Errors
-    /// [`LawError::Unreadable`] if it is none of those allowed.
+    /// [`LawError::Unreadable`] if the word is not allowed.
     pub fn word(&self, name: &str) -> Result<&'static str, LawError> {
         let Some(Range::Word(words)) = self.parameter(name).map(|parameter| parameter.range) else {
             return Err(self.unreadable(format!("`{name}` is not a word")));
@@ -161,7 +161,7 @@ impl Values {
         found.ok_or_else(|| self.unreadable(format!("`{name}` must be one of {}", words.join(", "))))
     }
 
-    /// All parameters as a table of the effect's own, but for the one called `name`.
+    /// All parameters except the one called `name`, as a table of the effect's own.
     ///
     /// # Errors
     /// [`LawError::Unreadable`] for unknown or missing parameters.
@@ -220,7 +220,7 @@ impl Values {
         Ok(())
     }
 
-    /// That the table can't be taken, because of `message`.
+    /// An error that the table is invalid because of `message`.
     pub(crate) fn unreadable(&self, message: String) -> LawError {
         LawError::Unreadable { kind: self.kind.to_owned(), line: self.table.line, message }
     }

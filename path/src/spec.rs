@@ -1,4 +1,4 @@
-//! What a path is asked to be: the `path` table of a scenario, as it is typed.
+//! The specification of a path: the `path` table of a scenario as typed.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
@@ -7,11 +7,11 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Longest motion that is planned (`period × laps`, or the span of a file), in s: one day.
+/// Longest planned motion (`period × laps`, or the span of a file), in s: one day.
 pub const LONGEST_DURATION: f64 = 86_400.0;
-/// Shortest lap that is planned, in s.
+/// Shortest planned lap, in s.
 pub const SHORTEST_PERIOD: f64 = 0.01;
-/// Smallest blend of a square's side: below, the corners' acceleration is that of a hammer.
+/// Smallest blend of a square's side: below, the acceleration at the corners is that of an impact.
 pub const SMALLEST_BLEND: f64 = 1e-6;
 /// Largest blend of a square's side: acceleration for one half, deceleration for the other.
 pub const LARGEST_BLEND: f64 = 0.5;
@@ -98,7 +98,7 @@ impl Default for PathSpec {
     }
 }
 
-/// What is wrong with a [`PathSpec`] before any arm is looked at.
+/// A defect of a [`PathSpec`] that is visible without an arm.
 #[derive(thiserror::Error, Clone, Debug, PartialEq)]
 pub enum SpecError {
     /// A number is NaN or infinite.
@@ -109,13 +109,13 @@ pub enum SpecError {
         /// The value found.
         value: f64,
     },
-    /// The lap takes no time, or too much.
+    /// The lap is too short or too long.
     #[error("path.period = {value} s: a lap takes between {SHORTEST_PERIOD} s and {LONGEST_DURATION} s")]
     Period {
         /// The value found, s.
         value: f64,
     },
-    /// No lap at all.
+    /// The number of laps is zero.
     #[error("path.laps = 0: write 1 or more")]
     NoLap,
     /// The whole motion takes too long.
@@ -134,7 +134,7 @@ pub enum SpecError {
     SizeShape {
         /// The shape, as written in a scenario.
         kind: &'static str,
-        /// What it takes, in words.
+        /// The expected form, in words.
         wanted: &'static str,
     },
     /// A length is zero or negative.
@@ -151,7 +151,7 @@ pub enum SpecError {
         /// The value found.
         value: f64,
     },
-    /// A key that the kind has no use for.
+    /// A key that does not apply to the kind.
     #[error("path.{field} has no meaning for kind = \"{kind}\": remove it, or set path.kind = \"{meant}\"")]
     NotForKind {
         /// The key.

@@ -1,14 +1,14 @@
-//! What takes the jump out of a change of controller.
+//! Smooths the command at a change of controller.
 //!
-//! Two controllers answer one state differently. When the second takes over, what was in force less what it says is added to
-//! its commands and led to zero by the quintic that starts with that difference, its rate and its curvature and ends at rest.
-//! (A torque brings neither with it: there both are zero. To start with the rate at which it has lately changed makes the command
-//! smoother still, but carries an arm that is already under way further off: up to a fifth was measured.) The first command of the new controller thus
-//! continues the old one's, and the arm is led from one target to the other instead of being let go.
+//! Two controllers answer one state differently. When the second takes over, the blend adds the difference between the command in force and
+//! the new controller's command to the new commands, and reduces it to zero by a quintic. The quintic starts with that difference, its rate
+//! and its curvature, and ends at rest. (For torques both derivatives are set to zero. Starting with the recent rate of change makes the
+//! command smoother still, but carries a moving arm further off: measurements gave up to a fifth.) The first command of the new controller
+//! thus continues the old one's, and the blend leads the arm from one target to the other.
 //!
-//! A difference of torques may be that of a few ticks: at a corner one controller pushes where another does not yet. Kept for the length of
-//! the blend it would push the arm away. While the old controller goes on answering, no more of it is therefore left than the two still
-//! differ by; after a failure nobody can tell, and the blend is short.
+//! A difference of torques may last only a few ticks: at a corner one controller pushes where another does not yet. Over the length of the
+//! blend such a difference would push the arm away. While the old controller goes on answering, the blend therefore keeps no more of the
+//! difference than the two controllers still differ by. After a failure the old answers are not reliable, and the blend is short.
 
 use freeplay_shm::{Command, Joints, MAX_JOINTS, Mode};
 
@@ -17,27 +17,27 @@ use crate::motion::quintic;
 /// Longest blend of torques after a failure, s: the time constant of a feedback of 50 rad/s.
 const AFTER_FAILURE: f64 = 0.02;
 
-/// The difference between two controllers on its way to zero.
+/// The decaying difference between two controllers.
 #[derive(Clone, Debug)]
 pub struct Blend {
     mode: Mode,
     period: f64,
-    /// Ticks of a blend, and of the one that goes on.
+    /// Ticks of a blend, and of the one in progress.
     ticks: u32,
     length: u32,
-    /// The difference at the start of each joint, with its first and second derivative.
+    /// The initial difference of each joint, with its first and second derivative.
     from: [[f64; 3]; MAX_JOINTS],
     start: u64,
     active: bool,
 }
 
 impl Blend {
-    /// A blend over `ticks` ticks of `period` s; 0 for none: commands change hands as they are.
+    /// A blend over `ticks` ticks of `period` s; 0 for none: the commands then change abruptly.
     pub fn new(mode: Mode, period: f64, ticks: u32) -> Self {
         Self { mode, period, ticks, length: ticks, from: [[0.0; 3]; MAX_JOINTS], start: 0, active: false }
     }
 
-    /// Begins at `tick`: `was` and `says` are what was in force, and what the new controller said, for the same instant.
+    /// Begins at `tick`: `was` is the command in force, `says` the new controller's command, for the same instant.
     pub fn begin(&mut self, tick: u64, was: &Command, says: &Command) {
         for (joint, from) in self.from.iter_mut().enumerate() {
             *from = [was.value[joint] - says.value[joint], 0.0, 0.0];
@@ -49,7 +49,7 @@ impl Blend {
         (self.start, self.length, self.active) = (tick, self.ticks, self.ticks > 0);
     }
 
-    /// Shortens it: the old controller has failed.
+    /// Shortens the blend: the old controller has failed.
     pub fn hurry(&mut self) {
         if self.mode == Mode::Torque {
             self.length = self.ticks.min((AFTER_FAILURE / self.period).round() as u32);
@@ -57,7 +57,7 @@ impl Blend {
         }
     }
 
-    /// Leaves no more of a difference of torques than there is between what the `old` and the `new` controller say to this tick.
+    /// Limits the remaining difference of torques to that between the answers of the `old` and the `new` controller to this tick.
     pub fn shrink(&mut self, old: &Command, new: &Command) {
         if self.mode == Mode::Torque {
             for (joint, [from, ..]) in self.from.iter_mut().enumerate() {
@@ -67,7 +67,7 @@ impl Blend {
         }
     }
 
-    /// Limits the difference that it starts from to `most`, by joint; what is cut comes without derivatives.
+    /// Limits the initial difference to `most`, by joint; a limited difference has no derivatives.
     pub fn limit(&mut self, most: &Joints) {
         for (from, &most) in self.from.iter_mut().zip(most) {
             if from[0].abs() > most {
@@ -76,17 +76,17 @@ impl Blend {
         }
     }
 
-    /// Ends it.
+    /// Ends the blend.
     pub fn end(&mut self) {
         self.active = false;
     }
 
-    /// Whether a difference is still there at `tick`.
+    /// True if a difference remains at `tick`.
     pub fn holds(&self, tick: u64) -> bool {
         self.active && tick < self.start + u64::from(self.length)
     }
 
-    /// Adds what is left of the difference at `tick` to `command`. Without one, the command stays as it is to the bit.
+    /// Adds the remaining difference at `tick` to `command`. Without a difference the command stays the same to the bit.
     pub fn add(&self, tick: u64, command: &mut Command) {
         if !self.holds(tick) {
             return;
@@ -143,7 +143,7 @@ mod tests {
         };
         blend.begin(0, &command(9.0), &command(1.0));
         assert_eq!(left(&blend, 0), 8.0);
-        // What they differ by falls to 2, rises to 5 and turns its sign.
+        // The difference between the controllers falls to 2, rises to 5 and changes its sign.
         blend.shrink(&command(3.0), &command(1.0));
         assert_eq!(left(&blend, 0), 2.0);
         blend.shrink(&command(6.0), &command(1.0));

@@ -1,53 +1,53 @@
-//! Why a deadline was missed: one rule, from evidence.
+//! The cause of a missed deadline: one rule, from evidence.
 //!
-//! A tick is a chain: the plant wakes, the state travels, the controller computes, the command travels back; meanwhile the plant steps.
-//! Each link has its usual length, the median of the run so far. The rule:
+//! A tick is a chain of links: the plant wakes, the state travels, the controller computes, the command travels back; meanwhile the plant
+//! steps. Each link has a usual latency, the median of the run so far. The rule:
 //!
-//! 1. **Where.** The link that was longest beyond its usual is the guilty one. Without an answer the state or the controller is: what
-//!    passed until the deadline counts as the controller's; as the state's where the controller was kept from running and answered a later
-//!    one. Where the plant itself is a period late, its links since it was last in time are added up. A link that was less than [`LEAST`] of
-//!    a period beyond its usual is not guilty of anything; where none was more, the cause is unknown.
-//! 2. **Why.** The first of these that accounts for half of what the link was too long: the thread it belongs to waited for a core
-//!    (`schedstat`: scheduler); its page faults ([`MAJOR_NS`], [`MINOR_NS`] each: page fault); the hypervisor took time from this
-//!    machine (`/proc/stat`), or step and computing both took more than [`SLOW`] times their usual (machine).
-//! 3. **Else** it is the link's own: waking late is the clock's, and so is a state that waited for a controller that was kept from running;
-//!    travelling is the transport's, stepping is the plant's; computing is the machine's if the controller was kept from running meanwhile,
-//!    the quadratic programme's if that took half of the excess and more iterations than usual, else the controller's.
+//! 1. **Where.** The link with the greatest excess over its usual latency is responsible. Without an answer this is the state or the
+//! controller: the time until the deadline counts as the controller's, or as the state's if the controller was kept from running and
+//! answered a later tick. If the plant itself is a period late, the excesses of its links since it was last in time add up. An excess of
+//! less than [`LEAST`] of a period does not count; without a greater one, the cause is unknown.
+//! 2. **Why.** The first of these that accounts for half of the link's excess: the thread of the link waited for a core (`schedstat`:
+//! scheduler); its page faults ([`MAJOR_NS`], [`MINOR_NS`] each: page fault); the hypervisor took time from this machine (`/proc/stat`), or
+//! step and computing both took more than [`SLOW`] times their usual latency (machine).
+//! 3. **Else** the link itself is the cause. A late wake-up is the clock's, and so is a state that waited for a controller that was kept
+//! from running. Travelling is the transport's, stepping is the plant's. Computing is the machine's if the controller was kept from running
+//! meanwhile, the quadratic programme's if that took half of the excess and more iterations than usual, else the controller's.
 //!
-//! A miss that follows a miss without an answer of its own has the cause of the one before: it is the same stall.
+//! A miss without an answer that follows another such miss has the cause of that one: it is the same stall.
 
 use serde::Serialize;
 
-/// Least excess of a guilty link, share of the period.
+/// Least excess of a responsible link, as a share of the period.
 pub const LEAST: f64 = 0.1;
-/// How many times its usual a link takes on a machine that is slow.
+/// On a slow machine a link takes at least this multiple of its usual latency.
 pub const SLOW: u64 = 2;
-/// What a page fault that reads from a disk is taken to cost at least, ns.
+/// Assumed least cost of a page fault that reads from a disk, ns.
 pub const MAJOR_NS: u64 = 100_000;
-/// What a page fault that finds its page in memory is taken to cost, ns.
+/// Assumed cost of a page fault that finds its page in memory, ns.
 pub const MINOR_NS: u64 = 2_000;
 
-/// Why a deadline was missed.
+/// Cause of a missed deadline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
     /// A thread of the loop was ready and had no core.
     Scheduler,
-    /// A page was not there.
+    /// A page was not in memory.
     PageFault,
-    /// The hypervisor gave the cores to others, or all was slow at once.
+    /// The hypervisor gave the cores to others, or everything was slow at once.
     Machine,
     /// The controller took longer than usual.
     ControllerCompute,
     /// The quadratic programme took more iterations than usual.
     QpIterations,
-    /// A message was long under way.
+    /// A message was in transit for long.
     Transport,
     /// The plant's own step took longer than usual.
     PlantStep,
-    /// A process of the loop was woken late, and nothing says why.
+    /// A process of the loop was woken late, without evidence of a reason.
     Clock,
-    /// Nothing was longer than usual.
+    /// No latency was longer than usual.
     Unknown,
 }
 
@@ -65,7 +65,7 @@ impl Cause {
         Self::Unknown,
     ];
 
-    /// Whether it is the machine's, and none of the loop's own: no core, a page that was not there, time taken by the host, a clock that woke late.
+    /// True if the machine is the cause, not the loop itself: no core, a page not in memory, stolen time, a late wake-up.
     pub fn is_the_machines(self) -> bool {
         matches!(self, Self::Scheduler | Self::PageFault | Self::Machine | Self::Clock)
     }
@@ -86,25 +86,25 @@ impl Cause {
     }
 }
 
-/// What a thread went through in a tick.
+/// Delays of a thread in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ThreadDelays {
-    /// On a core, ns; brought up to date as it leaves it, and every few milliseconds.
+    /// Time on a core, ns; the system updates it when the thread leaves the core, and every few milliseconds.
     pub ran_ns: u64,
-    /// How often it got a core.
+    /// Number of times that it got a core.
     pub turns: u64,
-    /// Whether a signal has stopped it.
+    /// True if a signal has stopped it.
     pub is_stopped: bool,
-    /// Ready, but without a core, ns.
+    /// Time ready, but without a core, ns.
     pub waited_ns: u64,
     /// Page faults that read from a disk.
     pub major_faults: u64,
-    /// Page faults that did not.
+    /// Page faults without a disk read.
     pub minor_faults: u64,
 }
 
 impl ThreadDelays {
-    /// What came on top of `earlier`; all are counts since the thread began.
+    /// The increase since `earlier`; all fields are counts since the thread began.
     pub(crate) fn since(&self, earlier: &ThreadDelays) -> ThreadDelays {
         ThreadDelays {
             ran_ns: self.ran_ns.saturating_sub(earlier.ran_ns),
@@ -116,61 +116,61 @@ impl ThreadDelays {
         }
     }
 
-    /// What its page faults are taken to cost, ns.
+    /// Assumed cost of its page faults, ns.
     fn faults_ns(&self) -> u64 {
         self.major_faults.saturating_mul(MAJOR_NS).saturating_add(self.minor_faults.saturating_mul(MINOR_NS))
     }
 }
 
-/// How long the links of a tick were, ns.
+/// Latencies of the links of a tick, ns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct TickLatencies {
     /// Schedule → the plant is awake.
     pub wake_up_ns: u64,
     /// Integrating the tick.
     pub step_ns: u64,
-    /// The state's way.
+    /// Transit of the state.
     pub state_ns: u64,
-    /// The controller's time.
+    /// Time in the controller.
     pub compute_ns: u64,
-    /// Of this, the quadratic programme's.
+    /// The quadratic programme's part of it.
     pub qp_ns: u64,
     /// Iterations of the quadratic programme.
     pub qp_iterations: u32,
-    /// The command's way.
+    /// Transit of the command.
     pub command_ns: u64,
 }
 
 impl TickLatencies {
-    /// Those that need no answer to be known.
+    /// Only the latencies that are known without an answer.
     pub(crate) fn of_the_plant(&self) -> Self {
         Self { wake_up_ns: self.wake_up_ns, step_ns: self.step_ns, ..Self::default() }
     }
 }
 
-/// All that is known of a missed deadline.
+/// The evidence for a missed deadline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Evidence {
     /// Length of a tick, ns.
     pub period_ns: u64,
-    /// The links of this tick; of one without an answer, the controller's is the time from publication to the deadline.
+    /// The latencies of this tick; without an answer, the controller's is the time from publication to the deadline.
     pub links: TickLatencies,
-    /// The usual links.
+    /// The usual latencies.
     pub usual: TickLatencies,
-    /// Of the plant's thread, since the tick before.
+    /// Delays of the plant's thread since the tick before.
     pub plant: ThreadDelays,
-    /// Of the controller's thread, from the tick before to its next answer.
+    /// Delays of the controller's thread from the tick before to its next answer.
     pub controller: ThreadDelays,
-    /// Taken from this machine by the hypervisor, ns; in steps of 10 ms.
+    /// Time that the hypervisor took from this machine, ns; in steps of 10 ms.
     pub stolen_ns: u64,
-    /// Whether an answer came, late as it may be: without one, the time of the controller is not known.
+    /// True if an answer arrived, even late: without one, the controller's time is unknown.
     pub answered: bool,
-    /// Whether the controller was kept from running: from the tick before to its next answer it got a core no more often than there were
-    /// states, so did not go to sleep over one, ran for less than half of the time, and no signal had stopped it.
+    /// True if the controller was kept from running: from the tick before to its next answer it got a core at most as often as there were
+    /// states, so that it did not sleep in between; it ran for less than half of the time; and no signal had stopped it.
     pub was_kept: bool,
 }
 
-/// Who a link belongs to, and what it is when nothing else is to blame.
+/// The links of a tick; each belongs to a thread, and has a cause of its own if no other applies.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Link {
     WakeUp,
@@ -230,10 +230,10 @@ pub fn cause(evidence: &Evidence) -> Cause {
 mod tests {
     use super::{Cause, Evidence, ThreadDelays, TickLatencies, cause};
 
-    /// A cause and what provokes it.
+    /// A cause and evidence for it.
     type Case = (Cause, fn(&mut Evidence));
 
-    /// A tick as usual: nothing is to blame.
+    /// A normal tick: no link is responsible.
     fn usual() -> Evidence {
         let links = TickLatencies {
             wake_up_ns: 100,
@@ -299,7 +299,7 @@ mod tests {
             (Cause::PlantStep, |e| e.links.step_ns = 1_000_000),
             (Cause::Scheduler, |e| (e.links.step_ns, e.plant.waited_ns) = (1_000_000, 800_000)),
             (Cause::Transport, |e| e.links.command_ns = 1_000_000),
-            // The longest excess is the guilty one, be another link late, too.
+            // The link with the greatest excess is responsible, even if another is late, too.
             (Cause::ControllerCompute, |e| {
                 (e.links.wake_up_ns, e.links.compute_ns, e.plant.waited_ns) = (300_000, 900_000, 300_000);
             }),

@@ -1,20 +1,20 @@
-//! The controllers of a run: one in charge, the others warm. All of them answer every state; only the answer of the one in
-//! charge is put in force.
+//! The controllers of a run: one is active, the others are standbys. All of them answer every state; the plant applies only the answer of
+//! the active one.
 //!
-//! At the end of a tick each answer is judged at its controller's own [`Gate`]. Then, in this order:
+//! At the end of a tick each controller's own [`Gate`] checks its answer. Then, in this order:
 //!
-//! 1. a swap that is planned for this tick takes place if the new controller's answer passes, else at the first tick at which
-//!    it does;
-//! 2. where the answer of the one in charge does not pass, the standby with the longest faultless record takes over with the
-//!    answer it gave to the same tick: no command is held;
-//! 3. where no standby has a good answer, the gate of the one in charge falls back: hold, then brake.
+//! 1. a swap that is planned for this tick takes place if the new controller's answer passes, else at the first later tick at which it
+//! passes;
+//! 2. if the answer of the active controller does not pass, the standby with the longest faultless record takes over with its answer to the
+//! same tick: no command is held;
+//! 3. if no standby has a valid answer, the gate of the active controller falls back: hold, then brake.
 //!
-//! A position has to lead on from where the joints are measured, with the blend: where it does not, the hand-over is refused as too fast. A torque
-//! is cut to its rate.
+//! A position command, with its blend, must be reachable from the measured joints; otherwise the manager refuses the hand-over as too fast.
+//! It limits a torque to its rate instead.
 //!
-//! Either way the [`Blend`] makes the new commands continue the old ones. After a planned swap they continue what the old
-//! controller says for the next instant; after a failure, whose command is not to be trusted, what was in force moved on as
-//! the new one moved on, and for a short time.
+//! In both cases the [`Blend`] makes the new commands continue the old ones. After a planned swap they continue the old controller's
+//! command for the next instant. After a failure the old controller's command is not to be trusted: the new commands then continue the
+//! command in force, extrapolated by the change of the new controller's commands, and the blend is short.
 
 use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS, Mode};
 use serde::Serialize;
@@ -23,31 +23,31 @@ use crate::cross_check::{CrossCheck, PROBATION};
 use crate::limit_violation::{LimitViolation, RefusedCommand};
 use crate::{Applied, Blend, Comparison, Gate, GateLimits, Rejection};
 
-/// Fail-overs that are kept; more are counted.
+/// Fail-overs that the list keeps; the manager only counts more.
 const RECORDED_FAIL_OVERS: usize = 4096;
 
-/// A swap that was asked for.
+/// A requested swap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlannedSwap {
-    /// Tick whose answer is to be the new controller's.
+    /// Tick whose answer shall be the new controller's.
     pub tick: u64,
     /// Slot of the new controller.
     pub to: usize,
 }
 
-/// Who plays, and who is to be in charge when.
+/// The controllers of a run and their planned swaps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControllerSet {
-    /// Number of controllers, 1 to [`MAX_SLOTS`]; the one in slot 0 begins.
+    /// Number of controllers, 1 to [`MAX_SLOTS`]; slot 0 is active first.
     pub controllers: usize,
     /// Swaps by tick, ascending.
     pub swaps: Vec<PlannedSwap>,
     /// Length of the blend after a change, ticks.
     pub blend: u32,
-    /// Greatest change of a torque from tick to tick as it changes hands by plan, by joint, N·m; what is cut off comes with the next
-    /// tick. Absent: as much as the old controller would have changed it. Positions are not cut: they come with derivatives.
+    /// Greatest change of a torque from tick to tick at a planned swap, by joint, N·m; the rest of the change follows with the next tick.
+    /// Absent: as much as the old controller would have changed it. The limit does not apply to positions: they come with derivatives.
     pub hand_over_change: Option<Joints>,
-    /// How far the one in charge may differ from the others; absent: as far as it likes.
+    /// Greatest difference between the active controller and the others; absent: no limit.
     pub comparison: Option<Comparison>,
 }
 
@@ -58,34 +58,34 @@ impl Default for ControllerSet {
     }
 }
 
-/// Why somebody else is in charge.
+/// Reason of a change of the active controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
     /// It was planned.
     Planned,
-    /// The answer of the one in charge did not pass.
+    /// The answer of the active controller did not pass.
     Failed(Rejection),
 }
 
-/// A change of who is in charge.
+/// A change of the active controller.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Swap {
-    /// Tick whose answer was the first to be the new controller's; it is in force from the next tick on.
+    /// First tick whose answer is the new controller's; that answer is in force from the next tick on.
     pub tick: u64,
     /// Slot of the old controller.
     pub from: usize,
     /// Slot of the new controller.
     pub to: usize,
-    /// Why.
+    /// The reason.
     pub cause: Cause,
-    /// Ticks from the one that was asked for, or at which the old controller first failed, to this one.
+    /// Ticks from the requested tick, or from the old controller's first failure, to this one.
     pub gap: u64,
     /// Of these, ticks for which the last command was held.
     pub held: u64,
-    /// Change of the command in force as it changed hands, by joint, N·m or rad.
+    /// Change of the command in force at the swap, by joint, N·m or rad.
     pub jump: Joints,
-    /// Greatest change of the command in force from tick to tick until the blend ended or the next swap, by joint.
+    /// Greatest change of the command in force from tick to tick until the end of the blend or the next swap, by joint.
     pub greatest_change: Joints,
 }
 
@@ -95,20 +95,20 @@ pub(crate) struct Slot {
     gate: Gate,
     /// Its answer to this tick.
     pub(crate) answer: Option<Command>,
-    /// What the gate says of it.
+    /// The gate's rejection of it.
     rejection: Option<Rejection>,
-    /// Ticks in charge.
+    /// Ticks as the active controller.
     in_charge: u64,
 }
 
-/// What comes of a tick.
+/// The result of a tick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Verdict {
-    /// What is to be applied in the next tick.
+    /// Command source for the next tick.
     pub applied: Applied,
-    /// Why not the answer of the one who was in charge.
+    /// The reason why the answer of the previously active controller did not pass.
     pub rejection: Option<Rejection>,
-    /// The answer that was let through, or that was not.
+    /// The answer of the active controller, accepted or not.
     pub answer: Option<Command>,
 }
 
@@ -119,10 +119,10 @@ pub struct ControllerManager {
     in_charge: usize,
     planned: Vec<PlannedSwap>,
     next_planned: usize,
-    /// What was asked for while the run goes on; it comes before what is planned.
+    /// A swap requested during the run; it precedes the planned ones.
     asked: Option<PlannedSwap>,
     blend: Blend,
-    /// The slot whose commands the blend started from, while nothing else is in it.
+    /// The slot whose commands the blend started from, while no other swap contributes to it.
     blends_from: Option<usize>,
     hand_over_change: Option<Joints>,
     comparison: Option<Comparison>,
@@ -134,7 +134,7 @@ pub struct ControllerManager {
     rejected: [u64; Rejection::ALL.len()],
     swaps: Vec<Swap>,
     unlisted: u64,
-    /// Greatest change from tick to tick while nothing blends.
+    /// Greatest change from tick to tick while no blend is in progress.
     steady_change: Joints,
 }
 
@@ -172,22 +172,22 @@ impl ControllerManager {
         self.slots.len()
     }
 
-    /// Never: there is at least one controller.
+    /// Always false: there is at least one controller.
     pub fn is_empty(&self) -> bool {
         self.slots.is_empty()
     }
 
-    /// The slot in charge.
+    /// The active slot.
     pub fn in_charge(&self) -> usize {
         self.in_charge
     }
 
-    /// The slot whose answer to `tick` is to be put in force.
+    /// The slot whose answer to `tick` shall be put in force.
     pub fn next_in_charge(&self, tick: u64) -> usize {
         self.due(tick).map_or(self.in_charge, |swap| swap.to)
     }
 
-    /// The command in force, or the last that was.
+    /// The command in force, or the last one that was.
     pub fn in_force(&self) -> Option<&Command> {
         self.in_force.as_ref()
     }
@@ -197,44 +197,44 @@ impl ControllerManager {
         &self.slots[slot].gate
     }
 
-    /// Ticks for which `slot` was in charge.
+    /// Ticks in which `slot` was active.
     pub fn ticks_in_charge(&self, slot: usize) -> u64 {
         self.slots[slot].in_charge
     }
 
-    /// The first command of who was, or was to be, in charge that was refused for more than not having come.
+    /// The first refused command of a controller that was active or about to be; missing commands do not count.
     pub fn first_refusal(&self) -> Option<&RefusedCommand> {
         self.first_refusal.as_ref()
     }
 
-    /// How many commands of who was, or was to be, in charge were rejected for `reason`.
+    /// Number of commands rejected for `reason`, of controllers that were active or about to be.
     pub fn rejected(&self, reason: Rejection) -> u64 {
         self.rejected[reason as usize]
     }
 
-    /// All changes of who is in charge, in their order.
+    /// All changes of the active controller, in their order.
     pub fn swaps(&self) -> &[Swap] {
         &self.swaps
     }
 
-    /// Changes there was no room to list.
+    /// Changes that did not fit into the list.
     pub fn unlisted(&self) -> u64 {
         self.unlisted
     }
 
-    /// Greatest change of the command in force from tick to tick while one controller was in charge and nothing blended, by
-    /// joint, N·m or rad; after the start.
+    /// Greatest change of the command in force from tick to tick while one controller was active and no blend was in progress, by joint,
+    /// N·m or rad; after the start.
     pub fn steady_change(&self) -> &Joints {
         &self.steady_change
     }
 
-    /// Greatest difference between the one in charge and a standby, by joint, N·m or rad; after the start.
+    /// Greatest difference between the active controller and a standby, by joint, N·m or rad; after the start.
     pub fn greatest_difference(&self) -> &Joints {
         self.cross_check.greatest()
     }
 
-    /// What each slot from 1 on says to this tick less what slot 0 says, by joint, N·m or rad; NaN where one of them has no answer that
-    /// passes, or there is no such slot.
+    /// Answer of each slot from 1 on to this tick minus that of slot 0, by joint, N·m or rad; NaN if one of them has no valid answer, or
+    /// there is no such slot.
     pub fn differences(&self) -> [Joints; MAX_SLOTS - 1] {
         let said = |slot: usize| match self.slots.get(slot)? {
             Slot { rejection: None | Some(Rejection::Disagrees), answer, .. } => answer.as_ref(),
@@ -253,37 +253,37 @@ impl ControllerManager {
         &mut self.slots[slot]
     }
 
-    /// Whether every controller has answered this tick.
+    /// True if every controller has answered this tick.
     pub(crate) fn all_have_answered(&self) -> bool {
         self.slots.iter().all(|slot| slot.answer.is_some())
     }
 
-    /// Forgets the answers to the last tick.
+    /// Discards the answers to the last tick.
     pub(crate) fn begin_tick(&mut self) {
         self.slots.iter_mut().for_each(|slot| slot.answer = None);
     }
 
-    /// Another process has taken `slot`.
+    /// Resets `slot` for another process.
     pub(crate) fn renew(&mut self, slot: usize) {
         if let Some(slot) = self.slots.get_mut(slot) {
             slot.gate.renew();
         }
     }
 
-    /// The controller in slot `to` is to be in charge from `tick` on; of several such requests the last counts.
+    /// Requests that the controller in slot `to` be active from `tick` on; of several such requests the last counts.
     pub(crate) fn ask(&mut self, tick: u64, to: usize) {
         if to < self.slots.len() {
             self.asked = Some(PlannedSwap { tick, to });
         }
     }
 
-    /// The swap that is due at `tick`, asked for or planned.
+    /// The swap that is due at `tick`, requested or planned.
     fn due(&self, tick: u64) -> Option<PlannedSwap> {
         let planned = self.planned.get(self.next_planned).copied();
         self.asked.or(planned.filter(|swap| swap.tick <= tick))
     }
 
-    /// The swap that was due has taken place, or need not.
+    /// Removes the due swap: it has taken place, or is needless.
     fn settle(&mut self) {
         if self.asked.take().is_none() {
             self.next_planned += 1;
@@ -325,7 +325,7 @@ impl ControllerManager {
         Verdict { applied, rejection, answer }
     }
 
-    /// Refuses what the one in charge says where the others contradict it.
+    /// Refuses the answer of the active controller if the others contradict it.
     fn hear_witnesses(&mut self) {
         let slots = &self.slots;
         let said = |slot: usize| match &slots[slot] {
@@ -339,7 +339,7 @@ impl ControllerManager {
         }
     }
 
-    /// Counts a refusal of who is, or `takes_over` to be, in charge.
+    /// Counts a refusal of the active controller, or of one that `takes_over`.
     fn count(
         &mut self,
         tick: u64,
@@ -354,7 +354,7 @@ impl ControllerManager {
         }
     }
 
-    /// Refuses what the one in charge says where joints at `measured` cannot get there within a tick.
+    /// Refuses the answer of the active controller if joints at `measured` cannot reach it within a tick.
     fn judge_step(&mut self, tick: u64, measured: &[[f64; 3]]) {
         let slot = &self.slots[self.in_charge];
         let (None, Some(mut command)) = (slot.rejection, slot.answer) else { return };
@@ -369,13 +369,14 @@ impl ControllerManager {
         }
     }
 
-    /// What is wrong with going on with `command` of `slot` from joints at `measured`. A torque is no step: it is cut to its rate instead.
+    /// The limit that a step from joints at `measured` to `command` of `slot` violates. A torque is no step: the manager limits its rate
+    /// instead.
     fn step_excess(&self, slot: &Slot, command: &Command, measured: &[[f64; 3]]) -> Option<LimitViolation> {
         let limits = slot.gate.limits();
         (limits.mode == Mode::Driven).then(|| limits.step_excess(command, measured, self.held)).flatten()
     }
 
-    /// What is wrong with the first command of the controller in `to` as it would be put in force at `tick`, with its blend.
+    /// The limit that the first command of the controller in `to` would violate at `tick`, with its blend.
     fn hand_over_excess(&self, tick: u64, to: usize, measured: &[[f64; 3]]) -> Option<LimitViolation> {
         let slot = &self.slots[to];
         let mut command = slot.answer?;
@@ -391,7 +392,7 @@ impl ControllerManager {
         self.step_excess(slot, &command, measured)
     }
 
-    /// Who takes over at `tick`, why, and since when that is due.
+    /// The controller that takes over at `tick`, the reason, and the tick since which the change is due.
     fn change(&mut self, tick: u64, measured: &[[f64; 3]]) -> Option<(usize, Cause, u64)> {
         while let Some(swap) = self.due(tick) {
             if swap.to == self.in_charge {
@@ -467,7 +468,7 @@ impl ControllerManager {
         }
     }
 
-    /// Puts `command` in force, with what is left of a blend and no further than `most` from the one `before`, and notes how far it is.
+    /// Puts `command` in force, with the rest of a blend and within `most` of the command `before`, and records its change.
     fn put_in_force(
         &mut self,
         tick: u64,
@@ -485,7 +486,7 @@ impl ControllerManager {
             self.blend.add(tick, &mut command);
         }
         let limits = self.slots[self.in_charge].gate.limits();
-        // A torque changes no faster than its rate either where nothing blends as it changes hands.
+        // Outside of a blend, too, a torque changes no faster than its rate.
         if let (true, Some(before)) = (blends || limits.mode == Mode::Torque, before) {
             limits.clamp(&mut command, before);
         }
@@ -516,7 +517,7 @@ impl ControllerManager {
         }
     }
 
-    /// A position was held for a tick: the joints have moved on to `[q, v, a]`.
+    /// Updates a held position after a tick: the joint has moved on to `[q, v, a]`.
     pub(crate) fn moved_on(&mut self, joint: usize, [q, v, a]: [f64; 3]) {
         if let Some(command) = &mut self.in_force {
             (command.value[joint], command.velocity[joint], command.acceleration[joint]) = (q, v, a);

@@ -1,14 +1,14 @@
-//! Whether the controller in charge says what the others make of the same state.
+//! Compares the commands of the active controller with those of the standbys for the same state.
 //!
-//! A command that is finite, within its limits and on time may still be wrong: a sign, a gain, a drift. Nothing in the message
-//! tells; what the standbys answer to the same state does. They are cross_check: where more than half of those that can be
-//! trusted differ from the one in charge by more than the tolerance, for as many ticks in a row as are asked for, it is not
-//! believed any more. One standby alone is believed against the one in charge; with two or more the majority decides, and a
-//! standby that is in the minority is no witness until it has agreed for a while.
+//! A command that is finite, within its limits and on time may still be wrong: a sign, a gain, a drift. The message alone does not reveal
+//! this; the standbys' answers to the same state do. The cross-check compares them: if more than half of the trusted standbys differ from
+//! the active controller by more than the tolerance, for the required number of ticks in a row, it no longer trusts the active controller.
+//! A single standby overrules the active controller; with two or more the majority decides. A standby in the minority loses its vote until
+//! it has agreed for a while.
 //!
-//! Different controllers differ when all is well: one corrects what another does not see. What a sound run differed by at the same ticks
-//! is therefore no disagreement: the tolerance is what they may be beyond [`ReferenceDivergence`]. Without it, it has to hold the greatest difference of
-//! the whole motion, which [`CrossCheck::greatest`] gives.
+//! Different controllers differ in a normal run, too: one corrects errors that another does not model. The differences at the same ticks of
+//! a fault-free run are therefore no disagreement: the tolerance is the greatest difference beyond [`ReferenceDivergence`]. Without a
+//! reference divergence, the tolerance must cover the greatest difference of the whole motion, which [`CrossCheck::greatest`] gives.
 
 use std::sync::Arc;
 
@@ -16,25 +16,25 @@ use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS};
 
 use crate::ReferenceDivergence;
 
-/// Ticks of agreement after which somebody who was not believed is believed again.
+/// Ticks of agreement after which the cross-check trusts a controller again.
 pub const PROBATION: u32 = 100;
 
-/// Share of what a sound difference varies by around a tick that it may vary by beyond that.
+/// Margin beyond the range of the fault-free differences around a tick, as a share of that range.
 const LATITUDE: f64 = 0.5;
 
-/// When controllers disagree.
+/// The condition under which controllers disagree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// Greatest difference of each joint's value between two controllers that agree, beyond what is usual, N·m or rad.
+    /// Greatest difference of each joint's value between two agreeing controllers, beyond the reference divergence, N·m or rad.
     pub tolerance: Joints,
     /// Ticks in a row, ≥ 1.
     pub ticks: u32,
-    /// What is usual; absent: nothing. Where it tells nothing of a tick, whatever is said agrees.
+    /// The reference divergence; absent: zero. At a tick without a reference any two commands agree.
     pub divergence: Option<Arc<ReferenceDivergence>>,
 }
 
 impl Comparison {
-    /// Least and greatest difference of `joint` from slot `one` to slot `other` at `tick` with which they agree.
+    /// Least and greatest difference of `joint` between slots `one` and `other` at `tick` at which they agree.
     fn span(&self, tick: u64, [one, other]: [usize; 2], joint: usize) -> Option<[f64; 2]> {
         let tolerance = self.tolerance[joint];
         let Some(divergence) = &self.divergence else { return Some([-tolerance, tolerance]) };
@@ -43,7 +43,7 @@ impl Comparison {
         Some([least - room, most + room])
     }
 
-    /// Whether the commands of two slots agree.
+    /// True if the commands of two slots agree.
     fn agree(&self, slots: [usize; 2], one: &Command, other: &Command) -> bool {
         (0..one.joints as usize).all(|joint| {
             let difference = one.value[joint] - other.value[joint];
@@ -51,7 +51,7 @@ impl Comparison {
         })
     }
 
-    /// The most that the values of two slots that agree at `tick` are apart, by joint; infinite where that is not known.
+    /// Greatest difference between two agreeing slots at `tick`, by joint; infinite if unknown.
     pub(crate) fn most(&self, tick: u64, slots: [usize; 2]) -> Joints {
         std::array::from_fn(|joint| {
             let span = self.span(tick, slots, joint);
@@ -60,11 +60,11 @@ impl Comparison {
     }
 }
 
-/// What is known of who agrees with whom.
+/// The agreement of the controllers so far.
 #[derive(Clone, Debug)]
 pub(crate) struct CrossCheck {
     comparison: Option<Comparison>,
-    /// Ticks of agreement of each slot, up to [`PROBATION`]: from there on it is believed.
+    /// Ticks of agreement of each slot, up to [`PROBATION`]; at that count the slot is trusted.
     agreed: Vec<u32>,
     /// Ticks in a row for which each slot has been in the minority.
     doubt: Vec<u32>,
@@ -81,7 +81,7 @@ impl CrossCheck {
         }
     }
 
-    /// Greatest difference of each joint's value between the one in charge and a standby so far, N·m or rad.
+    /// Greatest difference of each joint's value between the active controller and a standby so far, N·m or rad.
     pub(crate) fn greatest(&self) -> &Joints {
         &self.greatest
     }
@@ -91,8 +91,8 @@ impl CrossCheck {
         self.agreed[slot]
     }
 
-    /// Hears what the slots say to one tick, `None` for what did not pass the gate; whether the one in charge is not to be
-    /// believed. Counts nothing else than how far they are apart where there is no tolerance.
+    /// Compares the answers of the slots to one tick (`None` for an answer that did not pass the gate). Returns true if the active
+    /// controller is no longer trusted. Without a tolerance it only records the greatest differences.
     pub(crate) fn contradict<'a>(
         &mut self,
         in_charge: usize,
@@ -120,7 +120,7 @@ impl CrossCheck {
         self.count(in_charge, contradicted, ticks)
     }
 
-    /// Notes how far two commands are apart; whether they agree.
+    /// Records the difference between two commands; returns true if they agree.
     fn compare(&mut self, slots: [usize; 2], one: &Command, other: &Command) -> bool {
         for joint in 0..one.joints as usize {
             let difference = (one.value[joint] - other.value[joint]).abs();
@@ -129,7 +129,7 @@ impl CrossCheck {
         self.comparison.as_ref().is_none_or(|comparison| comparison.agree(slots, one, other))
     }
 
-    /// Counts the ticks for which `slot` `is_alone`; whether it has been for too long.
+    /// Counts the ticks for which `slot` `is_alone`; returns true if there have been too many.
     fn count(&mut self, slot: usize, is_alone: bool, ticks: u32) -> bool {
         self.doubt[slot] = if is_alone { self.doubt[slot] + 1 } else { 0 };
         let is_out = self.doubt[slot] >= ticks.max(1);
@@ -148,7 +148,7 @@ mod tests {
     use crate::ReferenceDivergence;
     use freeplay_shm::{Command, MAX_JOINTS, State};
 
-    /// The tick of a hundred at which the one in charge, slot 0, is no longer believed, if slot `i` says `say(i, tick)`.
+    /// The tick of a hundred at which the active controller, slot 0, loses trust, if slot `i` answers `say(i, tick)`.
     fn contradicted(slots: usize, say: impl Fn(usize, u32) -> f64) -> (Option<u32>, CrossCheck) {
         let comparison = Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2, divergence: None };
         let mut cross_check = CrossCheck::new(Some(comparison), slots);
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn what_a_sound_run_differed_by_is_no_disagreement_and_what_it_did_not_is() {
-        // A corner: for ten ticks they are 20 apart, else 3.
+        // A corner: for ten ticks the controllers differ by 20, else by 3.
         let course = |tick: usize| if (50..60).contains(&tick) { 20.0 } else { 3.0 };
         let divergence =
             ReferenceDivergence::new(vec![(0..100).map(|tick| [course(tick); MAX_JOINTS]).collect()]);
@@ -183,7 +183,7 @@ mod tests {
                     command
                 });
                 let mut said = said;
-                // The second joint is as it was in the sound run.
+                // The second joint has the same difference as in the fault-free run.
                 said[1].value[1] = course(tick);
                 cross_check.contradict(0, |slot| said.get(slot))
             })
@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(found(0.0, 0), None, "a sound run is no alarm");
         assert_eq!(found(1.5, 20), Some(21), "a little between corners is told");
         assert_eq!(found(-2.0, 52), Some(53), "and within one");
-        // Where the sound run has ended nothing is judged.
+        // After the end of the fault-free run the check judges nothing.
         assert_eq!(comparison.most(200, [0, 1])[0], f64::INFINITY);
         assert_eq!(comparison.most(10, [0, 1])[0], 4.0);
     }

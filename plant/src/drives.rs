@@ -1,4 +1,4 @@
-//! The drives of all joints: what they lose, where they saturate, and the motors that a transmission parts from their links.
+//! The drives of all joints: their losses, their saturation, and the motors that a transmission decouples from their links.
 //!
 //! A motor of inertia J obeys J θ̈ = τ_m + τ_l − τ with the motor's torque τ_m, the (negative) losses τ_l and the torque τ that the
 //! transmission carries to the link. It is stepped like the arm: drift, kick, drift.
@@ -11,9 +11,9 @@ use crate::position_servo::PositionServo;
 /// A motor behind a transmission.
 #[derive(Clone, Debug)]
 pub(crate) struct Motor {
-    /// What stands between it and the link.
+    /// The transmission between the motor and the link.
     pub law: Transmission,
-    /// Inertia J of the rotor as the joint feels it, kg·m² (kg).
+    /// Inertia J of the rotor on the joint side, kg·m² (kg).
     pub inertia: f64,
     /// Position θ, velocity and acceleration.
     pub state: [f64; 3],
@@ -21,7 +21,7 @@ pub(crate) struct Motor {
     pub mean: f64,
     /// Torque τ that the transmission carried in the last sub-step, N·m (N).
     pub carried: f64,
-    /// Part of it that its damping made.
+    /// Part of that torque from the damping of the transmission.
     pub damped: f64,
 }
 
@@ -30,14 +30,14 @@ impl Motor {
         Self { law, inertia, state: [0.0; 3], mean: 0.0, carried: 0.0, damped: 0.0 }
     }
 
-    /// Position and velocity in the middle of a sub-step of twice `half` s.
+    /// Position and velocity in the middle of a sub-step; `half` is half its length, s.
     #[inline]
     fn middle(&self, half: f64) -> [f64; 2] {
         let [q, v, a] = self.state;
         [q + half * v, v + half * a]
     }
 
-    /// Works out what the transmission carries from the motor at `motor` to the link at `link`, both position and velocity.
+    /// Computes the torque that the transmission carries from the motor at `motor` to the link at `link`, each position and velocity.
     #[inline]
     pub fn carry(&mut self, motor: [f64; 2], link: [f64; 2]) -> f64 {
         let (twist, rate) = (motor[0] - link[0], motor[1] - link[1]);
@@ -56,15 +56,15 @@ impl Motor {
     }
 }
 
-/// The drives of all nominal joints; every list has one entry a joint.
+/// The drives of all nominal joints; every list has one entry per joint.
 #[derive(Debug)]
 pub(crate) struct Drives {
     friction: Vec<DriveFriction>,
     laws: Vec<Box<dyn DriveLaw>>,
     limit: Vec<f64>,
-    /// Whether there is nothing but nominal friction.
+    /// True if there are no losses but nominal friction.
     plain: bool,
-    /// The motors that are parted from their links.
+    /// The motors that are decoupled from their links.
     pub motors: Vec<Option<Motor>>,
     /// Motor-side positions in the middle of the sub-step.
     pub q: Vec<f64>,
@@ -76,13 +76,13 @@ pub(crate) struct Drives {
     stopping: Vec<f64>,
     /// The share of dry friction changes by this much for a unit of velocity, s/rad (s/m): `stopping` over the greatest dry friction.
     turning: Vec<f64>,
-    /// Accelerations of the sub-step before; of prescribed joints, those of this one.
+    /// Accelerations of the previous sub-step; for prescribed joints, those of the present one.
     pub a: Vec<f64>,
-    /// What friction and the laws of effects put on the drives, N·m (N); negative where it opposes a positive motion.
+    /// Torques of friction and of the laws of effects on the drives, N·m (N); negative where they oppose a positive motion.
     pub loss: Vec<f64>,
-    /// The position servos of all joints, or none: then torques are asked of the drives.
+    /// The position servos of all joints; empty if controllers command torques.
     pub servos: Vec<PositionServo>,
-    /// What each drive delivered in the sub-step before, beyond what it lost, N·m (N).
+    /// Delivered torque of each drive in the previous sub-step minus its losses, N·m (N).
     pub load: Vec<f64>,
 }
 
@@ -108,7 +108,7 @@ impl Drives {
         }
     }
 
-    /// Adds the laws of effects; of several limits of a joint the least holds.
+    /// Adds the laws of effects; the smallest of several limits of a joint applies.
     pub fn add(&mut self, laws: Vec<Box<dyn DriveLaw>>, saturations: &[(usize, f64)]) {
         self.laws.extend(laws);
         for &(joint, limit) in saturations {
@@ -123,13 +123,13 @@ impl Drives {
         self.plain = false;
     }
 
-    /// Has `servos`, one a joint, ask torques of the drives.
+    /// Lets `servos`, one per joint, command the torques of the drives.
     pub fn serve(&mut self, servos: Vec<PositionServo>) {
         self.servos = servos;
         self.plain &= self.servos.is_empty();
     }
 
-    /// Whether there is nothing but nominal friction.
+    /// True if there are no losses but nominal friction.
     #[inline]
     pub fn plain(&self) -> bool {
         self.plain
@@ -202,12 +202,12 @@ impl Drives {
         servos.iter_mut().for_each(|servo| servo.transfer_state(archive));
     }
 
-    /// Whether any motor is parted from its link.
+    /// True if a transmission decouples any motor from its link.
     pub fn has_motors(&self) -> bool {
         self.motors.iter().any(Option::is_some)
     }
 
-    /// Has the servo of `joint` act in a sub-step of `step` s around `t`, s, on the joint at its motor.
+    /// Steps the servo of `joint` for a sub-step of `step` s around `t`, s, with the motor-side state of the joint.
     #[inline]
     pub fn act(&mut self, joint: usize, t: f64, step: f64) {
         if let Some(servo) = self.servos.get_mut(joint) {
@@ -215,20 +215,20 @@ impl Drives {
         }
     }
 
-    /// What the motor of `joint` gives, N·m (N): what its servo asks for, or without one `torque`, within its limit.
+    /// Torque of the motor of `joint`, N·m (N): that of its servo, or `torque` without one, clamped to its limit.
     #[inline]
     pub fn given(&self, joint: usize, torque: f64) -> f64 {
         self.saturated(joint, self.servos.get(joint).map_or(torque, PositionServo::torque))
     }
 
-    /// What a motor asked for `torque` gives, N·m (N).
+    /// Torque of a motor with the commanded `torque`, N·m (N).
     #[inline]
     pub fn saturated(&self, joint: usize, torque: f64) -> f64 {
         torque.clamp(-self.limit[joint], self.limit[joint])
     }
 
-    /// Puts the drive of `joint` at what is prescribed to it, at its motor, or at the joint itself, whose position and velocity
-    /// in the middle of the sub-step is `link`.
+    /// Sets the state of the drive of `joint`: to the `prescribed` state, to that of its motor, or to `link`, the position and velocity of
+    /// the joint itself in the middle of the sub-step.
     #[inline]
     pub fn place(&mut self, joint: usize, prescribed: Option<[f64; 3]>, link: [f64; 2], half: f64) {
         if let Some(state) = prescribed {
@@ -239,7 +239,7 @@ impl Drives {
         }
     }
 
-    /// Works out the losses of all drives at the time `t`, s, of a sub-step of `step` s.
+    /// Computes the losses of all drives at the time `t`, s, of a sub-step of `step` s.
     #[inline]
     pub fn lose(&mut self, t: f64, step: f64) {
         for joint in 0..self.v.len() {

@@ -1,8 +1,9 @@
-//! What may pass from a controller to the joints, and what is applied instead.
+//! The check of commands from a controller to the joints, and the fallback for commands that fail.
 //!
-//! A command passes if it is well-formed, fresh (it echoes the tick it is due for), finite, in range and does not
-//! change faster than the joint allows: a torque than the drive's torque rate, a position than the joint can move from where it is measured. What does not pass is counted by name and never applied: the last command
-//! that passed is held for [`GateLimits::hold`] ticks, then the brakes close and stay closed.
+//! A command passes if it is well-formed, fresh (it echoes the tick for which it is due), finite and in range, and if it does not change
+//! too fast: a torque no faster than the drive's torque rate, a position no faster than the joint can move from its measured state. The
+//! gate counts each rejected command by reason and never applies it: it holds the last command that passed for [`GateLimits::hold`] ticks;
+//! then the brakes close and stay closed.
 
 use freeplay_arm::Arm;
 use freeplay_shm::{Command, CommandKind, CommandStatus, Joints, MAX_JOINTS, Mode};
@@ -11,11 +12,11 @@ use serde::{Deserialize, Serialize};
 use crate::limit_violation::{LimitViolation, Quantity};
 use crate::rejection::Rejection;
 
-/// What is in force on the joints.
+/// The source of the joints' motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Applied {
-    /// No command can have come yet: the joints are guided along the reference.
+    /// No command can have arrived yet: the plant guides the joints along the reference.
     Guided,
     /// The controller's command.
     Command,
@@ -25,14 +26,14 @@ pub enum Applied {
     Brake,
 }
 
-/// By how much a step may be beyond a limit because numbers are rounded: positions of some radians are kept to 16 digits, their change in a
-/// tick to 11.
+/// Relative tolerance of a step against a limit, for rounding: positions of some radians have 16 digits, so that their change in a tick has
+/// 11.
 const ROUNDING: f64 = 1e-9;
 
-/// Limits of what passes.
+/// Limits for commands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GateLimits {
-    /// Whether values are torques or positions.
+    /// The kind of the values: torques or positions.
     pub mode: Mode,
     /// Least value of each joint, N·m or rad.
     pub lower: Joints,
@@ -42,11 +43,11 @@ pub struct GateLimits {
     pub period: f64,
     /// Greatest change of each joint's value from tick to tick.
     pub change: Joints,
-    /// Greatest speed of each joint that a position may come with, rad/s (m/s).
+    /// Greatest speed of each joint in a position command, rad/s (m/s).
     pub speed: Joints,
-    /// Greatest acceleration of each joint that a position may come with, rad/s² (m/s²).
+    /// Greatest acceleration of each joint in a position command, rad/s² (m/s²).
     pub acceleration: Joints,
-    /// Ticks for which the last good command is held.
+    /// Ticks for which the gate holds the last good command.
     pub hold: u32,
 }
 
@@ -70,7 +71,8 @@ impl GateLimits {
                 Mode::Torque => (-of.effort, of.effort, torque_rate[i] * period),
                 Mode::Driven | Mode::Servo => (of.lower, of.upper, of.velocity * period),
             };
-            // An arm file without acceleration limits still has speeds: no joint goes from one to the other within less than a tick.
+            // An arm file without acceleration limits still has speed limits: no joint reverses from one to the other within less than a
+            // tick.
             let reversal = 2.0 * of.velocity / period;
             let acceleration = if of.acceleration.is_finite() { of.acceleration } else { reversal };
             (limits.speed[i], limits.acceleration[i]) = (of.velocity, acceleration);
@@ -78,12 +80,12 @@ impl GateLimits {
         limits
     }
 
-    /// What is wrong with the step to the position, velocity and acceleration that `command` asks for at the end of a tick, for joints that are
-    /// at `measured` (\[q, v, a\]) at its start and have followed no command for `held` ticks.
+    /// The limit that `command` violates with its position, velocity and acceleration at the end of a tick. The joints are at `measured`
+    /// (\[q, v, a\]) at its start and have followed no command for `held` ticks.
     ///
-    /// The mean speed of the step has to be within the speed limit. Between two velocities, a joint with the acceleration limit a can move
-    /// by at most a T²/4 more or less than at their mean. While joints were held at their velocity, a reference may have accelerated: there T is the
-    /// time from the last command that was followed.
+    /// The mean speed of the step must be within the speed limit. Between two velocities, a joint with the acceleration limit a can move by
+    /// at most a T²/4 more or less than at their mean. While joints were held at their velocity, a reference may have accelerated: T is
+    /// then the time since the last command that a joint followed.
     pub fn step_excess(&self, command: &Command, measured: &[[f64; 3]], held: u32) -> Option<LimitViolation> {
         let span = self.period * f64::from(held + 1);
         measured.iter().enumerate().take(command.joints as usize).find_map(|(joint, &[q, v, _])| {
@@ -98,7 +100,7 @@ impl GateLimits {
         })
     }
 
-    /// Brings what is put together of two commands within the limits: its value no further from `last` than one tick allows.
+    /// Clamps a blend of two commands to the limits: its value stays within one tick's change of `last`.
     pub fn clamp(&self, command: &mut Command, last: &Command) {
         for joint in 0..command.joints as usize {
             let (from, change) = (last.value[joint], self.change[joint]);
@@ -128,7 +130,7 @@ pub struct Gate {
 }
 
 impl Gate {
-    /// A gate for the controller in `slot` of the run `run` and `joints` joints that nothing has passed yet.
+    /// A gate for the controller in `slot` of the run `run`, with `joints` joints; no command has passed yet.
     pub fn new(limits: GateLimits, run: u64, slot: u32, joints: usize) -> Self {
         Self {
             limits,
@@ -145,7 +147,7 @@ impl Gate {
         }
     }
 
-    /// Judges the answer of the controller in charge to the tick `due`; says what is to be applied in the next tick, and why
+    /// Checks the answer of the active controller to the tick `due`. Returns the command source for the next tick, and the reason if it is
     /// not the command.
     pub fn pass(&mut self, command: Option<&Command>, due: u64) -> (Applied, Option<Rejection>) {
         let rejection = self.watch(command, due);
@@ -155,7 +157,7 @@ impl Gate {
         (self.fall_back(), rejection)
     }
 
-    /// Judges the answer to the tick `due` of a controller that is not in charge: nothing is applied.
+    /// Checks the answer of a standby to the tick `due`, without applying it.
     pub fn watch(&mut self, command: Option<&Command>, due: u64) -> Option<Rejection> {
         let verdict = match command {
             None => Err((Rejection::Missing, None)),
@@ -176,7 +178,7 @@ impl Gate {
         }
     }
 
-    /// Counts a command as refused for `rejection`, be it one that [`Gate::watch`] let pass; `excess` is the limit that it does not keep.
+    /// Counts a command as refused for `rejection`, also one that [`Gate::watch`] has accepted; `excess` is the limit that it violates.
     pub fn refuse(&mut self, rejection: Rejection, excess: Option<LimitViolation>) {
         self.rejected[rejection as usize] += 1;
         self.excess = excess;
@@ -184,13 +186,13 @@ impl Gate {
         self.streak = 0;
     }
 
-    /// What is to be applied after a rejection where nobody else takes over.
+    /// The command source after a rejection, if no standby takes over.
     pub fn fall_back(&mut self) -> Applied {
         self.braking |= self.missed > self.limits.hold || self.last.is_none();
         if self.braking { Applied::Brake } else { Applied::Hold }
     }
 
-    /// Forgets a controller whose place another process has taken; the counts stay.
+    /// Resets the state for another process in the controller's slot; the counts stay.
     pub fn renew(&mut self) {
         *self = Self {
             rejected: self.rejected,
@@ -208,17 +210,17 @@ impl Gate {
         self.before_last.as_ref()
     }
 
-    /// The limit that the last refused command did not keep, where it was refused for one.
+    /// The limit that the last refused command violated, if that was the reason.
     pub fn excess(&self) -> Option<LimitViolation> {
         self.excess
     }
 
-    /// How many commands in a row have not passed.
+    /// Number of successive commands that have not passed.
     pub fn missed(&self) -> u32 {
         self.missed
     }
 
-    /// How many commands in a row have passed.
+    /// Number of successive commands that have passed.
     pub fn streak(&self) -> u32 {
         self.streak
     }
@@ -228,7 +230,7 @@ impl Gate {
         self.last.as_ref()
     }
 
-    /// How many commands were rejected for `reason`.
+    /// Number of commands rejected for `reason`.
     pub fn rejected(&self, reason: Rejection) -> u64 {
         self.rejected[reason as usize]
     }
@@ -281,7 +283,7 @@ impl Gate {
                 return refused(Rejection::TooFast, quantity, value, limit);
             }
         }
-        // A joint that was held for m ticks has moved on for m + 1; a held torque has stayed.
+        // A joint that was held for m ticks has moved on for m + 1; a held torque has not changed.
         let room = match limits.mode {
             Mode::Torque => limits.change[joint],
             Mode::Driven | Mode::Servo => limits.change[joint] * f64::from(self.missed + 1),
@@ -294,7 +296,7 @@ impl Gate {
     }
 }
 
-/// Why a command is refused, and the limit that it does not keep.
+/// The reason of a rejection, and the violated limit.
 type Refused = (Rejection, Option<LimitViolation>);
 
 #[cfg(test)]
@@ -305,7 +307,7 @@ mod tests {
 
     const RUN: u64 = 7;
 
-    /// A rejection and what provokes it.
+    /// A rejection and a change of the command that causes it.
     type Case = (Rejection, fn(&mut Command));
 
     fn gate() -> Gate {
@@ -404,7 +406,7 @@ mod tests {
         };
         assert_eq!(step([0.0, 4e-3], [0.0, 4.0], 0), None);
         assert_eq!(step([0.243, 4e-3], [0.0, 4.0], 0), Some((Quantity::Speed, 0)));
-        // A speed that the step does not have, a step that the speeds do not have, a joint that stops at once.
+        // In turn: a speed that does not fit the step, a step that does not fit the speeds, a joint that stops at once.
         assert_eq!(step([0.0, 4e-3], [3.0, 4.0], 0), Some((Quantity::Acceleration, 0)));
         assert_eq!(step([1e-3, 4e-3], [0.0, 4.0], 0), Some((Quantity::Acceleration, 0)));
         assert_eq!(step([0.0, 0.0], [0.0, 0.0], 0), Some((Quantity::Acceleration, 1)));

@@ -1,9 +1,9 @@
-//! What a run asks of the drives: the greatest speed, acceleration and torque of every joint, beside its limits.
+//! Use of the drives in a run: the greatest speed, acceleration and torque of every joint, beside its limits.
 //!
-//! Measured once a tick on the motor's side: the speed is that of the tick; the acceleration is the mean over the tick, the change of the
-//! speed over its length, which an impact in a bearing cannot make infinite; the torque is that in force (for prescribed joints, what
-//! they needed in the last sub-step). A journal that lands throws a light joint about: that acceleration nobody commanded, and it may be
-//! beyond a limit. What was commanded can be taken in instead ([`JointUse::add_commanded`]).
+//! Measured once a tick on the motor's side. The speed is that of the tick. The acceleration is the mean over the tick, the change of the
+//! speed over its length, which an impact in a bearing cannot make infinite. The torque is the motor's (for prescribed joints, the torque
+//! that they needed in the last sub-step). A journal that lands accelerates a light joint, without a command and possibly beyond a limit.
+//! [`JointUse::add_commanded`] records commanded values instead.
 
 use freeplay_arm::{Arm, Limits};
 use serde::Serialize;
@@ -13,13 +13,14 @@ use crate::{DeviationStatistics, SPEED_MARGIN, System};
 /// One quantity of one joint: rad/s, rad/s² or N·m (m/s, m/s², N).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Used {
-    /// Greatest magnitude of the run; the bounces of a journal that starts in the middle of its bearing throw a light joint about.
+    /// Greatest magnitude of the run; includes the bounces of a journal that starts in the centre of its bearing, which accelerate a light
+    /// joint.
     pub peak: f64,
     /// Greatest magnitude after [`DeviationStatistics::START`].
     pub peak_after_start: f64,
-    /// The limit; none where the arm file names none.
+    /// The limit; `None` if the arm file gives none.
     pub limit: Option<f64>,
-    /// Peak after the start over limit; none without a limit.
+    /// Peak after the start over limit; `None` without a limit.
     pub share: Option<f64>,
 }
 
@@ -30,7 +31,7 @@ impl Used {
     }
 }
 
-/// What one joint was asked for.
+/// Use of one joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct UsedByJoint {
     /// Speed.
@@ -50,7 +51,7 @@ impl UsedByJoint {
     }
 }
 
-/// The greatest of a run.
+/// The greatest values of a run.
 #[derive(Clone, Debug)]
 pub struct JointUse {
     limits: Vec<Limits>,
@@ -59,12 +60,12 @@ pub struct JointUse {
     peaks: Vec<[[f64; 2]; 3]>,
     /// Speeds of the last tick.
     before: Vec<Option<f64>>,
-    /// Ticks in a row beyond the speed limit: up to now, and the most.
+    /// Ticks in a row beyond the speed limit: present count, and the greatest count.
     beyond: Vec<[u32; 2]>,
 }
 
 impl JointUse {
-    /// Nothing used yet of the joints of `arm`, in ticks of `period` seconds.
+    /// A record without values for the joints of `arm`, in ticks of `period` seconds.
     pub fn new(arm: &Arm, period: f64) -> Self {
         Self {
             limits: arm.joints().iter().map(|joint| joint.limits).collect(),
@@ -75,7 +76,7 @@ impl JointUse {
         }
     }
 
-    /// Takes in where `system` is; to be called once a tick.
+    /// Adds the state of `system`; call it once a tick.
     pub fn add(&mut self, system: &System) {
         for joint in 0..self.peaks.len() {
             let [_, v, _] = system.joint(joint);
@@ -89,8 +90,8 @@ impl JointUse {
         }
     }
 
-    /// Takes in what was commanded for the instant `time`, s, instead of what was measured: the speed, the mean acceleration over the tick
-    /// and the torque of each joint.
+    /// Adds commanded values for the instant `time`, s, instead of measured ones: the speed, the mean acceleration over the tick and the
+    /// torque of each joint.
     pub fn add_commanded(&mut self, time: f64, speed: &[f64], acceleration: &[f64], torque: &[f64]) {
         for joint in 0..self.peaks.len() {
             self.raise(joint, time, [speed[joint], acceleration[joint], torque[joint]]);
@@ -106,7 +107,7 @@ impl JointUse {
         }
     }
 
-    /// What each joint was asked for.
+    /// The use of each joint.
     pub fn joints(&self) -> Vec<UsedByJoint> {
         let pairs = self.peaks.iter().zip(&self.limits).zip(&self.beyond);
         pairs
@@ -155,7 +156,7 @@ mod tests {
         assert_eq!(first.torque.peak, torque);
         let limit = arm.joints()[0].limits.effort;
         assert_eq!(first.torque.share, limit.is_finite().then(|| torque / limit));
-        // A drive without a limit has no share; what came before the start does not count for it.
+        // A drive without a limit has no share; values before the start do not count for it.
         assert_eq!(Used::of([1.0; 2], f64::INFINITY).share, None);
         assert_eq!(Used::of([5.0, 1.0], 2.0).share, Some(0.5));
     }

@@ -1,5 +1,5 @@
-//! The book of missed deadlines: evidence is noted as a deadline passes, and the cause is found when the answer comes after all, or
-//! when it is clear that it never will.
+//! The record of missed deadlines. It gathers evidence when a deadline passes, and determines the cause when the answer arrives late or
+//! when it is certain that no answer will arrive.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,68 +7,68 @@ use crate::cause::{Cause, Evidence, LEAST, ThreadDelays, TickLatencies, cause};
 use crate::thread_watch::{StealWatch, ThreadWatch};
 use crate::{Stage, Stages};
 
-/// Misses that are kept one by one; more are counted by cause.
+/// Misses that the list keeps; of more, the record counts the causes only.
 pub const MOST_LISTED: usize = 1024;
-/// Stalls of the machine whose ticks are kept.
+/// Stalls of the machine that the list keeps.
 const MOST_STALLS: usize = 16_384;
-/// Misses in a row whose answers may still come.
+/// Misses in a row whose answers may still arrive.
 const MOST_OPEN: usize = 64;
-/// Ticks between two looks at the time stolen, which take longer than the others.
+/// Ticks between two readings of the stolen time, which take longer than the other readings.
 const STEAL_TICKS: u64 = 16;
 
 /// A missed deadline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Miss {
-    /// The tick whose answer did not come in time; or at which the plant itself was more than a period late.
+    /// The tick whose answer was late, or at which the plant itself was more than a period late.
     pub tick: u64,
-    /// Why.
+    /// The cause.
     pub cause: Cause,
-    /// On what this rests.
+    /// The evidence for it.
     pub evidence: Evidence,
 }
 
-/// A row of missed deadlines whose cause is the machine's.
+/// A series of missed deadlines caused by the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Stall {
     /// Its first tick.
     pub first: u64,
     /// Its last tick.
     pub last: u64,
-    /// Slot of the controller whose answers lacked; `None`: the plant itself was late.
+    /// Slot of the controller whose answers were missing; `None`: the plant itself was late.
     pub slot: Option<usize>,
 }
 
-/// How a tick went, at its end.
+/// The end of a tick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ended {
     pub tick: u64,
-    /// Slot of the controller in charge, whose answer it was to have.
+    /// Slot of the active controller, which had to answer.
     pub in_charge: usize,
-    /// Whether its deadline passed without an answer.
+    /// True if its deadline passed without an answer.
     pub missed: bool,
-    /// Slot of the standby that was to take over at this tick and has not answered it.
+    /// Slot of the standby that should have taken over at this tick and has not answered it.
     pub awaited: Option<usize>,
-    /// Time since its state was published, ns: what is known of an answer that lacks.
+    /// Time since the publication of its state, ns: the known part of a missing answer's latency.
     pub unanswered_ns: u64,
-    /// How long after the next tick was due it ended, ns; 0 if before.
+    /// Time by which it ended after the next tick was due, ns; 0 if it ended before.
     pub over_ns: u64,
-    /// Its links as far as they are known.
+    /// Its latencies, as far as known.
     pub links: TickLatencies,
 }
 
-/// A thread that is watched.
+/// A watched thread.
 #[derive(Debug, Default)]
 struct Watched {
-    /// `None` where the system shows nothing of it.
+    /// `None` if the operating system gives no counters of the thread.
     watch: Option<ThreadWatch>,
-    /// Its counters at the last look.
+    /// Its counters at the last reading.
     seen: ThreadDelays,
-    /// The same when the plant was last in time.
+    /// Its counters when the plant was last in time.
     in_time: ThreadDelays,
 }
 
 impl Watched {
-    /// One whose past is no matter.
+    /// A thread whose past does not count.
     fn new(watch: Option<ThreadWatch>) -> Self {
         let seen = watch.as_ref().map(ThreadWatch::read).unwrap_or_default();
         Self { watch, seen, in_time: seen }
@@ -80,65 +80,65 @@ impl Watched {
         }
     }
 
-    /// What it went through since the plant was last in time.
+    /// Its delays since the plant was last in time.
     fn hardship(&self) -> ThreadDelays {
         self.seen.since(&self.in_time)
     }
 }
 
-/// What has been heard of a miss.
+/// The answer to a miss.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Heard {
     Nothing,
-    /// The answer came after all, with these links.
+    /// The answer arrived late, with these latencies.
     Late(TickLatencies),
-    /// An answer came to the tick that is this many later, whose state had been under way for these ns.
+    /// The controller answered a later tick instead; the state of that tick was in transit for `state_ns`.
     PassedOver {
         later: u64,
         state_ns: u64,
     },
 }
 
-/// A miss whose answer may still come.
+/// A miss whose answer may still arrive.
 #[derive(Debug)]
 struct Open {
     /// Slot of the controller that was to answer.
     slot: usize,
-    /// Whether it was in charge; else a swap waited for it, and no deadline was missed.
+    /// True if it was active; otherwise a swap waited for it, and no deadline was missed.
     was_in_charge: bool,
-    /// Its counters when the plant was last in time before.
+    /// Its counters when the plant was last in time before the miss.
     in_time: ThreadDelays,
     heard: Heard,
     miss: Miss,
 }
 
-/// The book; see the module. Allocates when it is made and when a process is replaced, and then no more.
+/// The record; see the module. It allocates when it is created and when a process is replaced, and at no other time.
 #[derive(Debug)]
 pub struct Misses {
     period_ns: u64,
     plant: Watched,
-    /// The controllers' processes by slot: a standby is watched, too, so that its first tick in charge has evidence.
+    /// The controllers' processes by slot. The record watches standbys, too, so that their first active tick has evidence.
     controllers: Vec<Watched>,
-    /// Slot of the controller in charge at the last tick.
+    /// Slot of the active controller at the last tick.
     in_charge: usize,
     steal: Option<StealWatch>,
     stolen_seen: u64,
-    /// What was stolen since the plant was last in time.
+    /// Time stolen since the plant was last in time.
     stolen: u64,
-    /// What the links were too long since then.
+    /// Excess latencies since then.
     backlog: TickLatencies,
-    /// How late the next tick is because this one ended late, ns.
+    /// Lateness of the next tick because this one ended late, ns.
     over_ns: u64,
     open: Vec<Open>,
     listed: Vec<Miss>,
     stalls: Vec<Stall>,
     counts: [u64; Cause::ALL.len()],
-    /// Slot, tick and cause of the last miss: one of the same slot that follows without an answer shares it.
+    /// Slot, tick and cause of the last miss: a following miss of the same slot without an answer has the same cause.
     last: Option<(usize, u64, Cause)>,
 }
 
 impl Misses {
-    /// An empty book for ticks of `period_ns`, on the calling thread and the controllers' `processes`, by slot.
+    /// An empty record for ticks of `period_ns`, on the calling thread and the controllers' `processes`, by slot.
     pub fn new(period_ns: u64, processes: &[Option<u32>]) -> Self {
         let of = |process: &Option<u32>| Watched::new(process.and_then(ThreadWatch::of_process));
         let mut book = Self {
@@ -162,7 +162,7 @@ impl Misses {
         book
     }
 
-    /// Another process, `process`, sits in `slot` now.
+    /// Watches another process, `process`, in `slot` from now on.
     pub(crate) fn replace(&mut self, slot: usize, process: u32) {
         self.controllers[slot] = Watched::new(ThreadWatch::of_process(process));
         while let Some(at) = self.open.iter().position(|open| open.slot == slot) {
@@ -170,22 +170,22 @@ impl Misses {
         }
     }
 
-    /// How many deadlines were missed for each cause.
+    /// Number of missed deadlines by cause.
     pub fn counts(&self) -> impl Iterator<Item = (Cause, u64)> {
         Cause::ALL.into_iter().zip(self.counts)
     }
 
-    /// The first misses, one by one; in the order of their ticks once the book is closed.
+    /// The first misses, one by one; sorted by tick once the record is closed.
     pub fn listed(&self) -> &[Miss] {
         &self.listed
     }
 
-    /// The stalls of the machine, the first some thousand. Also those that held up a standby that a swap waited for.
+    /// The first stalls of the machine, up to some thousands; includes stalls of a standby that a swap waited for.
     pub fn stalls(&self) -> &[Stall] {
         &self.stalls
     }
 
-    /// Notes how a tick went.
+    /// Records the end of a tick.
     pub(crate) fn end_tick(&mut self, ended: &Ended, stages: &Stages) {
         let Ended { tick, in_charge, missed, awaited, unanswered_ns, over_ns, links } = *ended;
         let unanswered = TickLatencies { compute_ns: unanswered_ns, ..links.of_the_plant() };
@@ -214,13 +214,14 @@ impl Misses {
             let in_time = self.controllers.get(slot).map(|watched| watched.in_time).unwrap_or_default();
             self.open.push(Open { slot, was_in_charge, in_time, heard: Heard::Nothing, miss });
         }
-        // Not as they are heard: by now the one that answered sleeps again, and its counters tell all.
+        // Not at the arrival of each answer: only by now has the controller that answered gone back to sleep, so that its counters are
+        // complete.
         while let Some(at) = self.open.iter().position(|open| open.heard != Heard::Nothing) {
             self.close_one(at);
         }
     }
 
-    /// An answer to `tick` of the controller in `slot` came; with it its `links` are known, and that it passed those before over.
+    /// Records an answer to `tick` of the controller in `slot` with its `links`, for that tick and for earlier ones that it skipped.
     pub(crate) fn answered(&mut self, slot: usize, tick: u64, links: &TickLatencies) {
         let unheard = self.open.iter_mut().filter(|open| open.heard == Heard::Nothing && open.slot == slot);
         for open in unheard.filter(|open| open.miss.tick <= tick) {
@@ -231,7 +232,7 @@ impl Misses {
         }
     }
 
-    /// No more answers will come.
+    /// Closes the record: no more answers will arrive.
     pub(crate) fn close(&mut self) {
         while !self.open.is_empty() {
             self.close_one(0);
@@ -240,7 +241,7 @@ impl Misses {
         self.stalls.sort_unstable();
     }
 
-    /// What is known of a miss of the controller in `slot`.
+    /// The evidence for a miss of the controller in `slot`.
     fn evidence(&self, slot: usize, links: TickLatencies, usual: TickLatencies, answered: bool) -> Evidence {
         Evidence {
             period_ns: self.period_ns,
@@ -254,7 +255,8 @@ impl Misses {
         }
     }
 
-    /// The plant was more than a period late for `tick`: by what its links were too long since it was last in time.
+    /// Records that the plant was more than a period late for `tick`. The evidence is the excess of its latencies since it was last in
+    /// time.
     fn note_lateness(&mut self, tick: u64, usual: &TickLatencies) {
         let excess = self.backlog;
         let links = TickLatencies {
@@ -271,7 +273,7 @@ impl Misses {
         self.enter(None, true, &miss);
     }
 
-    /// Adds what `links` were too long. Of waking late, what the end of the tick before does not explain.
+    /// Adds the excess of `links`. Of a late wake-up it adds the part that the end of the tick before does not explain.
     fn add_to_backlog(&mut self, links: &TickLatencies, usual: &TickLatencies) {
         let sum = &mut self.backlog;
         sum.wake_up_ns += links.wake_up_ns.saturating_sub(self.over_ns);
@@ -294,7 +296,7 @@ impl Misses {
         (self.stolen, self.backlog) = Default::default();
     }
 
-    /// Closes the open miss `at` by what has been heard of it.
+    /// Closes the open miss `at` with the answer recorded for it.
     fn close_one(&mut self, at: usize) {
         let Open { slot, was_in_charge, in_time, heard, mut miss } = self.open.remove(at);
         let is_stopped = miss.evidence.controller.is_stopped;
@@ -303,7 +305,7 @@ impl Misses {
             evidence.controller = watched.seen.since(&in_time);
         }
         let ThreadDelays { ran_ns, turns, .. } = evidence.controller;
-        // One that goes to sleep by itself takes more turns than there are states, one that is busy runs.
+        // A thread that goes to sleep by itself gets a core more often than there are states; a busy thread runs.
         let is_kept = |states: u64, lasted_ns: u64| {
             !is_stopped && (1..=states).contains(&turns) && ran_ns < lasted_ns / 2
         };
@@ -351,7 +353,7 @@ impl Misses {
         }
     }
 
-    /// A tick whose answer came after all may be entered after later ones.
+    /// The record may enter a tick with a late answer after later ticks.
     fn note_stall(&mut self, tick: u64, slot: Option<usize>) {
         let has_room = self.stalls.len() < MOST_STALLS;
         match self.stalls.last_mut() {
@@ -363,7 +365,7 @@ impl Misses {
         }
     }
 
-    /// Adds what the threads went through since the last look.
+    /// Reads the counters of all threads.
     fn look(&mut self) {
         std::iter::once(&mut self.plant).chain(&mut self.controllers).for_each(Watched::look);
     }
@@ -376,7 +378,7 @@ impl Misses {
     }
 }
 
-/// The medians so far, ns.
+/// The median latencies so far, ns.
 fn usual(stages: &Stages) -> TickLatencies {
     let median = |stage: Stage| stages.histogram(stage).value_at_quantile(0.5);
     TickLatencies {
@@ -422,7 +424,7 @@ mod tests {
         stages
     }
 
-    /// A book that watches nobody: what the machine does to this test is no matter.
+    /// A record that watches no thread, so that the load of the machine does not affect this test.
     fn book() -> Misses {
         let mut book = Misses::new(1_000_000, &[None]);
         (book.plant, book.steal) = (Watched::default(), None);
@@ -434,12 +436,12 @@ mod tests {
         book.listed().iter().map(|miss| (miss.tick, miss.cause)).collect()
     }
 
-    /// How a tick ends that went as it should.
+    /// The end of a normal tick.
     fn in_time(tick: u64) -> Ended {
         Ended { missed: false, ..unanswered(tick, 0, 0) }
     }
 
-    /// How a tick ends that nobody answers.
+    /// The end of a tick without an answer.
     fn unanswered(tick: u64, in_charge: usize, unanswered_ns: u64) -> Ended {
         Ended { tick, in_charge, missed: true, awaited: None, unanswered_ns, over_ns: 0, links: USUAL }
     }
@@ -451,7 +453,7 @@ mod tests {
             book.end_tick(&unanswered(tick, 0, 950_000), &stages);
         }
         assert_eq!(found(&book), []);
-        // The answer to tick 5 comes late: it was long on its way back. 6 and 7 are passed over.
+        // The answer to tick 5 is late: it was in transit for long. The controller skips 6 and 7.
         book.answered(0, 5, &TickLatencies { command_ns: 2_500_000, ..USUAL });
         book.answered(0, 8, &USUAL);
         book.end_tick(&in_time(8), &stages);
@@ -462,8 +464,8 @@ mod tests {
         assert_eq!(book.counts().map(|(_, count)| count).sum::<u64>(), 4);
     }
 
-    /// It had answered the tick before in time, and then none until a later one: it was not there, and where it did not run either, nobody
-    /// had woken it.
+    /// The controller answered the tick before in time, and then none until a later one: it was not running. If it did not run at all, it
+    /// was woken late.
     #[test]
     fn one_that_was_not_there_was_woken_late_unless_it_ran_or_was_stopped() {
         let stages = stages();
@@ -483,7 +485,7 @@ mod tests {
         assert_eq!(cause_of(1, 60_000, true), Cause::ControllerCompute, "it was stopped");
     }
 
-    /// It was there, took a millisecond and a half, and ran for a tenth of that without having gone to sleep: somebody had its core.
+    /// The controller was awake, took a millisecond and a half, and ran for a tenth of that without sleeping: another thread had its core.
     #[test]
     fn an_answer_during_which_its_core_was_taken_is_the_machines() {
         let stages = stages();
@@ -501,7 +503,7 @@ mod tests {
         assert_eq!(cause_of(1, 1_500_000), Cause::ControllerCompute, "it computed");
     }
 
-    /// The one that failed is no longer in charge as its answer comes; the answers of the other say nothing of its miss.
+    /// The failed controller is no longer active when its answer arrives; the answers of the other are no evidence for its miss.
     #[test]
     fn the_late_answer_of_one_that_was_relieved_tells_why_it_was() {
         let (mut book, stages) = (book(), stages());
@@ -514,7 +516,7 @@ mod tests {
         assert_eq!(found(&book), [(5, Cause::Transport)]);
     }
 
-    /// A standby that a swap waited for has missed no deadline; but a stall of the machine is one.
+    /// A standby that a swap waited for has missed no deadline; but its delay is a stall of the machine.
     #[test]
     fn a_stall_that_held_up_a_swap_is_a_stall_and_no_miss() {
         let (mut book, stages) = (book(), stages());
@@ -531,11 +533,11 @@ mod tests {
         assert_eq!(book.counts().map(|(_, count)| count).sum::<u64>(), 0);
     }
 
-    /// The one in charge after a swap is asked why its answer is late, not the one before it.
+    /// After a swap the record examines the process of the new active controller, not that of the old one.
     #[test]
     fn the_process_in_charge_is_the_one_that_is_looked_at() {
         let stages = stages();
-        // Nobody that can be seen is in slot 0, this very thread in slot 1: its page faults show where slot 1 is in charge.
+        // Slot 0 has no watched process, slot 1 this very thread: its page faults appear while slot 1 is active.
         let mut book = Misses::new(1_000_000, &[None, None]);
         (book.plant, book.steal) = (Watched::default(), None);
         book.controllers[1] = Watched::new(ThreadWatch::of_this_thread());
@@ -550,7 +552,7 @@ mod tests {
         println!("slot 0 {first:?}, slot 1 {second:?}, slot 0 again {again:?}");
         assert!(second.minor_faults > 0);
         assert_eq!((first.minor_faults, again.minor_faults), (0, 0));
-        // Another process in the seat begins anew.
+        // The counters start anew for another process in the slot.
         book.replace(1, std::process::id());
         assert_eq!(book.controllers[1].hardship().minor_faults, 0);
     }
@@ -570,7 +572,7 @@ mod tests {
         }
         let first = found(&book)[0];
         assert_eq!(first, (4, Cause::PlantStep), "{:?}", book.listed()[0]);
-        // In time again, and then woken late at once: that is another matter.
+        // In time again, and then immediately a late wake-up: an independent miss.
         let mut end = |tick, wake_up_ns, over_ns| {
             let links = TickLatencies { wake_up_ns, ..USUAL };
             book.end_tick(

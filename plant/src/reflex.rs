@@ -1,26 +1,28 @@
-//! Reflexes: limits of what the arm does, not of what a controller says. An arm that is beyond one of them is stopped by its brakes.
+//! Reflexes: limits of the arm's motion, independent of the controller's commands. The brakes stop an arm that is beyond one of these
+//! limits.
 //!
 //! A command that passes the [`Gate`](crate::Gate) may still drive a light joint far beyond its speed limit. Reflexes therefore watch the
-//! motor side of every joint, as the drives' own encoders read it: without the noise and the delay that `[sensors]` gives to controllers.
+//! motor side of every joint as the drives' own encoders measure it: without the noise and the delay that `[sensors]` gives to controllers.
 //!
 //! Each limit follows from the limits of the arm file:
 //!
-//! - **speed**: a joint may be [`ReflexSpec::speed`] times its speed limit fast. The drive looks at every sub-step, and it looks ahead by
-//!   one: the speed that the present acceleration would lead to counts. The brakes lead a joint to rest without making it faster,
-//!   so that no speed beyond this limit is ever reached under a torque.
-//! - **position**: the point where the brakes would bring a joint to rest, q + v|v|/(2 a), has to be within its range, a being the
-//!   deceleration of the brakes. A motion that keeps range and acceleration limits always satisfies this.
-//! - **acceleration**: a landing journal changes the speed of a light joint within a tick, by impacts that no drive makes or prevents. What
-//!   counts is therefore the acceleration through a low-pass with the time t = v_max/a_max that the joint takes from rest to its
-//!   speed limit at its acceleration limit. An impact that changes the speed by less than v_max passes, whatever its acceleration;
-//!   an acceleration beyond the limit that lasts does not.
-//! - **tracking**: a feedback of natural frequency ω answers the error e with a speed of ω e. The reference and the joint, each at
-//!   its speed limit, part with 2 v_max; an error beyond 2 v_max/ω asks for a speed that neither has.
-//! - **torque rate** (kept by the gate): the greatest change that a sound controller asks for in a tick reverses every joint from its greatest
-//!   deceleration to its greatest acceleration and answers an impact that gives each of them its speed limit: the mass matrix times
-//!   2 (a_max + ω v_max). Without an acceleration limit a_max is v_max/T: nothing goes from rest to full speed within less than a tick T.
-//!   A heavy joint, whose effort limit is just what its acceleration needs, may thus change by all of it; a light one by a small part. A light
-//!   joint that carries what heavy ones do would need much: no change of its torque alone may give it its speed limit within a tick.
+//! - **speed**: a joint may move at [`ReflexSpec::speed`] times its speed limit. The drive checks every sub-step and looks ahead by one: it
+//!   compares the speed that the present acceleration would lead to. The brakes bring a joint to rest without accelerating it, so that no
+//!   joint exceeds this limit under a torque.
+//! - **position**: the point where the brakes would bring a joint to rest, q + v|v|/(2 a), must be within its range; a is the deceleration
+//!   of the brakes. A motion within range and acceleration limits always satisfies this.
+//! - **acceleration**: a landing journal changes the speed of a light joint within a tick, by impacts that no drive makes or prevents. The
+//!   reflex therefore compares the acceleration after a low-pass with the time constant t = v_max/a_max: the time that the joint needs from
+//!   rest to its speed limit at its acceleration limit. An impact that changes the speed by less than v_max passes, whatever its
+//!   acceleration; a lasting acceleration beyond the limit does not.
+//! - **tracking**: a feedback of natural frequency ω answers the error e with a speed of ω e. If reference and joint diverge, each at its
+//!   speed limit, their relative speed is 2 v_max; an error beyond 2 v_max/ω demands a speed that neither can have.
+//! - **torque rate** (the gate enforces it): the greatest change in a tick that a correct controller commands reverses every joint from its
+//!   greatest deceleration to its greatest acceleration, and answers an impact that gives each joint its speed limit: the mass matrix times
+//!   2 (a_max + ω v_max). Without an acceleration limit a_max is v_max/T: no joint goes from rest to full speed within less than a tick T.
+//!   The torque of a heavy joint, whose effort limit just suffices for its acceleration, may thus change by the whole limit; that of a
+//!   light joint by a small part. A light joint that reacts to the motion of heavy joints would need a large change: no change of its
+//!   torque alone may give it its speed limit within a tick.
 
 use freeplay_arm::{Arm, Workspace, crba, jacobian};
 use freeplay_shm::{Joints, MAX_JOINTS};
@@ -30,8 +32,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::limit_violation::{LimitViolation, Quantity};
 
-/// Deceleration of a braking joint whose file names neither acceleration nor effort limit, and the least of one whose file names an effort
-/// limit alone (of zero, as some do), rad/s² (m/s²).
+/// Deceleration of a braking joint whose file gives neither acceleration nor effort limit, and the lower bound for a joint whose file gives
+/// only an effort limit (some files give zero), rad/s² (m/s²).
 const BRAKE_RATE: f64 = 10.0;
 
 /// When an arm is stopped for what it does. `inf` switches a limit off.
@@ -63,7 +65,7 @@ impl Default for ReflexSpec {
 pub const SPEED_MARGIN: f64 = 1.05;
 
 impl ReflexSpec {
-    /// What is wrong with it for an arm of `joints` joints, in words.
+    /// Describes the first invalid field for an arm of `joints` joints, in words.
     pub fn fault(&self, joints: usize) -> Option<String> {
         for (key, value) in [("speed", self.speed), ("acceleration", self.acceleration)] {
             if value.is_nan() || value <= 0.0 {
@@ -90,14 +92,14 @@ impl ReflexSpec {
     }
 }
 
-/// The limits of one arm, by joint; infinite where there is none.
+/// The limits of one arm, by joint; infinite where there is no limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReflexLimits {
     /// Greatest speed, rad/s (m/s).
     pub speed: Joints,
     /// Greatest lasting acceleration, rad/s² (m/s²).
     pub acceleration: Joints,
-    /// Time constant of the low-pass through which the acceleration counts, s.
+    /// Time constant of the low-pass of the acceleration, s.
     pub rise: Joints,
     /// Range, rad (m).
     pub range: [Joints; 2],
@@ -105,11 +107,11 @@ pub struct ReflexLimits {
     pub tracking: Joints,
     /// Greatest rate of a commanded torque, N·m/s (N/s).
     pub torque_rate: Joints,
-    /// Deceleration of the brakes, rad/s² (m/s²): the acceleration limit; without one, what the effort limit gives the joint's inertia.
+    /// Deceleration of the brakes, rad/s² (m/s²): the acceleration limit; without one, the effort limit over the joint's inertia.
     pub braking: Joints,
-    /// Way to rest under the brakes over the square of the speed, rad·s²/rad² (s²/m): kept, since it is asked for in every sub-step.
+    /// Braking distance over the square of the speed, rad·s²/rad² (s²/m): stored, since every sub-step uses it.
     pub stopping: Joints,
-    /// Distance from where the perfect arm would have it within which the tool is while every joint is within `tracking`, m.
+    /// Greatest distance of the tool from its position on the nominal arm while every joint is within `tracking`, m.
     pub deviation: f64,
 }
 
@@ -154,7 +156,7 @@ impl ReflexLimits {
             let own = |given: &Option<Vec<f64>>| given.as_ref().and_then(|given| given.get(i).copied());
             limits.tracking[i] = own(&spec.tracking).unwrap_or(2.0 * of.velocity / natural_frequency);
             limits.torque_rate[i] = own(&spec.torque_rate).unwrap_or_else(|| {
-                // In ticks so long that its feedback alone may ask for more than the speed limit within one, that counts.
+                // In ticks so long that the feedback alone may exceed the speed limit within one tick, the feedback sets the bound.
                 let at_once = (1.0 / period).max(2.0 * natural_frequency) * of.velocity / along.mobility[i];
                 let needed = along.change[i].min(at_once) + 2.0 * joint.friction.coulomb;
                 needed.min(of.effort) / period
@@ -170,8 +172,8 @@ impl ReflexLimits {
         limits
     }
 
-    /// Whether `joint` at `[q, v, a]`, looked at again after `step` s, may be within its limits of speed and position; only where this fails is
-    /// [`Self::excess`] asked.
+    /// True if `joint` at `[q, v, a]`, checked again after `step` s, is within its limits of speed and position. The plant calls
+    /// [`Self::excess`] only if this is false.
     #[inline]
     pub(crate) fn is_clear(&self, joint: usize, [q, v, a]: [f64; 3], step: f64) -> bool {
         let rest = q + v * v.abs() * self.stopping[joint];
@@ -179,7 +181,7 @@ impl ReflexLimits {
         (v + a * step).abs() <= self.speed[joint] && rest <= upper[joint] && rest >= lower[joint]
     }
 
-    /// What is wrong with `joint` at `[q, v, a]`, looked at again after `step` s.
+    /// The limit that `joint` at `[q, v, a]` violates before the next check, `step` s later.
     #[inline]
     pub(crate) fn excess(&self, joint: usize, [q, v, a]: [f64; 3], step: f64) -> Option<LimitViolation> {
         let next = v + a * step;
@@ -199,15 +201,15 @@ impl ReflexLimits {
     }
 }
 
-/// What an arm is along its postures, by joint.
+/// Properties of an arm along its postures, by joint.
 struct Along {
-    /// Greatest change of the torque if every joint's acceleration changes by as much as is asked, N·m (N).
+    /// Greatest change of the torque if the acceleration of every joint changes by the given amount, N·m (N).
     change: Joints,
     /// Greatest inertia about the joint with all others at rest, kg·m² (kg).
     inertia: Joints,
-    /// Greatest acceleration of the joint by its torque with all others free, 1/(kg·m²) (1/kg).
+    /// Greatest acceleration of the joint per unit of its torque with all others free, 1/(kg·m²) (1/kg).
     mobility: Joints,
-    /// Greatest displacement of the tool by the joint, m/rad (1).
+    /// Greatest displacement of the tool per unit of the joint, m/rad (1).
     lever: Joints,
 }
 
@@ -226,7 +228,7 @@ impl Along {
                 if let Some(mobility) = &mobility {
                     along.mobility[joint] = along.mobility[joint].max(mobility[(joint, joint)]);
                 }
-                // A joint that is not moved by another says nothing, however fast that one may be.
+                // Skips joints without inertial coupling: their acceleration limit may be infinite, and 0 · ∞ is NaN.
                 let coupled = (0..n).filter(|&other| mass[(joint, other)] != 0.0);
                 let change: f64 = coupled.map(|other| mass[(joint, other)].abs() * acceleration(other)).sum();
                 along.change[joint] = along.change[joint].max(change);
@@ -238,7 +240,7 @@ impl Along {
     }
 }
 
-/// Watches the joints from tick to tick.
+/// Checks the joints at every tick.
 #[derive(Clone, Debug)]
 pub struct Reflexes {
     limits: ReflexLimits,
@@ -248,7 +250,7 @@ pub struct Reflexes {
 }
 
 impl Reflexes {
-    /// A watch over the `limits` in ticks of `period` s.
+    /// Reflexes with these `limits` in ticks of `period` s.
     pub fn new(limits: ReflexLimits, period: f64) -> Self {
         Self { limits, period, slow: None }
     }
@@ -258,7 +260,7 @@ impl Reflexes {
         &self.limits
     }
 
-    /// Looks at the `joints`, each as `[q, v, a]`, whose reference is at `reference`; the first that is beyond a limit.
+    /// Checks the `joints`, each `[q, v, a]`, against their limits and against `reference`; returns the first violation.
     pub fn watch(&mut self, joints: &[[f64; 3]], reference: &[f64]) -> Option<LimitViolation> {
         let limits = &self.limits;
         let slow = self.slow.get_or_insert_with(|| {
@@ -268,7 +270,7 @@ impl Reflexes {
         });
         let mut found = None;
         for (joint, &[q, v, a]) in joints.iter().enumerate().take(MAX_JOINTS) {
-            // Through the low-pass v̇ is (v − v_slow)/t.
+            // The output of the low-pass for v̇ is (v − v_slow)/t.
             let lasting = (v - slow[joint]).abs() / limits.rise[joint];
             slow[joint] += (v - slow[joint]) * (self.period / limits.rise[joint]).min(1.0);
             let error = reference.get(joint).map_or(0.0, |reference| (q - reference).abs());
@@ -297,7 +299,7 @@ mod tests {
         ReflexLimits::of(&paper_arm().arm, spec, 50.0, PERIOD, &[vec![0.0; 6]])
     }
 
-    /// What the watch says of joint 6 of the paper's arm, which follows its reference, at the speeds `speed(tick)`.
+    /// The first violation of joint 6 of the paper's arm, which follows its reference, at the speeds `speed(tick)`.
     fn found(speed: impl Fn(u32) -> f64) -> Option<(u32, Quantity)> {
         let mut reflexes = Reflexes::new(limits(&ReflexSpec::default()), PERIOD);
         (0..500).find_map(|tick| {
@@ -312,7 +314,7 @@ mod tests {
         // Joint 6: 10.7 rad/s, 200 rad/s². An impact that changes its speed by 9 rad/s is 45 times its acceleration limit.
         assert_eq!(found(|tick| if tick < 100 { 0.0 } else { 9.0 }), None);
         assert_eq!(found(|tick| if tick % 40 < 20 { 4.0 } else { -4.0 }), None);
-        // From one limit to the other at the acceleration limit is a sound motion, at twice that it is none.
+        // A reversal from one speed limit to the other at the acceleration limit is allowed; at twice that acceleration it is not.
         let reversal = |rate: f64| move |tick: u32| (-10.7 + rate * PERIOD * f64::from(tick)).min(10.7);
         assert_eq!(found(reversal(200.0)), None);
         let (tick, quantity) = found(reversal(400.0)).expect("too fast a reversal");
@@ -393,7 +395,7 @@ mod tests {
         let limits = limits(&ReflexSpec::default());
         let effort = paper_arm().arm.joints().iter().map(|joint| joint.limits.effort).collect::<Vec<_>>();
         println!("N·m/s: {:?}", &limits.torque_rate[..6]);
-        // Heavy joints may need all the rate there is; a light one needs a small part of it.
+        // Heavy joints may use the whole effort limit as rate; a light joint needs a small part of it.
         assert_eq!(limits.torque_rate[0], effort[0] / PERIOD);
         assert!(limits.torque_rate[5] < 0.1 * effort[5] / PERIOD, "{}", limits.torque_rate[5]);
         assert!(limits.torque_rate[6].is_infinite() && limits.deviation > 0.1, "{}", limits.deviation);

@@ -1,9 +1,9 @@
-//! How the inertia of a joint with a transmission is shared out between its motor and its link.
+//! The division of a joint's inertia between its motor and its link, for a joint with a transmission.
 //!
-//! A rotor inertia that the arm names sits on the motor's side. Where none is named, the inertia that the file gives the joint is
-//! taken to be the one that its motor feels, rotor included: a share of it moves to the motor and leaves the link, so that a stiff
-//! transmission gives back the arm as it was. The share is half of the least inertia that the joint feels with all others free,
-//! 1/(M⁻¹)ⱼⱼ, along the planned motion; less where several such joints together would leave no positive definite mass matrix.
+//! A rotor inertia in the arm file belongs to the motor's side. Without one, the file's inertia of the joint includes the rotor: a share of
+//! it moves from the link to the motor, so that the arm with a stiff transmission equals the original arm. The share is half of the least
+//! inertia of the joint with all others free, 1/(M⁻¹)ⱼⱼ, along the planned motion. It is smaller if several such joints together would make
+//! the mass matrix indefinite.
 //! Source: Spong 1987, J. Dyn. Syst. Meas. Control 109:310 (the rotor counts on its own joint alone).
 
 use freeplay_arm::{Arm, Joint, Workspace, crba};
@@ -12,12 +12,13 @@ use nalgebra::DMatrix;
 
 use crate::SystemError;
 
-/// Share of the least inertia of a joint that is its rotor where no rotor inertia is named.
+/// The rotor's share of the least inertia of a joint whose file gives no rotor inertia.
 pub const ROTOR_SHARE: f64 = 0.5;
 
-/// The greatest angle by which a transmission may swing in a sub-step, rad: leapfrog holds to 2 and is 1 % off in frequency here.
+/// The greatest angle by which a transmission may oscillate in a sub-step, rad: leapfrog is stable up to 2, and its frequency error here is
+/// 1 %.
 const GREATEST_SWING: f64 = 0.5;
-/// The greatest share by which a transmission's damping may slow its flanks in a sub-step; the extrapolated velocity holds to 1.
+/// The greatest share by which a transmission's damping may slow its flanks in a sub-step; the extrapolated velocity is stable up to 1.
 pub(crate) const GREATEST_LOSS: f64 = 0.5;
 
 /// The two sides of one transmission.
@@ -29,10 +30,10 @@ pub(crate) struct Sides {
     pub link: f64,
 }
 
-/// `arm` with `rotors`, inertias by joint index in kg·m² (kg), beside those that its file names.
+/// `arm` with `rotors`, inertias by joint index in kg·m² (kg), in addition to those of its file.
 ///
 /// # Errors
-/// [`SystemError::Law`] where that is no possible arm.
+/// [`SystemError::Law`] if the result is an impossible arm.
 pub(crate) fn with_rotors(arm: &Arm, rotors: &[(usize, f64)]) -> Result<Arm, SystemError> {
     let mut parts = ArmParts::of(arm);
     for &(joint, inertia) in rotors {
@@ -44,7 +45,7 @@ pub(crate) fn with_rotors(arm: &Arm, rotors: &[(usize, f64)]) -> Result<Arm, Sys
 /// The arm on the links' side of the transmissions at `joints`, and the inertias of their sides, for a motion through `postures`.
 ///
 /// # Errors
-/// [`SystemError::Law`] where the links alone are no possible arm.
+/// [`SystemError::Law`] if the links alone are an impossible arm.
 pub(crate) fn share_out(
     arm: &Arm,
     joints: &[usize],
@@ -98,7 +99,8 @@ pub(crate) fn least_inertias(mobilities: &[DMatrix<f64>]) -> Vec<f64> {
     (0..joints).map(|joint| 1.0 / greatest(mobilities, |w| w[(joint, joint)])).collect()
 }
 
-/// How much more the joints of `mobilities` yield together than each of them alone: the greatest eigenvalue of any of these matrices, each scaled by the `least` inertias.
+/// Ratio between the joint compliance (inverse inertia) of all joints of `mobilities` together and that of each alone: the greatest
+/// eigenvalue of any of these matrices, each scaled by the `least` inertias.
 pub(crate) fn greatest_together(mobilities: &[DMatrix<f64>], least: &[f64]) -> f64 {
     let together = |w: &DMatrix<f64>| {
         DMatrix::from_fn(least.len(), least.len(), |i, j| w[(i, j)] * (least[i] * least[j]).sqrt())
@@ -112,10 +114,10 @@ fn greatest(matrices: &[DMatrix<f64>], value: impl Fn(&DMatrix<f64>) -> f64) -> 
     matrices.iter().map(value).fold(0.0, f64::max)
 }
 
-/// Refuses sub-steps of `step` s in which the transmission `law` of the joint called `name` swings too far.
+/// Refuses sub-steps of `step` s in which the oscillation of the transmission `law` of the joint called `name` is not resolved.
 ///
 /// # Errors
-/// [`SystemError::TransmissionTooStiff`] with the frequency and the number of sub-steps that would do.
+/// [`SystemError::TransmissionTooStiff`] with the frequency and the sufficient number of sub-steps.
 pub(crate) fn check_step(
     name: &str,
     law: &Transmission,

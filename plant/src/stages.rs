@@ -1,7 +1,7 @@
-//! How long each stage of the loop took, in nanoseconds, as HdrHistograms.
+//! Latency of each stage of the loop, in nanoseconds, as HdrHistograms.
 //!
-//! In real time every latency is taken against the schedule, so that a stall of the loop counts for every tick that
-//! it delays (no coordinated omission; Tene, "How NOT to measure latency", 2013).
+//! In real time the schedule is the reference for every latency, so that a stall of the loop counts for every tick that it delays (no
+//! coordinated omission; Tene, "How NOT to measure latency", 2013).
 
 use freeplay_shm::Arrival;
 use hdrhistogram::Histogram;
@@ -9,10 +9,10 @@ use hdrhistogram::Histogram;
 /// A stage of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Schedule → the loop is awake, for every tick: one of catching up after a stall is late by what is left of the stall. Real time only.
+    /// Schedule → the loop is awake, for every tick: a tick of catching up after a stall is late by the rest of the stall. Real time only.
     WakeUp,
-    /// The same of the ticks that the loop waited for, asleep or spinning, alone: how well the machine wakes. Ticks of catching up, which
-    /// nothing woke, are not among them. Real time only.
+    /// The same for only those ticks that the loop waited for, asleep or spinning: the quality of the machine's wake-ups. It excludes ticks
+    /// of catching up, which had no wake-up. Real time only.
     Woken,
     /// Integrating one tick.
     PlantStep,
@@ -20,18 +20,18 @@ pub enum Stage {
     StateTransport,
     /// The controller's prediction.
     Predict,
-    /// The controller's quadratic program.
+    /// The controller's quadratic programme.
     Qp,
-    /// The same of the ticks in which it was iterated, because a limit binds, alone.
+    /// The same for only those ticks in which the solver iterated because a limit was active.
     QpIterated,
     /// Controller has the state → controller sends the command.
     Compute,
     /// Controller sends → plant has the command.
     CommandTransport,
-    /// Schedule → plant has the command, for every tick: one without an answer waits for that to a later tick. Lockstep: from publication.
+    /// Schedule → plant has the command, for every tick: a tick without an answer waits until that to a later tick. Lockstep: from
+    /// publication.
     RoundTrip,
-    /// Publication → plant has the command, of answers in time alone: what is measured where nobody minds coordinated omission. Real time
-    /// only.
+    /// Publication → plant has the command, only for answers in time: the usual measurement, with coordinated omission. Real time only.
     Uncorrected,
     /// Handing the tick to the recorder.
     Record,
@@ -73,7 +73,7 @@ impl Stage {
     }
 }
 
-/// One histogram a stage, 1 ns to 100 s at three digits; recording allocates nothing.
+/// One histogram per stage, 1 ns to 100 s at three digits; recording allocates nothing.
 #[derive(Clone, Debug)]
 pub struct Stages {
     histograms: Vec<Histogram<u64>>,
@@ -82,13 +82,13 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// The longest latency that is told apart, ns; longer ones are counted as this.
+    /// The greatest distinct latency, ns; longer ones count as this.
     pub const LONGEST: u64 = 100_000_000_000;
 
     /// Empty histograms.
     ///
     /// # Errors
-    /// Never for these bounds; the library's error is passed on.
+    /// None for these bounds; the function passes on the library's error.
     pub fn new() -> Result<Self, hdrhistogram::CreationError> {
         let one = Histogram::new_with_bounds(1, Self::LONGEST, 3)?;
         let iterations = Histogram::new_with_bounds(1, 1_000_000, 3)?;
@@ -112,7 +112,7 @@ impl Stages {
         self.iterations.value_at_quantile(0.5) as u32
     }
 
-    /// Counts how the loop got to a tick: in [`Stage::WakeUp`], and if it waited for it in [`Stage::Woken`].
+    /// Records the arrival of the loop at a tick: in [`Stage::WakeUp`], and also in [`Stage::Woken`] if the loop waited for the tick.
     #[inline]
     pub fn record_arrival(&mut self, arrival: Arrival) {
         self.record(Stage::WakeUp, arrival.late_ns);

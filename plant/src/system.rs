@@ -22,27 +22,27 @@ use crate::system_error::{MAX_CONTACT_STEP, SystemError};
 use crate::tool_forces::ToolForces;
 use crate::{Bearing, Braking, ContactTally, Ledger, LimitViolation, Motion, ReflexLimits};
 
-/// Rounds in which the twist of transmissions at rest is found.
+/// Iterations for the twist of transmissions at rest.
 const WINDING_ROUNDS: usize = 8;
 
-/// What acts on the joints during a tick.
+/// Inputs of the joints during a tick.
 pub struct Input<'a> {
     /// Torque of each nominal joint's motor, N·m (N); read where `driven` is false and no servo is closed.
     pub torque: &'a [f64],
-    /// Whether each nominal joint follows `motion` instead.
+    /// True for each nominal joint that follows `motion` instead.
     pub driven: &'a [bool],
     /// The motion of the prescribed joints.
     pub motion: &'a dyn Motion,
 }
 
-/// The greatest forces since they were last taken.
+/// The greatest forces since the last call of [`System::take_peaks`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TickPeaks {
     /// Magnitude of the force that the base exerts on the first moving body, N.
     pub base_force: f64,
 }
 
-/// The arm with play and all that changes in it.
+/// The arm with play and its state.
 #[derive(Debug)]
 pub struct System {
     play: ArmWithPlay,
@@ -62,12 +62,12 @@ pub struct System {
     drive: Vec<Drive>,
     total: Vec<f64>,
     motor: Vec<f64>,
-    /// Every joint is driven: by its brake.
+    /// Every joint is driven: by its brake. The list for [`Input::driven`].
     braked: Vec<bool>,
     prescribed: [Vec<f64>; 3],
     peaks: TickPeaks,
     ledger: Ledger,
-    /// The servos that the effects name, with the delays of their commands, s: they act once they are closed.
+    /// The servos of the effects, with the delays of their commands, s; they act once [`System::close_servos`] has closed them.
     named_servos: Vec<Option<(ServoLaw, f64)>>,
 }
 
@@ -82,7 +82,7 @@ impl System {
         Ok(system)
     }
 
-    /// The same before dry friction is resolved.
+    /// The same system before the dry friction is resolved.
     fn unresolved(play: ArmWithPlay, nominal: &Arm, period: f64, substeps: u32) -> Result<Self, SystemError> {
         let step = period / f64::from(substeps);
         if !(period > 0.0 && substeps > 0 && step.is_finite()) {
@@ -118,8 +118,8 @@ impl System {
         })
     }
 
-    /// Has the dry friction of the drives stop the joints of `links`, the arm behind the transmissions, within the sub-steps of a motion through
-    /// `postures`. Joints without any inertia can follow a motion alone, and need nothing that stops them.
+    /// Sets up the dry friction of the drives so that it stops the joints of `links`, the arm behind the transmissions, within the
+    /// sub-steps of a motion through `postures`. Joints without any inertia can only follow a motion, and need no stopping torque.
     fn resolve_dry_friction(&mut self, links: &Arm, postures: &[Vec<f64>]) {
         let motors: Vec<Option<f64>> =
             self.drives.motors.iter().map(|motor| motor.as_ref().map(|motor| motor.inertia)).collect();
@@ -136,11 +136,12 @@ impl System {
         self.drives.restart();
     }
 
-    /// The arm `arm`, changed by its effects, with what they inject, for a motion through `postures`: see the `rotor` file for
-    /// the inertia of motors behind transmissions.
+    /// The arm `arm`, changed by its effects, with their `injection`, for a motion through `postures`: see the `rotor` file for the inertia
+    /// of motors behind transmissions.
     ///
     /// # Errors
-    /// Those of [`System::new`]; [`SystemError::Unfit`] for an arm without masses, [`SystemError::Law`] for one that cannot be, [`SystemError::TransmissionTooStiff`].
+    /// Those of [`System::new`]; [`SystemError::Unfit`] for an arm without masses, [`SystemError::Law`] for an impossible arm,
+    /// [`SystemError::TransmissionTooStiff`].
     pub fn with_effects(
         arm: &Arm,
         injection: Injection,
@@ -171,11 +172,11 @@ impl System {
         Ok(system)
     }
 
-    /// Closes the loops of the servos that the effects of `arm`, the arm with its effects, name: from now on they ask torques of the drives, and those of
-    /// [`Input::torque`] are not read. The arm with the damping of its servos beside that of its joints.
+    /// Closes the loops of the servos in the effects of `arm`, the arm with its effects. From now on the servos command the torques of the
+    /// drives, and [`Input::torque`] has no effect. Returns the arm with the damping of its servos added to that of its joints.
     ///
     /// # Errors
-    /// [`SystemError::NoServo`], [`SystemError::NegativeDelay`]; [`SystemError::Law`] for an arm that cannot be.
+    /// [`SystemError::NoServo`], [`SystemError::NegativeDelay`]; [`SystemError::Law`] for an impossible arm.
     pub fn close_servos(&mut self, arm: &Arm) -> Result<Arm, SystemError> {
         let mut parts = ArmParts::of(arm);
         let mut servos = Vec::with_capacity(self.named_servos.len());
@@ -200,8 +201,8 @@ impl System {
         self.drives.servos.iter_mut().zip(q).for_each(|(servo, q)| servo.command(now, *q));
     }
 
-    /// Puts the joints at `q`, `v` (nominal), the journals in the middle of their bearings at rest, and the time to zero. Links
-    /// behind transmissions stand where their springs carry them.
+    /// Sets the joints to `q`, `v` (nominal), the journals to rest at the centres of their bearings, and the time to zero. Links behind
+    /// transmissions start at the static deflection of their springs.
     pub fn start(&mut self, q: &[f64], v: &[f64]) {
         self.q.fill(0.0);
         self.v.fill(0.0);
@@ -220,13 +221,13 @@ impl System {
         self.ledger.initial = self.ledger.total();
     }
 
-    /// Puts the motors behind transmissions at `q`, `v`, and their links where the springs carry them at rest.
+    /// Sets the motors behind transmissions to `q`, `v`, and their links to the static deflection of the springs.
     fn wind_up(&mut self, q: &[f64], v: &[f64]) {
         if !self.drives.has_motors() {
             return;
         }
         self.middle_v.fill(0.0);
-        // The load changes little with the twist: each round gains the ratio of gravity's stiffness to the spring's.
+        // The load depends little on the twist: each iteration reduces the error by the ratio of gravity's stiffness to the spring's.
         for _ in 0..WINDING_ROUNDS {
             bias(self.play.arm(), &mut self.workspace, &self.q, &self.middle_v, &mut self.total);
             for (joint, motor) in self.drives.motors.iter_mut().enumerate() {
@@ -238,7 +239,7 @@ impl System {
         }
     }
 
-    /// Puts the journal of the play `play` at `offset` (m) and `velocity` (m/s) in its bearing's plane.
+    /// Sets the journal of the play `play` to `offset` (m) and `velocity` (m/s) in its bearing's plane.
     pub fn place_journal(&mut self, play: usize, offset: [f64; 2], velocity: [f64; 2]) {
         for (axis, slide) in self.play.plays()[play].slides.into_iter().enumerate() {
             (self.q[slide], self.v[slide]) = (offset[axis], velocity[axis]);
@@ -250,17 +251,17 @@ impl System {
     /// Steps one tick.
     ///
     /// # Errors
-    /// [`SystemError::NotFinite`] names the first coordinate that is no longer a number.
+    /// [`SystemError::NotFinite`] names the first coordinate that is not finite.
     pub fn tick(&mut self, input: &Input) -> Result<(), SystemError> {
         (0..self.substeps).for_each(|substep| self.numbered_substep(substep, input));
         self.end_tick(input)
     }
 
-    /// Steps one tick during which the drives watch the joints that follow torques: where one is, or by the next sub-step would be, beyond
-    /// `limits` of speed and position, `brakes` close on all joints at once. Says which limit that was.
+    /// Steps one tick during which the drives check the joints that follow torques. If one is beyond `limits` of speed and position, or
+    /// would be by the next sub-step, `brakes` close on all joints at once. Returns the violated limit.
     ///
     /// # Errors
-    /// [`SystemError::NotFinite`] names the first coordinate that is no longer a number.
+    /// [`SystemError::NotFinite`] names the first coordinate that is not finite.
     pub fn watched_tick(
         &mut self,
         input: &Input,
@@ -291,7 +292,7 @@ impl System {
         self.end_tick(input).map(|()| None)
     }
 
-    /// Sub-step `number` of the tick under way.
+    /// Computes sub-step `number` of the present tick.
     fn numbered_substep(&mut self, number: u32, input: &Input) {
         let step = self.period / f64::from(self.substeps);
         self.substep(self.time() + (f64::from(number) + 0.5) * step, step, input);
@@ -355,7 +356,7 @@ impl System {
         }
     }
 
-    /// Drives with nothing but their nominal friction.
+    /// Actuates drives with nominal friction only.
     fn actuate_plain(&mut self, step: f64, input: &Input) {
         let [q, v, a] = &self.prescribed;
         for joint in 0..self.motor.len() {
@@ -372,7 +373,7 @@ impl System {
         }
     }
 
-    /// Drives with effects on them.
+    /// Actuates drives with effects.
     fn actuate_all(&mut self, time: f64, step: f64, input: &Input) {
         let [q, v, a] = &self.prescribed;
         for joint in 0..self.motor.len() {
@@ -416,7 +417,7 @@ impl System {
         }
     }
 
-    /// Steps the motors behind transmissions, and keeps what the laws of the drives ask for in the next sub-step.
+    /// Steps the motors behind transmissions, and stores the quantities that the laws of the drives need in the next sub-step.
     fn turn_motors(&mut self, step: f64, input: &Input) {
         for joint in 0..self.motor.len() {
             let at = self.play.joint(joint);
@@ -449,7 +450,7 @@ impl System {
         }
     }
 
-    /// Books the work of drives with effects on them, and keeps the load that their laws ask for in the next sub-step.
+    /// Books the work of drives with effects, and stores the load that their laws need in the next sub-step.
     fn book_drives(&mut self, step: f64, input: &Input) {
         for (joint, &speed) in self.prescribed[1].iter().enumerate() {
             let (at, loss) = (self.play.joint(joint), self.drives.loss[joint]);
@@ -493,7 +494,7 @@ impl System {
         }
     }
 
-    /// Puts prescribed joints where their motion has them at `time`.
+    /// Sets prescribed joints to their motion at `time`.
     fn place_driven(&mut self, time: f64, input: &Input) {
         let [q, v, a] = &mut self.prescribed;
         if !input.driven.contains(&true) {
@@ -521,7 +522,7 @@ impl System {
         }
     }
 
-    /// Brings the ledger's energies up to date.
+    /// Updates the energies of the ledger.
     fn balance(&mut self) {
         let arm = self.play.arm();
         self.ledger.kinetic = kinetic_energy(arm, &mut self.workspace, &self.q, &self.v);
@@ -572,23 +573,23 @@ impl System {
         }
     }
 
-    /// The nominal joints whose motor a transmission parts from the link.
+    /// The nominal joints whose motor a transmission decouples from the link.
     pub fn parted(&self) -> impl Iterator<Item = usize> + '_ {
         let motors = self.drives.motors.iter().enumerate();
         motors.filter_map(|(joint, motor)| motor.as_ref().map(|_| joint))
     }
 
-    /// Inertia of the rotor of the nominal joint `joint` behind its transmission, kg·m² (kg); `None` where there is none.
+    /// Inertia of the rotor of the nominal joint `joint` behind its transmission, kg·m² (kg); `None` without a transmission.
     pub fn rotor_inertia(&self, joint: usize) -> Option<f64> {
         self.drives.motors[joint].as_ref().map(|motor| motor.inertia)
     }
 
-    /// Torques of the nominal joints' motors in the last sub-step, N·m (N); for prescribed joints, what they needed.
+    /// Torques of the nominal joints' motors in the last sub-step, N·m (N); for prescribed joints, the torques that the motion required.
     pub fn motor_torque(&self) -> &[f64] {
         &self.motor
     }
 
-    /// What the drives say of those torques: a saturated one knows nothing beyond its limit, N·m (N).
+    /// The drives' own values of those torques, N·m (N): a saturated drive knows no torque beyond its limit.
     pub fn drive_torque(&self, torque: &mut [f64]) {
         for (joint, torque) in torque.iter_mut().enumerate() {
             *torque = self.drives.saturated(joint, self.motor[joint]);
@@ -605,7 +606,7 @@ impl System {
         &self.bearings
     }
 
-    /// The bearing of the play `play`, to take its peak.
+    /// The bearing of the play `play`, for taking its peak.
     pub fn bearing_mut(&mut self, play: usize) -> &mut Bearing {
         &mut self.bearings[play]
     }
@@ -615,7 +616,7 @@ impl System {
         &self.contacts
     }
 
-    /// How each journal spent its time so far.
+    /// The time that each journal has spent in each state so far.
     pub fn tallies(&self) -> impl Iterator<Item = ContactTally> + '_ {
         self.bearings.iter().map(Bearing::settled)
     }

@@ -1,4 +1,4 @@
-//! The first guess of a fit: the lag of each joint by cross-correlation, and a linear regression of the servo's error.
+//! The initial guess of a fit: the lag of each joint by cross-correlation, and a linear regression of the servo's error.
 
 use freeplay_arm::{Arm, JointKind, Workspace, crba, gravity_torque};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -6,28 +6,28 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 use crate::joint::JointServo;
 use crate::track::{REACH, Track};
 
-/// Longest lag that is looked for, s: industrial controllers answer after up to 0.15 s, small servos after 0.1 s.
+/// Longest lag of the search, s: industrial controllers answer after up to 0.15 s, small servos after 0.1 s.
 const LONGEST_LAG: f64 = 1.0;
-/// A stiffness is told by the load where its coefficient is so many of its standard deviations from none.
+/// The load determines a stiffness if its coefficient differs from zero by this many standard deviations.
 const TOLD: f64 = 3.0;
 
-/// What the data say of one joint before any rollout.
+/// Estimates for one joint from the data, before any rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sight {
-    /// Time by which the measured position follows the command, s.
+    /// Delay of the measured position after the command, s.
     pub lag: f64,
     /// Root of the mean square of command minus measured position, rad (m).
     pub error: f64,
-    /// Stiffness by the droop under load, N·m/rad, where the load tells it.
+    /// Stiffness from the droop under load, N·m/rad, if the load determines it.
     pub stiffness: Option<f64>,
     /// Sliding friction over stiffness, rad.
     pub coulomb: f64,
-    /// Step of the measured positions, rad (m).
+    /// Resolution of the measured positions, rad (m).
     pub tick: f64,
 }
 
-/// Time by which column `joint` of `tracks` follows its command, s: the shift of the command whose increments are nearest to the measured ones. A droop
-/// under load has no increments, so that it is not taken for a lag.
+/// Delay of column `joint` of `tracks` after its command, s: the shift of the command whose increments fit the measured ones best. A droop
+/// under load has no increments, so that it does not count as a lag.
 pub fn lag(tracks: &[Track], joint: usize) -> f64 {
     let error = |shift: f64| -> f64 {
         let of_track = |track: &Track| -> f64 {
@@ -41,7 +41,7 @@ pub fn lag(tracks: &[Track], joint: usize) -> f64 {
         };
         tracks.iter().map(of_track).sum()
     };
-    // A coarse list, then a golden section about the best of it.
+    // A coarse grid, then a golden-section search about its best point.
     let step = 0.02;
     let coarse = (0..=(LONGEST_LAG / step) as usize).map(|index| index as f64 * step);
     let best = coarse.map(|shift| (shift, error(shift))).min_by(|a, b| a.1.total_cmp(&b.1));
@@ -49,7 +49,7 @@ pub fn lag(tracks: &[Track], joint: usize) -> f64 {
     golden([(best - step).max(0.0), best + step], error)
 }
 
-/// The least of `of` between two bounds, to a hundredth of their distance (Kiefer 1953).
+/// The minimum of `of` between two bounds, to a hundredth of their distance (Kiefer 1953).
 pub fn golden([mut low, mut high]: [f64; 2], of: impl Fn(f64) -> f64) -> f64 {
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     let end = 0.01 * (high - low);
@@ -60,7 +60,7 @@ pub fn golden([mut low, mut high]: [f64; 2], of: impl Fn(f64) -> f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// What `tracks` say of each joint of `arm`.
+/// The estimates from `tracks` for each joint of `arm`.
 pub fn sights(arm: &Arm, tracks: &[Track]) -> Vec<Sight> {
     let mut sums = vec![Sums::default(); arm.dof()];
     let lags: Vec<f64> = (0..arm.dof()).map(|joint| lag(tracks, joint)).collect();
@@ -110,8 +110,8 @@ fn tick(tracks: &[Track], joint: usize) -> f64 {
     if least.is_finite() { least } else { 0.0 }
 }
 
-/// Normal equations of error = load/k + (F/k) sign v + c v, the command taken as late as the lag, on rows that move well: commands
-/// and encoder count from one zero.
+/// Normal equations of error = load/k + (F/k) sign v + c v, with the command delayed by the lag, on rows with enough motion; commands and
+/// encoder have the same zero.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     matrix: Matrix3<f64>,
@@ -151,8 +151,9 @@ impl Sums {
     }
 }
 
-/// Servos to begin a fit of `arm` from, by `sights`; `delays` is the share of each lag that is delay. A joint whose load tells no stiffness gets the
-/// median of the others, or where there is none, the one with which its inertia answers within the lag.
+/// Initial servos for a fit of `arm`, from `sights`; `delays` is the share of each lag that is delay. If the load of a joint does not
+/// determine its stiffness, it gets the median of the others. If there is none, it gets the stiffness with which its inertia answers within
+/// the lag.
 pub fn servos(arm: &Arm, sights: &[Sight], delays: &[f64]) -> Vec<JointServo> {
     let mut told: Vec<f64> = sights.iter().filter_map(|sight| sight.stiffness).collect();
     told.sort_by(f64::total_cmp);
@@ -173,8 +174,9 @@ pub fn servos(arm: &Arm, sights: &[Sight], delays: &[f64]) -> Vec<JointServo> {
     sights.iter().zip(delays).enumerate().map(servo).collect()
 }
 
-/// A usual Stribeck velocity, rad/s (m/s): the middle of what Armstrong-Hélouvry 1991, Control of Machines with Friction, §4, reports of greased gears
-/// of arms (0.01 to 0.1 rad/s); a tenth of the number for slides. Positions at the rates of servos can't tell it from viscous friction, so it is not fitted.
+/// A usual Stribeck velocity, rad/s (m/s): the middle of the range of Armstrong-Hélouvry 1991, Control of Machines with Friction, §4, for
+/// greased gears of arms (0.01 to 0.1 rad/s); a tenth of the number for prismatic joints. Positions at the rates of servos do not
+/// distinguish it from viscous friction, so that it is not fitted.
 fn stribeck_velocity(kind: JointKind) -> f64 {
     match kind {
         JointKind::Revolute => 0.03,

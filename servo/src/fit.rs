@@ -12,35 +12,38 @@ use crate::servo_arm::ServoArm;
 use crate::track::Track;
 use crate::unknowns::Unknown;
 
-/// Shares of a number that is positive or nothing to which a fit leaps.
+/// Factors by which a leap multiplies a parameter whose least value is 0.
 const LEAPS: [f64; 4] = [0.0, 0.5, 0.8, 1.25];
-/// Most steps; a fit that is not done by then says so.
+/// Most steps; a fit that has not converged by then reports it.
 const MOST_STEPS: usize = 40;
-/// A fit ends with a step that gains less log-likelihood for each number: it moves them by a tenth of a standard deviation (½ · 0.1²).
+/// A fit ends with a step whose gain in log-likelihood per parameter is smaller: such a step moves a parameter by a tenth of a standard
+/// deviation (½ · 0.1²).
 const LEAST_GAIN: f64 = 5e-3;
-/// One window in so many makes the coarse problem on which beginnings are compared: a tenth of the work for nearly all of the way.
+/// The coarse problem, on which a search compares initial values, keeps one window in this many: a tenth of the work finds most of the
+/// improvement.
 const COARSE: usize = 5;
-/// Share of their steps by which finite differences end, once a fit gains no more by the whole.
+/// Factor on the steps of finite differences at the end, once full steps gain no more.
 const NEARER: f64 = 0.15;
-/// Damping of the first step, its change after a step that was good and one that was not (Marquardt 1963; Nielsen 1999).
+/// Damping of the first step, and its factors after a successful and a failed step (Marquardt 1963; Nielsen 1999).
 const DAMPING: [f64; 3] = [1e-3, 0.2, 5.0];
-/// Tries of a step before the fit ends where it is.
+/// Attempts at a step before the fit ends.
 const TRIES: usize = 8;
-/// Groups of rows that intervals need: with fewer, the scatter of their estimates is itself told to a quarter at best (1/√(2 · 16)).
+/// Groups of rows that intervals need: with fewer, the scatter of the groups' estimates has itself a relative error of a quarter or more
+/// (1/√(2 · 16)).
 const GROUPS: usize = 16;
-/// Most groups that a window is cut in for that: each then still lasts some seconds, many lags of a servo, so that groups are independent.
+/// Most groups per window: each group then still lasts some seconds, many lags of a servo, so that groups are independent.
 const MOST_CUTS: usize = 6;
 
-/// What a fit rests on.
+/// The data of a fit.
 #[derive(Clone, Debug)]
 pub struct Problem<'a> {
     /// The recordings.
     pub tracks: &'a [Track],
     /// Windows: index of the track, and its rows.
     pub windows: Vec<(usize, Range<usize>)>,
-    /// Rows that count, `[window][row][joint]`: those that say nothing of how their window began. Empty if all do.
+    /// Rows that count, `[window][row][joint]`: those on which the initial state of their window has no effect. Empty if all count.
     pub counted: Vec<Vec<bool>>,
-    /// Least size of the noise of each joint, rad (m): that of rounding.
+    /// Lower bound of the noise of each joint, rad (m): that of rounding.
     pub rounding: Vec<f64>,
     /// Longest step of a rollout, s.
     pub longest_step: f64,
@@ -55,16 +58,17 @@ pub struct Fitted {
     pub model: ServoArm,
     /// Value and standard deviation of each unknown, in their order.
     pub values: Vec<(f64, f64)>,
-    /// Inverse of the curvature of what is lost, in the same order: how the others follow where one of them is moved.
+    /// Inverse Hessian of the loss, in the same order: how the other parameters follow if one of them moves.
     pub inverse: DMatrix<f64>,
-    /// The noise at the end.
+    /// The noise estimate at the end.
     pub noise: Noise,
     /// Steps taken.
     pub steps: usize,
 }
 
 impl Fitted {
-    /// The model with `value` for the unknown number `index` of `unknowns`, the others moved to where they fit best beside it, to first order, inside their bounds.
+    /// The model with `value` for unknown number `index` of `unknowns`. The other parameters move to their conditional optimum, to first
+    /// order, inside their bounds.
     pub fn with(&self, unknowns: &[Unknown], index: usize, value: f64) -> ServoArm {
         let moved = value - self.values[index].0;
         let share = moved / self.inverse[(index, index)];
@@ -80,7 +84,7 @@ impl Fitted {
 }
 
 impl Problem<'_> {
-    /// Residuals of `model` in every window, `[window][row][joint]`; not a number where nothing was measured or a row does not count.
+    /// Residuals of `model` in every window, `[window][row][joint]`; NaN where the recording has no value or a row does not count.
     pub fn residuals(&self, model: &ServoArm) -> Vec<Vec<f64>> {
         each(self.windows.len(), self.threads, |index| {
             self.residual(index, model, &mut Rollout::new(model, self.longest_step))
@@ -96,7 +100,7 @@ impl Problem<'_> {
         residual
     }
 
-    /// The same, where only rows count that under `model` say nothing of how their window began.
+    /// The same problem with only those rows on which, under `model`, the initial state of their window has no effect.
     #[must_use]
     pub fn forgetting(mut self, model: &ServoArm) -> Self {
         self.counted.clear();
@@ -109,7 +113,7 @@ impl Problem<'_> {
         self
     }
 
-    /// The problem of `joint` alone, which `tracks` are of ([`Track::each_alone`]), on one thread.
+    /// The problem of `joint` alone, on one thread; `tracks` are those of that joint ([`Track::each_alone`]).
     pub fn alone<'a>(&self, joint: usize, tracks: &'a [Track]) -> Problem<'a> {
         let joints = self.rounding.len();
         let of_joint = |rows: &Vec<bool>| rows.iter().skip(joint).step_by(joints).copied().collect();
@@ -123,7 +127,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Log-likelihood lost to `residuals` under `noise`, for each joint.
+    /// Loss of log-likelihood from `residuals` under `noise`, by joint.
     pub fn losses(&self, residuals: &[Vec<f64>], noise: &Noise) -> Vec<f64> {
         let joints = self.rounding.len();
         let mut losses = vec![0.0; joints];
@@ -135,7 +139,7 @@ impl Problem<'_> {
         losses
     }
 
-    /// The same with one window in five; `None` where there are few.
+    /// The same problem with one window in five; `None` if there are too few windows.
     pub fn coarse(&self) -> Option<Problem<'_>> {
         let few: Vec<_> = self.windows.iter().skip(COARSE / 2).step_by(COARSE).cloned().collect();
         (few.len() > 1).then(|| Problem {
@@ -146,7 +150,7 @@ impl Problem<'_> {
         })
     }
 
-    /// Fits `unknowns` from `model` onwards, in at most 40 steps. `progress` is told the step's number and what it gained.
+    /// Fits `unknowns`, starting from `model`, in at most 40 steps. `progress` receives the number and the gain of each step.
     pub fn fit(
         &self,
         model: &ServoArm,
@@ -169,12 +173,12 @@ impl Problem<'_> {
                 damping = DAMPING[0];
             }
         }
-        // Rough derivatives would say that the data know more than they do.
+        // Derivatives from wide differences would understate the standard deviations.
         state.reach = 1.0;
         self.fitted(state, unknowns, steps)
     }
 
-    /// `model` as it is, as the outcome of a fit of `unknowns` in no steps.
+    /// `model` itself, as the result of a fit of `unknowns` without steps.
     pub fn as_it_is(&self, model: &ServoArm, unknowns: &[Unknown]) -> Fitted {
         self.fitted(self.state(model.clone(), unknowns), unknowns, 0)
     }
@@ -186,8 +190,8 @@ impl Problem<'_> {
         Fitted { model: state.model, values, inverse, noise: state.noise, steps }
     }
 
-    /// Leaps from `fitted` with one of its numbers to nothing, a half, four fifths or five fourths of it, all else where it fits best then, and fits again, as long as that ends nearer to the data: sticking
-    /// and slipping leave valleys that no derivative leads out of.
+    /// Escapes from local minima of `fitted`: multiplies one parameter by each of 0, 0.5, 0.8 and 1.25, moves the others to their
+    /// conditional optimum, and fits again, as long as the loss decreases. Stick-slip makes valleys that no derivative leads out of.
     pub fn leap(
         &self,
         mut fitted: Fitted,
@@ -201,7 +205,7 @@ impl Problem<'_> {
         fitted
     }
 
-    /// The leap from `fitted` that ends nearest to the data, if any is nearer than `fitted`.
+    /// The leap from `fitted` with the smallest loss, if any has a smaller loss than `fitted`.
     fn nearest_leap(&self, fitted: &Fitted, unknowns: &[Unknown]) -> Option<ServoArm> {
         let state = self.state(fitted.model.clone(), unknowns);
         let here = self.lost(&state.residuals, &state.noise, &state.x, unknowns);
@@ -214,8 +218,8 @@ impl Problem<'_> {
         tried.filter(|(gain, _)| *gain > 0.0).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, model)| model)
     }
 
-    /// By how much the likelihood of `fitted` would grow with each of `more` beside its `unknowns`, all of them moved to where they fit best then, to second
-    /// order: Rao's score of one more number. Nothing where the number would have to pass its bound.
+    /// The predicted gain in likelihood for each unknown of `more`, added to the `unknowns` of `fitted` with all of them at their optimum,
+    /// to second order: Rao's score test of one more parameter. Zero where the parameter would have to cross its bound.
     pub fn scores(&self, fitted: &Fitted, unknowns: &[Unknown], more: &[Unknown]) -> Vec<f64> {
         let all: Vec<Unknown> = unknowns.iter().chain(more).copied().collect();
         let state = self.state(fitted.model.clone(), &all);
@@ -241,7 +245,7 @@ impl Problem<'_> {
         FitState { x, model, residuals, noise, reach: 1.0 }
     }
 
-    /// Takes a step along `slopes`; what it gained, log-likelihood and prior.
+    /// Takes a step along `slopes`; returns its gain in log-likelihood and prior.
     fn step(
         &self,
         state: &mut FitState,
@@ -266,7 +270,7 @@ impl Problem<'_> {
         0.0
     }
 
-    /// Log-likelihood and prior that `model` loses under `noise`.
+    /// Loss of `model` under `noise`: negative log-likelihood and prior.
     pub fn lost_by(&self, model: &ServoArm, noise: &Noise, unknowns: &[Unknown]) -> f64 {
         self.lost(&self.residuals(model), noise, &values(model, unknowns), unknowns)
     }
@@ -277,7 +281,7 @@ impl Problem<'_> {
         self.losses(residuals, noise).iter().sum::<f64>() + unknowns.iter().zip(x).map(prior).sum::<f64>()
     }
 
-    /// First and second derivatives (Gauss–Newton) of what is lost, and of what the beliefs lose.
+    /// First and second derivatives (Gauss–Newton) of the loss, priors included.
     fn curvature(&self, state: &FitState, slopes: &[Slopes], unknowns: &[Unknown]) -> Curvature {
         let mut sum = Curvature::of_beliefs(unknowns, &state.x);
         self.groups(state, slopes, unknowns.len()).iter().for_each(|group| sum.add(group));
@@ -303,7 +307,7 @@ impl Problem<'_> {
         })
     }
 
-    /// Derivatives of what is lost in groups of rows that are taken as independent, window by window on all threads.
+    /// Derivatives of the loss in groups of rows that count as independent, window by window on all threads.
     fn groups(&self, state: &FitState, slopes: &[Slopes], count: usize) -> Vec<Curvature> {
         let cuts = GROUPS.div_ceil(self.windows.len().max(1)).min(MOST_CUTS);
         let joints = self.rounding.len();
@@ -312,7 +316,7 @@ impl Problem<'_> {
             let length = self.windows[index].1.len().div_ceil(cuts).max(1) * joints;
             let group = |begin: usize| {
                 let of_group = base.iter().enumerate().skip(begin).take(length);
-                // The root of the weight of each row that has one.
+                // The square root of the weight of each row with a weight.
                 let rows: Vec<(usize, f64)> = of_group
                     .map(|(at, r)| (at, state.noise.weight(at % joints, *r).sqrt()))
                     .filter(|(_, root)| *root > 0.0)
@@ -335,17 +339,17 @@ impl Problem<'_> {
 /// Derivatives of the residuals of a window, `[unknown][row and joint]`.
 type Slopes = Vec<Vec<f64>>;
 
-/// Where a fit stands.
+/// State of a fit.
 struct FitState {
     x: Vec<f64>,
     model: ServoArm,
     residuals: Vec<Vec<f64>>,
     noise: Noise,
-    /// Steps of finite differences over the widest.
+    /// Factor on the widest steps of finite differences.
     reach: f64,
 }
 
-/// Derivatives of what is lost.
+/// Gradient and Hessian of the loss.
 struct Curvature {
     gradient: DVector<f64>,
     hessian: DMatrix<f64>,
@@ -356,7 +360,7 @@ impl Curvature {
         Curvature { gradient: DVector::zeros(count), hessian: DMatrix::zeros(count, count) }
     }
 
-    /// Of what the beliefs lose at `x`.
+    /// Derivatives of the prior's loss at `x`.
     fn of_beliefs(unknowns: &[Unknown], x: &[f64]) -> Curvature {
         let mut beliefs = Curvature::zero(unknowns.len());
         for (i, unknown) in unknowns.iter().enumerate() {
@@ -372,7 +376,7 @@ impl Curvature {
         self.hessian += &other.hessian;
     }
 
-    /// The values after a damped step inside the bounds.
+    /// The parameters after a damped step inside the bounds.
     fn next(&self, x: &[f64], unknowns: &[Unknown], damping: f64) -> Vec<f64> {
         let mut hessian = self.hessian.clone();
         for i in 0..x.len() {
@@ -380,17 +384,18 @@ impl Curvature {
         }
         let least: Vec<f64> = unknowns.iter().zip(x).map(|(unknown, x)| unknown.least - x).collect();
         let step = descend(&hessian, &self.gradient, &least);
-        // A number whose change drives the simulation out of all numbers stays where it is.
+        // A parameter whose step is not finite, since its change makes the simulation diverge, keeps its value.
         let moved = |x: &f64, d: &f64| if d.is_finite() { x + d } else { *x };
         let steps = x.iter().zip(step.iter()).zip(unknowns);
         steps.map(|((x, d), unknown)| moved(x, d).max(unknown.least)).collect()
     }
 }
 
-/// Standard deviations that hold although the rows of a group are correlated and no model is exact: the scatter of what the groups say, and what beliefs leave
-/// open. In the plain form H⁻¹SH⁻¹ (White 1982, Econometrica 50:1) each group has pulled the values towards itself and the scatter is too small; here each
-/// is taken as much larger as its share of the curvature made it smaller, Σ L⁻ᵀ(1 − L⁻¹H_gL⁻ᵀ)⁻¹ᐟ²L⁻¹g with H = LLᵀ (Bell & McCaffrey 2002, Survey
-/// Methodology 28:169). Where there are few groups, deviations are as much wider as Student's t is. Beside them H⁻¹.
+/// Standard deviations that hold although the rows of a group are correlated and the model is inexact: the scatter of the groups'
+/// estimates, plus the share that the priors determine. In the plain form H⁻¹SH⁻¹ (White 1982, Econometrica 50:1) each group has pulled the
+/// parameters towards itself, so that the scatter is too small. This form enlarges each group's estimate to correct for its share of the
+/// curvature: Σ L⁻ᵀ(1 − L⁻¹H_gL⁻ᵀ)⁻¹ᐟ²L⁻¹g with H = LLᵀ (Bell & McCaffrey 2002, Survey Methodology 28:169). With few groups, Student's t
+/// widens the deviations. The second result is H⁻¹.
 fn deviations(groups: &[Curvature], unknowns: &[Unknown]) -> (Vec<f64>, DMatrix<f64>) {
     let expected: Vec<f64> = unknowns.iter().map(|unknown| unknown.expected).collect();
     let beliefs = Curvature::of_beliefs(unknowns, &expected).hessian;
@@ -408,19 +413,20 @@ fn deviations(groups: &[Curvature], unknowns: &[Unknown]) -> (Vec<f64>, DMatrix<
         return (believed, inverse);
     };
     let root = factor.l();
-    let said: Vec<DVector<f64>> = groups.iter().filter_map(|group| said_by(group, &root)).collect();
-    let wider = student(said.len() as f64 - 1.0);
+    let influences: Vec<DVector<f64>> = groups.iter().filter_map(|group| adjusted_influence(group, &root)).collect();
+    let wider = student(influences.len() as f64 - 1.0);
     let inverse = factor.inverse();
     let of_beliefs = &inverse * &beliefs * &inverse;
     let deviation = |i: usize| {
-        let scatter: f64 = said.iter().map(|one| one[i] * one[i]).sum();
+        let scatter: f64 = influences.iter().map(|one| one[i] * one[i]).sum();
         (scatter * wider * wider + of_beliefs[(i, i)]).max(0.0).sqrt().min(unknowns[i].deviation * wider)
     };
     ((0..unknowns.len()).map(deviation).collect(), inverse)
 }
 
-/// By how much `group` moves the values of a fit whose curvature has the lower triangular `root`, as if it had not been part of it by half.
-fn said_by(group: &Curvature, root: &DMatrix<f64>) -> Option<DVector<f64>> {
+/// The change of the parameters due to `group`, enlarged by (1 − share)^(−1/2) for its share of the curvature; `root` is the lower
+/// triangular factor of the curvature of the whole fit.
+fn adjusted_influence(group: &Curvature, root: &DMatrix<f64>) -> Option<DVector<f64>> {
     let half = root.solve_lower_triangular(&group.hessian)?;
     let share = root.solve_lower_triangular(&half.transpose())?;
     let score = root.solve_lower_triangular(&group.gradient)?;
@@ -432,7 +438,7 @@ fn said_by(group: &Curvature, root: &DMatrix<f64>) -> Option<DVector<f64>> {
     root.tr_solve_lower_triangular(&(&eigen.eigenvectors * along))
 }
 
-/// The point of Student's t with `freedom` degrees of freedom that holds 95 % between ± itself, over that of the normal distribution: Cornish–Fisher's
+/// The two-sided 95 % quantile of Student's t with `freedom` degrees of freedom, over that of the normal distribution: Cornish–Fisher's
 /// expansion, right to 0.1 % from eight degrees on (Abramowitz & Stegun 1964, 26.7.5).
 fn student(freedom: f64) -> f64 {
     let (z, n) = (1.96_f64, freedom.max(1.0));
@@ -470,7 +476,7 @@ mod tests {
         }
     }
 
-    /// Of numbers with equal weights the scatter is the deviation of their mean, s/√n.
+    /// For numbers with equal weights the scatter is the standard deviation of their mean, s/√n.
     #[test]
     fn groups_give_the_deviation_of_a_mean() {
         let numbers = [1.0, 2.0, 4.0, 3.5, -1.0, 0.5, 2.5, 1.5, 0.0, 3.0];
@@ -496,7 +502,7 @@ mod tests {
         assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
     }
 
-    /// What no row tells keeps the deviation of its belief.
+    /// A parameter that no row determines keeps the deviation of its prior.
     #[test]
     fn without_rows_beliefs_stay() {
         let unknown = Unknown {

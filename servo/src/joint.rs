@@ -20,8 +20,8 @@ pub struct JointServo {
     pub torque_limit: f64,
     /// Greatest speed of the set-point, rad/s; infinite if none.
     pub speed_limit: f64,
-    /// Time from the stamp of a command to its effect on what the encoder reports, s; negative where the encoder is read later than
-    /// the command acts.
+    /// Time from the stamp of a command to its effect on the encoder's reading, s; negative where the encoder samples later than the
+    /// command acts.
     pub delay: f64,
     /// Set-point minus command, rad.
     pub offset: f64,
@@ -33,7 +33,7 @@ pub struct JointServo {
     pub stiction: f64,
     /// Speed at which stiction has fallen to 1/e, rad/s; above 0.
     pub stribeck_velocity: f64,
-    /// Rotor inertia through the gear, kg·m², beyond what the arm file names; 0 or more.
+    /// Rotor inertia through the gear, kg·m², in addition to that of the arm file; 0 or more.
     pub rotor_inertia: f64,
     /// Positions between which the joint can move, rad; infinite where there is no stop.
     pub stops: [f64; 2],
@@ -59,7 +59,7 @@ impl JointServo {
         }
     }
 
-    /// Dry friction at the speed `v` (rad/s), N·m: the greatest at rest, its amount in motion.
+    /// Dry friction at the speed `v` (rad/s), N·m: at rest its maximum, in motion its magnitude.
     #[inline]
     pub fn dry_friction(&self, v: f64) -> f64 {
         if self.stiction == 0.0 {
@@ -67,7 +67,7 @@ impl JointServo {
         }
         let ratio = v / self.stribeck_velocity;
         let square = ratio * ratio;
-        // e⁻⁴⁰ of it is less than rounding leaves of what holds an arm.
+        // Beyond this, e⁻⁴⁰ of the stiction is smaller than the rounding error of a holding torque.
         if square > 40.0 { self.coulomb } else { self.coulomb + self.stiction * (-square).exp() }
     }
 
@@ -109,7 +109,7 @@ pub struct Linearization {
 }
 
 impl Linearization {
-    /// Of no servo: not equal to any piece.
+    /// The value of no servo: not equal to any piece.
     pub(crate) const NONE: Linearization =
         Linearization { stiffness: f64::NAN, damping: f64::NAN, constant: f64::NAN };
 }

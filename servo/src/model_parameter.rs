@@ -1,4 +1,4 @@
-//! The parameters of a servo and of what an arm carries.
+//! The parameters of a servo and of the load and geometry of its arm.
 
 use crate::joint::JointServo;
 
@@ -16,7 +16,7 @@ pub enum ModelParameter {
     Stiction,
     /// Rotor inertia over stiffness, s².
     Rotor,
-    /// Delay of the commands, s; an effect does not come before its cause.
+    /// Delay of the commands, s; not negative, by causality.
     Delay,
     /// Set-point minus command, rad.
     Offset,
@@ -26,9 +26,9 @@ pub enum ModelParameter {
     TorqueLimit,
     /// Natural logarithm of the speed limit in rad/s.
     SpeedLimit,
-    /// Mass on the last link beside what the arm file has, kg; of the whole arm.
+    /// Mass on the last link in addition to the arm file, kg; of the whole arm.
     Payload,
-    /// Where its centre of mass is off the tool, along x of the last link's frame, m; of the whole arm.
+    /// Offset of its centre of mass from the tool, along x of the last link's frame, m; of the whole arm.
     PayloadX,
     /// The same along y.
     PayloadY,
@@ -36,9 +36,9 @@ pub enum ModelParameter {
     PayloadZ,
     /// Natural logarithm of the true over the modelled mass of the joint's link.
     LinkMass,
-    /// What the encoder reads where the joint is at zero, rad.
+    /// Encoder reading at the joint's zero, rad.
     Zero,
-    /// Whole angle between the flanks of the joint's gear, behind the encoder, rad.
+    /// Full gap between the flanks of the joint's gear, behind the encoder, rad.
     Gap,
     /// Roll of the base, rad; of the whole arm.
     Roll,
@@ -47,7 +47,7 @@ pub enum ModelParameter {
 }
 
 impl ModelParameter {
-    /// The parameters of the whole arm, of no link and no servo.
+    /// The parameters of the whole arm, which belong to no link and no servo.
     pub(crate) const OF_WHOLE_ARM: [ModelParameter; 6] = [
         ModelParameter::Payload,
         ModelParameter::PayloadX,
@@ -57,21 +57,21 @@ impl ModelParameter {
         ModelParameter::Pitch,
     ];
 
-    /// The parameters of a joint that are the arm's, and not its servo's.
+    /// The parameters of a joint that belong to the arm, not to its servo.
     pub(crate) const OF_ARM_AT_JOINT: [ModelParameter; 3] =
         [ModelParameter::LinkMass, ModelParameter::Zero, ModelParameter::Gap];
 
-    /// Whether the parameter belongs to the arm, not to a servo.
+    /// True if the parameter belongs to the arm, not to a servo.
     pub fn is_of_arm(self) -> bool {
         ModelParameter::OF_ARM_AT_JOINT.contains(&self) || ModelParameter::OF_WHOLE_ARM.contains(&self)
     }
 
-    /// Whether the parameter locates a body, instead of giving its mass.
+    /// True if the parameter locates a body, instead of giving its mass.
     pub fn is_place(self) -> bool {
         matches!(self, ModelParameter::PayloadX | ModelParameter::PayloadY | ModelParameter::PayloadZ)
     }
 
-    /// The least value that is physical.
+    /// The least physical value.
     pub fn least(self) -> f64 {
         match self {
             ModelParameter::Lag
@@ -98,7 +98,7 @@ impl ModelParameter {
             ModelParameter::Deadband => joint.deadband,
             ModelParameter::TorqueLimit => (joint.torque_limit / joint.stiffness).ln(),
             ModelParameter::SpeedLimit => joint.speed_limit.ln(),
-            // No servo has what is the arm's.
+            // No servo has the arm's parameters.
             _ => 0.0,
         }
     }
@@ -115,7 +115,7 @@ impl ModelParameter {
         }
     }
 
-    /// Gives `joint` the value `x` of [`ModelParameter::value_in_torque`]. A new stiffness leaves all else as it is.
+    /// Sets the value `x` of [`ModelParameter::value_in_torque`] in `joint`. A new stiffness leaves the other values unchanged.
     pub fn set_torque(self, joint: &mut JointServo, x: f64) {
         match self {
             ModelParameter::Stiffness => joint.stiffness = x.exp(),
@@ -128,7 +128,7 @@ impl ModelParameter {
         }
     }
 
-    /// Gives `joint` the value `x`. A new stiffness keeps the ratios.
+    /// Sets the value `x` in `joint`. A new stiffness keeps the ratios.
     pub fn set(self, joint: &mut JointServo, x: f64) {
         let stiffness = joint.stiffness;
         match self {

@@ -9,17 +9,17 @@ use crate::load::Load;
 use crate::servo_arm::ServoArm;
 use crate::solve::Sliding;
 
-/// Longest step of the servos, s: that of a controller.
+/// Longest step of the servos, s: the usual step of a controller.
 const SERVO_STEP: f64 = 0.001;
 
-/// What a rollout goes along.
+/// The inputs of a rollout.
 #[derive(Clone, Copy, Debug)]
 pub struct Course<'a> {
-    /// Commands, one a joint.
+    /// Commands, one per joint.
     pub commands: &'a [Commands],
-    /// Times at which the position is asked for, s, increasing.
+    /// Output times of the position, s, increasing.
     pub stamps: &'a [f64],
-    /// The load of the only joint at each stamp; empty where the arm makes the loads.
+    /// The load of the only joint at each stamp; empty if the arm computes the loads.
     pub loads: &'a [Load],
 }
 
@@ -32,7 +32,7 @@ pub struct State {
     pub v: Vec<f64>,
 }
 
-/// The numbers of a rollout, allocated once for an arm.
+/// The workspace of a rollout, allocated once for an arm.
 #[derive(Clone, Debug)]
 pub struct Rollout {
     workspace: Workspace,
@@ -73,12 +73,13 @@ impl Rollout {
         }
     }
 
-    /// Integrates `model` from `start` along `course` and writes the position at each of its stamps into `out`, `[stamp][joint]`; the first row is the start.
+    /// Integrates `model` from `start` along `course` and writes the position at each of its stamps into `out`, `[stamp][joint]`; the first
+    /// row is the start.
     ///
     /// # Panics
     /// If the sizes do not fit the model.
     pub fn run(&mut self, model: &ServoArm, course: Course, start: &State, out: &mut [f64]) {
-        // The loops over joints are compiled for each of the usual numbers of joints.
+        // The compiler specialises the loops over joints for each of the usual numbers of joints.
         match model.joints.len() {
             1 => self.integrate(1, model, course, start, out),
             2 => self.integrate(2, model, course, start, out),
@@ -119,7 +120,7 @@ impl Rollout {
         }
     }
 
-    /// The state at the end of `course` from `start` at its beginning; see [`Rollout::run`].
+    /// The state at the end of `course`, from `start` at its beginning; see [`Rollout::run`].
     ///
     /// # Panics
     /// If the sizes do not fit the model.
@@ -129,14 +130,15 @@ impl Rollout {
         self.state.clone()
     }
 
-    /// Takes `load` for a step of the only joint.
+    /// Sets `load` for a step of the only joint.
     #[inline(always)]
     fn take(&mut self, load: Load) {
         self.mass[(0, 0)] = load.inertia;
         self.bias[0] = load.torque;
     }
 
-    /// Takes the arm's terms for a step of `h`, s: as at its predicted middle. Each link lies on the flank of its gear on which its load pressed in the step before.
+    /// Sets the arm's terms for a step of `h`, s, at the predicted middle of the step. Each link lies on the flank of its gear to which its
+    /// load pressed it in the previous step.
     #[inline(always)]
     fn take_arm(&mut self, n: usize, model: &ServoArm, h: f64) {
         for i in 0..n {
@@ -153,7 +155,7 @@ impl Rollout {
         );
     }
 
-    /// One step of `h` from `t`, s: the terms that were taken stand, the servos move through it in steps of their own.
+    /// One step of `h` from `t`, s: the arm's terms stay constant, and the servos take smaller steps of their own.
     #[inline(always)]
     fn step(&mut self, n: usize, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
         let steps = (h / SERVO_STEP - 1e-6).ceil().max(1.0);
@@ -168,7 +170,8 @@ impl Rollout {
         }
     }
 
-    /// One step of `h` from `t`, s, of the servos alone: implicit midpoint rule in their law and friction. `mass` is in the unit of a damping, over half of the step.
+    /// One step of `h` from `t`, s, of the servos alone: implicit midpoint rule for their law and friction. `mass` has the unit of a
+    /// damping: inertia over half of the step.
     #[inline(always)]
     fn servo_step(&mut self, n: usize, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
         let (joints, commands, cursors) = (&model.joints[..n], &commands[..n], &mut self.cursors[..n]);
@@ -187,7 +190,7 @@ impl Rollout {
             let piece = joint.linearized(error - 0.5 * h * v[i], v[i]);
             is_same &= piece.damping == pieces[i].damping && piece.stiffness == pieces[i].stiffness;
             pieces[i] = piece;
-            // Column by column is row by row of what is symmetric.
+            // Columns equal rows, since the matrix is symmetric.
             let row = &mass[i * n..(i + 1) * n];
             let momentum: f64 = row.iter().zip(&*v).map(|(m, v)| m * v).sum();
             right[i] = momentum + piece.stiffness * error + piece.constant - bias[i];
@@ -205,7 +208,7 @@ impl Rollout {
         self.sliding.solve(right, friction, bounds, speed);
         for i in 0..n {
             q[i] += h * speed[i];
-            // A joint that rests at the middle of the step rests at its end.
+            // A joint at rest at the middle of the step is at rest at its end.
             v[i] = if speed[i] == 0.0 { 0.0 } else { 2.0 * speed[i] - v[i] };
         }
     }

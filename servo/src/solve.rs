@@ -1,24 +1,24 @@
 //! One step with set-valued friction: the speeds at which each joint slides under its friction or rests within it.
 
-/// Sweeps until the solution stands to rounding, for arms whose joints are strongly coupled; a handful is usual.
+/// Most sweeps until the solution is accurate to rounding, for arms with strongly coupled joints; a handful is usual.
 const MOST_SWEEPS: usize = 200;
-/// Sweeps between two tries to solve for all sliding joints at once.
+/// Sweeps between two attempts to solve for all sliding joints at once.
 const SWEEPS: usize = 4;
 
-/// A w + f = b, where f is dry friction: fᵢ = Fᵢ sign(wᵢ) for wᵢ ≠ 0 and |fᵢ| ≤ Fᵢ for wᵢ = 0, and where wᵢ stays inside bounds (stops). A is symmetric and
-/// positive definite.
+/// Solves A w + f = b with the dry friction f: fᵢ = Fᵢ sign(wᵢ) for wᵢ ≠ 0 and |fᵢ| ≤ Fᵢ for wᵢ = 0, where wᵢ stays inside bounds (stops).
+/// A is symmetric and positive definite.
 ///
-/// The solution is the minimum of ½ wᵀA w − bᵀw + Σ Fᵢ|wᵢ| inside the bounds, which is unique. The joints that slide in a guess are solved for together, the others held
-/// where they are: where that contradicts no friction and no stop, it is the solution. Else projected Gauss–Seidel descends to it, one coordinate after the
-/// other, each exactly, and gives the next guess.
+/// The solution is the unique minimum of ½ wᵀA w − bᵀw + Σ Fᵢ|wᵢ| inside the bounds. From a guess, the solver computes all sliding joints
+/// together and holds the others. If the result contradicts no friction and no stop, it is the solution. Otherwise projected Gauss–Seidel
+/// descends towards the minimum, one coordinate after the other, each exactly, and gives the next guess.
 /// Source: Moreau 1988 (unilateral contact and dry friction in finite freedom dynamics); Tseng 2001, J. Optim. Theory Appl. 109:475 (convergence).
 #[derive(Clone, Debug)]
 pub struct Sliding {
     /// A, row by row.
     matrix: Vec<f64>,
-    /// Cholesky's factor of the rows and columns of A whose joints slide, in their places.
+    /// Cholesky's factor of the rows and columns of A whose joints slide, at their original indices.
     factor: Vec<f64>,
-    /// Joints that the factor is of.
+    /// Joints that the factor includes.
     free: Vec<bool>,
     is_factored: bool,
     solution: Vec<f64>,
@@ -36,14 +36,15 @@ impl Sliding {
         }
     }
 
-    /// A row by row, to be written; it stays as it is until then.
+    /// A row by row, for writing; the solver keeps it until the next call.
     #[inline]
     pub fn matrix_mut(&mut self) -> &mut [f64] {
         self.is_factored = false;
         &mut self.matrix
     }
 
-    /// Solves for `w`, which holds a guess. All have one number a joint. Inlined, so that loops know the number of joints of a caller that does.
+    /// Solves for `w`; on entry `w` holds a guess. Each slice has one number per joint. Inlined, so that the compiler knows the number of
+    /// joints if the caller does.
     ///
     /// # Panics
     /// If the sizes do not fit.
@@ -61,7 +62,7 @@ impl Sliding {
         }
     }
 
-    /// One sweep of Gauss–Seidel through `w`; whether it changed nothing but rounding.
+    /// One sweep of Gauss–Seidel through `w`; returns true if it changed nothing but rounding.
     fn sweep(&self, b: &[f64], friction: &[f64], bounds: &[[f64; 2]], w: &mut [f64]) -> bool {
         let n = w.len();
         let (mut change, mut size) = (0.0_f64, 0.0_f64);
@@ -69,7 +70,7 @@ impl Sliding {
             let row = &self.matrix[i * n..(i + 1) * n];
             let coupled: f64 = row.iter().zip(w.iter()).map(|(a, w)| a * w).sum::<f64>() - row[i] * w[i];
             let free = b[i] - coupled;
-            // Speeds that have left all numbers come out as such, and end no process.
+            // With min and max a NaN speed propagates; `clamp` would panic.
             let beyond = free - free.max(-friction[i]).min(friction[i]);
             let speed = (beyond / row[i]).max(bounds[i][0]).min(bounds[i][1]);
             change = change.max((speed - w[i]).abs());
@@ -79,8 +80,8 @@ impl Sliding {
         change <= 1e-11 * size
     }
 
-    /// Solves for the joints that slide in the guess `w`, the others held where they are; whether each slides as guessed, inside its bounds, and each that rests is
-    /// held by its friction. Then `w` is the solution.
+    /// Solves for the joints that slide in the guess `w` and holds the others. Returns true if each sliding joint slides as guessed, inside
+    /// its bounds, and friction holds each resting joint; `w` is then the solution.
     #[inline(always)]
     fn slides_as_guessed(&mut self, b: &[f64], friction: &[f64], bounds: &[[f64; 2]], w: &mut [f64]) -> bool {
         let n = w.len();
@@ -133,7 +134,7 @@ impl Sliding {
         self.is_factored = true;
     }
 
-    /// The speeds with the factor where all joints slide as in `w`: the same as [`Sliding::substitute`], without looking who does.
+    /// The speeds from the factor if all joints slide as in `w`: the same as [`Sliding::substitute`] without the case distinction.
     #[inline(always)]
     fn substitute_all(&mut self, b: &[f64], friction: &[f64], w: &[f64]) {
         let n = w.len();
@@ -149,7 +150,7 @@ impl Sliding {
         }
     }
 
-    /// The speeds with the factor: those of joints that are held as they are in `w`. The factor's diagonal holds reciprocals.
+    /// The speeds from the factor; held joints keep their values in `w`. The factor's diagonal holds reciprocals.
     #[inline(always)]
     fn substitute(&mut self, b: &[f64], friction: &[f64], w: &[f64]) {
         let n = w.len();

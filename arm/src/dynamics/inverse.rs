@@ -1,4 +1,4 @@
-//! Inverse dynamics: q, v, a → tau, and the wrench that each joint carries.
+//! Inverse dynamics: q, v, a → tau, and the wrench across each joint.
 
 use nalgebra::Vector3;
 
@@ -9,9 +9,9 @@ use crate::link::LinkConstants;
 use crate::spatial::{Acceleration, Wrench};
 use crate::workspace::{LinkState, Workspace, WrenchSource};
 
-/// Joint torques `tau` (N·m or N) that give the accelerations `a` at `q`, `v`, gravity included and joint friction left out:
-/// tau = M(q) a + h(q, v). The recursive Newton–Euler algorithm (Luh, Walker & Paul 1980; Featherstone 2008, §5.3), with classical
-/// accelerations of the link origins in world axes.
+/// Joint torques `tau` (N·m or N) that give the accelerations `a` at `q`, `v`, with gravity and without joint friction: tau = M(q) a + h(q,
+/// v). The recursive Newton–Euler algorithm (Luh, Walker & Paul 1980; Featherstone 2008, §5.3), with classical accelerations of the link
+/// origins in world axes.
 ///
 /// # Panics
 /// If a slice or the workspace does not fit the arm.
@@ -52,9 +52,8 @@ pub fn gravity_torque(arm: &Arm, ws: &mut Workspace, q: &[f64], out: &mut [f64])
     ws.wrench_source = WrenchSource::Transmitted;
 }
 
-/// Force (N) and moment (N·m) that are transmitted across joint number `joint` (from 0) onto its link, motor torque included:
-/// in the link frame of that joint, the moment about its origin. To be called directly after [`rnea`], [`bias`],
-/// [`gravity_torque`], [`crate::aba`] or [`crate::hybrid_aba`].
+/// Force (N) and moment (N·m) across joint number `joint` (from 0) onto its link, motor torque included, in the link frame of that joint;
+/// the moment is about its origin. Call it directly after [`rnea`], [`bias`], [`gravity_torque`], [`crate::aba`] or [`crate::hybrid_aba`].
 ///
 /// # Panics
 /// If `joint` is not below the number of joints.
@@ -67,7 +66,7 @@ pub fn joint_reaction(ws: &Workspace, joint: usize) -> (Vector3<f64>, Vector3<f6
     (link.rotation.tr_mul(&wrench.force), link.rotation.tr_mul(&wrench.moment))
 }
 
-/// The part of a wrench that the joint's motor has to provide.
+/// The part of a wrench that the joint's motor must provide.
 #[inline(always)]
 pub(crate) fn along_axis(kind: JointKind, axis: &Vector3<f64>, wrench: &Wrench) -> f64 {
     match kind {
@@ -76,15 +75,15 @@ pub(crate) fn along_axis(kind: JointKind, axis: &Vector3<f64>, wrench: &Wrench) 
     }
 }
 
-/// What the motor has to provide for a wrench across its joint while its rotor takes part in the acceleration `a`.
+/// Motor torque for a wrench across its joint and the acceleration `a` of its rotor.
 #[inline(always)]
 pub(crate) fn motor_torque(joint: &LinkConstants, axis: &Vector3<f64>, wrench: &Wrench, a: f64) -> f64 {
     let transmitted = along_axis(joint.kind, axis, wrench);
-    // Without a rotor not even the sign of a zero changes.
+    // Without a rotor the result stays the same to the sign of zero.
     if joint.rotor_inertia == 0.0 { transmitted } else { transmitted + joint.rotor_inertia * a }
 }
 
-/// Acceleration of a link from its parent's, without the part that the joint's own acceleration adds.
+/// Acceleration of a link from its parent's, without the part of the joint's own acceleration.
 #[inline(always)]
 pub(crate) fn carried_acceleration(parent: &Acceleration, link: &LinkState) -> Acceleration {
     Acceleration {
@@ -109,7 +108,7 @@ fn link_wrench(joint: &LinkConstants, link: &LinkState) -> Wrench {
     let h = link.rotation * joint.first_moment;
     let turned_h = link.omega.cross(&h);
     let force = linear * joint.mass + angular.cross(&h) + link.omega.cross(&turned_h);
-    // The tensor is turned back with the vectors: cheaper than turning it to the world for two products.
+    // Rotating the vectors into the link frame is cheaper than rotating the tensor to the world for two products.
     let omega = link.rotation.tr_mul(&link.omega);
     let local =
         joint.inertia.times(&link.rotation.tr_mul(angular)) + omega.cross(&joint.inertia.times(&omega));

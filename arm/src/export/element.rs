@@ -1,16 +1,16 @@
-//! The elements beyond a rigid arm, in terms that multibody tools share.
+//! The elements beyond a rigid arm, in terms that are common to multibody tools.
 
 /// One element. Joints are indices from the base; units are SI: N·m, rad for joints that turn, N, m for those that slide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Element {
-    /// Inertia of a rotor on the joint's own row of the mass matrix, beside [`crate::Joint::rotor_inertia`].
+    /// Inertia of a rotor on the joint's own row of the mass matrix, in addition to [`crate::Joint::rotor_inertia`].
     RotorInertia {
         /// The joint.
         joint: usize,
         /// kg·m² (kg).
         inertia: f64,
     },
-    /// Torque against the velocity v: linear·v + quadratic·v|v|, beside [`crate::JointFriction`].
+    /// Torque against the velocity v: linear·v + quadratic·v|v|, in addition to [`crate::JointFriction`].
     Damping {
         /// The joint.
         joint: usize,
@@ -19,21 +19,21 @@ pub enum Element {
         /// N·m·s²/rad².
         quadratic: f64,
     },
-    /// Coulomb friction, beside [`crate::JointFriction`].
+    /// Coulomb friction, in addition to [`crate::JointFriction`].
     DryFriction {
         /// The joint.
         joint: usize,
-        /// Level, N·m; negative where the arm names too much.
+        /// Level, N·m; negative where the arm file has too much friction.
         level: f64,
     },
-    /// A torque that the drive spends whatever the joint does.
+    /// Constant torque of the drive, independent of the motion.
     ConstantTorque {
         /// The joint.
         joint: usize,
         /// N·m.
         torque: f64,
     },
-    /// A spring from the link before to the joint's own: the drive spends stiffness·(q − rest).
+    /// A spring from the previous link to the joint's own link: the drive spends stiffness·(q − rest).
     Spring {
         /// The joint.
         joint: usize,
@@ -42,7 +42,7 @@ pub enum Element {
         /// Position without torque, rad.
         rest: f64,
     },
-    /// A gear between motor and link that gives way. Several on one joint are in series.
+    /// An elastic gear between motor and link. Several gears on one joint are in series.
     Gear {
         /// The joint.
         joint: usize,
@@ -74,31 +74,31 @@ pub enum Element {
         viscous: f64,
         /// N·m.
         coulomb: f64,
-        /// Whether each joint's own share of inertia and viscous friction is in the joint's own numbers already.
+        /// True if the joint's own parameters include its share of inertia and viscous friction already.
         own_shares_named: bool,
     },
-    /// A torque measurement that reads 1/gain of the true torque.
+    /// A torque measurement with a gain error: it gives 1/gain of the true torque.
     TorqueGain {
         /// The joint.
         joint: usize,
         /// True over measured torque.
         gain: f64,
     },
-    /// A torque measurement that reads too much.
+    /// A torque measurement with an offset.
     TorqueOffset {
         /// The joint.
         joint: usize,
         /// N·m.
         offset: f64,
     },
-    /// A drive that gives no more than so much torque.
+    /// A torque limit of the drive.
     TorqueLimit {
         /// The joint.
         joint: usize,
         /// N·m.
         limit: f64,
     },
-    /// A stop that the joint can't pass.
+    /// A hard stop.
     Stop {
         /// The joint.
         joint: usize,
@@ -107,7 +107,7 @@ pub enum Element {
         /// Greatest position, rad; infinity where there is no stop.
         upper: f64,
     },
-    /// An encoder that reads this where the joint is at zero.
+    /// The reading of an encoder where the joint is at zero.
     EncoderZero {
         /// The joint.
         joint: usize,
@@ -127,16 +127,16 @@ pub enum Element {
         /// N·m; infinite if none.
         limit: f64,
     },
-    /// A drive that acts on a command only after this time.
+    /// A delay between a command and its action.
     CommandDelay {
         /// The joint.
         joint: usize,
         /// s.
         delay: f64,
     },
-    /// A channel of the measurement that is late.
+    /// A measured channel with a delay.
     Delay {
-        /// Which one.
+        /// The channel.
         channel: Channel,
         /// s.
         delay: f64,

@@ -1,7 +1,8 @@
 //! A mechanism → MJCF, the format of MuJoCo.
 //!
-//! Each joint of the arm is a body. The drive of a joint is an actuator of the joint's name, whose control is the torque that the machine
-//! measures, or the position that its servo is commanded; its gain, bias and force range are those of measurement, servo and drive. Beside that:
+//! Each joint of the arm is a body. The drive of a joint is an actuator with the joint's name. Its control is the torque that the machine
+//! measures, or the position command of its servo; its gain, bias and force range are those of measurement, servo and drive. Further
+//! elements:
 //!
 //! - rotor inertia is `armature`, friction `frictionloss`, damping `damping` with a second coefficient for the quadratic part;
 //! - a gear is a second joint in the same body, after the motor's: a spring or, with a gap, a joint whose range is the gap and whose limits are
@@ -34,17 +35,17 @@ const LONGEST_STEP: f64 = 1e-3;
 /// Angle by which a gear may swing in a step, rad: the plant's bound for its sub-steps.
 const GREATEST_SWING: f64 = 0.5;
 
-/// Impedance of friction and limits: the largest that MuJoCo takes.
+/// Impedance of friction and limits: the largest that MuJoCo accepts.
 const IMPEDANCE: f64 = 0.9999;
 
-/// Speed at which friction has to have its level, rad/s (m/s): a hundredth of a slow motion.
+/// Speed at which friction must have reached its level, rad/s (m/s): a hundredth of a slow motion.
 const GREATEST_CREEP: f64 = 1e-3;
 
-/// Inertia that stands in for a rotor that the model does not name, as a share of the least that the joint feels: what it adds to a torque
-/// is as much smaller.
+/// Inertia that replaces a rotor missing from the model, as a share of the least inertia of the joint: its torque is smaller by the same
+/// factor.
 const STAND_IN: f64 = 0.01;
 
-/// The MJCF of `mechanism`. Bodies are called as their joints with `_link` behind; the tool frame is the site `tool0`.
+/// The MJCF of `mechanism`. Each body has its joint's name with the suffix `_link`; the tool frame is the site `tool0`.
 pub fn to_mjcf(mechanism: &Mechanism) -> Exported {
     let mut parts = Parts::of(mechanism, |_| true);
     let mut unsaid = mechanism.unsaid.clone();
@@ -65,7 +66,7 @@ pub fn to_mjcf(mechanism: &Mechanism) -> Exported {
     Exported { text: writer.xml.finish(), unsaid }
 }
 
-/// The part of `element` that MJCF has no words for.
+/// The part of `element` that MJCF cannot express.
 fn missing(element: &Element) -> Option<&'static str> {
     match element {
         Element::RadialPlay { .. } => Some(
@@ -75,7 +76,7 @@ fn missing(element: &Element) -> Option<&'static str> {
     }
 }
 
-/// Bodies that MuJoCo does not take as they are, and inertias that it does not take at all.
+/// Bodies that MuJoCo changes, and inertias that it refuses.
 fn unsaid_of_bodies(parts: &Parts) -> Vec<String> {
     let of = |parts: &JointParts| {
         let name = &parts.joint.name;
@@ -93,7 +94,7 @@ fn unsaid_of_bodies(parts: &Parts) -> Vec<String> {
     parts.joints.iter().flat_map(of).collect()
 }
 
-/// Gives every joint with a gear an inertia on the motor's side, and returns the step that resolves the swinging of all gears, s.
+/// Gives every joint with a gear an inertia on the motor's side, and returns the step that resolves the oscillation of all gears, s.
 fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
     if parts.joints.iter().all(|joint| joint.gear.is_none()) {
         return LONGEST_STEP;
@@ -125,10 +126,11 @@ fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
     LONGEST_STEP / (LONGEST_STEP * fastest / GREATEST_SWING).ceil()
 }
 
-/// Gives a joint that feels too little inertia for its friction as much as the friction needs in a step of `step` s.
+/// Raises the inertia of a joint that is too small for its friction to the least that the friction needs in a step of `step` s.
 ///
-/// MuJoCo softens friction by the inertia I that the joint feels: the level F is reached at the speed v = h F (1 − d)/(d I), d being the impedance.
-/// [`GREATEST_CREEP`] bounds that speed, at which an inertia that is added costs F h (1 − d)/(d v) of torque per acceleration: a ten-thousandth of F per rad/s².
+/// MuJoCo softens friction by the effective inertia I of the joint: friction reaches its level F at the speed v = h F (1 − d)/(d I), d
+/// being the impedance. [`GREATEST_CREEP`] bounds that speed. An added inertia then costs F h (1 − d)/(d v) of torque per acceleration: a
+/// ten-thousandth of F per rad/s².
 fn carry_friction(parts: &mut Parts, arm: &Arm, step: f64, unsaid: &mut Vec<String>) {
     let felt = inertias(parts, arm, 0);
     for (joint, felt) in parts.joints.iter_mut().zip(felt) {
@@ -146,8 +148,8 @@ fn carry_friction(parts: &mut Parts, arm: &Arm, step: f64, unsaid: &mut Vec<Stri
     }
 }
 
-/// The inertia that each joint feels beyond its motor with all others free, 1/(M⁻¹)ⱼⱼ, in posture `number`, kg·m² (kg). In posture 0 all
-/// joints stand at zero. A motor behind a gear takes no part.
+/// The effective inertia of each joint beyond its motor with all others free, 1/(M⁻¹)ⱼⱼ, in posture `number`, kg·m² (kg). In posture 0 all
+/// joints are at zero. A motor behind a gear does not count.
 fn inertias(parts: &Parts, arm: &Arm, number: u8) -> Vec<f64> {
     let dof = arm.dof();
     let (mut ws, mut mass) = (Workspace::new(arm), DMatrix::zeros(dof, dof));
@@ -160,7 +162,7 @@ fn inertias(parts: &Parts, arm: &Arm, number: u8) -> Vec<f64> {
     let inverse = mass.clone().cholesky().map(|free| free.inverse());
     let felt = |joint| match &inverse {
         Some(inverse) => 1.0 / inverse[(joint, joint)],
-        // A link without an inertia of its own is felt as what stands on the diagonal.
+        // For a link without an inertia of its own, the diagonal element replaces the effective inertia.
         None => mass[(joint, joint)].max(f64::MIN_POSITIVE),
     };
     (0..dof).map(felt).collect()
@@ -196,7 +198,7 @@ impl Writer<'_> {
         self.write_sensors(&tool, step);
     }
 
-    /// Constraints that stop what they act on within one step.
+    /// Writes defaults: constraints that stop a motion within one step.
     fn write_defaults(&mut self, step: f64) {
         let reference = numbers(&[2.0 * step, 1.0]);
         let impedance = numbers(&[IMPEDANCE, IMPEDANCE, 1e-3, 0.5, 2.0]);
@@ -212,7 +214,7 @@ impl Writer<'_> {
                 ],
             );
         }
-        // The shapes are for the eye alone.
+        // Shapes are visual only; they take no part in contacts.
         self.xml.empty(
             "geom",
             &[("contype", "0".to_owned()), ("conaffinity", "0".to_owned()), ("group", "1".to_owned())],
@@ -317,8 +319,8 @@ impl Writer<'_> {
 
 type Attribute = (&'static str, String);
 
-/// Gain, and the bias by position and velocity, of the actuator of a joint. Without a servo its control is the measured torque m, and the joint gets
-/// gain·(m − offset) − constant; with one it is the commanded position.
+/// Gain, and bias by position and velocity, of the actuator of a joint. Without a servo the control is the measured torque m, and the joint
+/// gets gain·(m − offset) − constant; with a servo the control is the commanded position.
 fn affine(parts: &JointParts) -> [f64; 4] {
     match parts.servo {
         Some(servo) => [
@@ -334,7 +336,7 @@ fn affine(parts: &JointParts) -> [f64; 4] {
     }
 }
 
-/// The attributes of what is `delay` s late, which has to keep as many samples.
+/// The attributes of a channel with a delay of `delay` s, which must store as many samples.
 fn late(delay: f64, step: f64) -> Vec<Attribute> {
     let samples = (delay / step).ceil() + 2.0;
     let attributes =

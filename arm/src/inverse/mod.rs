@@ -8,7 +8,7 @@ use thiserror::Error;
 pub use global::inverse_kinematics_global;
 pub use newton::{inverse_kinematics, inverse_kinematics_with};
 
-/// What the tool has to reach.
+/// The target of the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IkTask {
     /// Position and orientation: six conditions.
@@ -17,7 +17,7 @@ pub enum IkTask {
     Position,
 }
 
-/// When to stop, and how far to go in one step.
+/// Termination criteria and step size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkOptions {
     /// Most iterations from one seed.
@@ -37,51 +37,51 @@ impl Default for IkOptions {
     }
 }
 
-/// What a solution looks like.
+/// Properties of a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IkReport {
-    /// Newton steps taken from the seed that led there.
+    /// Newton steps from the seed to the solution.
     pub iterations: usize,
-    /// Position error left, m.
+    /// Remaining position error, m.
     pub position_error: f64,
-    /// Orientation error left, rad; 0 for [`IkTask::Position`].
+    /// Remaining orientation error, rad; 0 for [`IkTask::Position`].
     pub rotation_error: f64,
     /// Smallest singular value of the task's Jacobian at the solution (m and rad mixed): near zero at a singular posture.
     pub conditioning: f64,
-    /// Smallest distance to a position limit, as a share of that joint's range (0 at a limit, 0.5 in the middle); 0.5 without limits.
+    /// Smallest distance to a position limit, as a share of that joint's range (0 at a limit, 0.5 in the centre); 0.5 without limits.
     pub limit_margin: f64,
 }
 
-/// Why no joint positions were found. `out` then holds the best positions reached.
+/// Reason why no joint positions were found. `out` then holds the best positions reached.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum IkError {
-    /// The iteration came to rest away from the target.
+    /// The iteration stopped away from the target.
     #[error(
         "the target is out of reach from here: {position_error:.3e} m and {rotation_error:.3e} rad are left after {iterations} steps; \
          try another seed or move the target nearer"
     )]
     Unreachable {
-        /// Position error left, m.
+        /// Remaining position error, m.
         position_error: f64,
-        /// Orientation error left, rad.
+        /// Remaining orientation error, rad.
         rotation_error: f64,
         /// Steps taken.
         iterations: usize,
     },
-    /// Close to the target, but at a posture where the tool cannot move in the direction that is left.
+    /// Close to the target, but at a posture where the tool cannot move in the direction of the remaining error.
     #[error(
         "the target lies at a singular posture (smallest singular value {conditioning:.1e}): {position_error:.3e} m and \
          {rotation_error:.3e} rad are left; loosen the tolerance or move the target away from it"
     )]
     Singular {
-        /// Position error left, m.
+        /// Remaining position error, m.
         position_error: f64,
-        /// Orientation error left, rad.
+        /// Remaining orientation error, rad.
         rotation_error: f64,
         /// Smallest singular value of the Jacobian there.
         conditioning: f64,
     },
-    /// A solution that a joint may not take.
+    /// The solution violates a joint limit.
     #[error(
         "joint number {joint} (from 0) would have to stand at {value:.6}, outside {lower:.6} … {upper:.6}; try another seed"
     )]
@@ -95,7 +95,7 @@ pub enum IkError {
         /// Its upper limit.
         upper: f64,
     },
-    /// A target or seed that is not a number.
+    /// A target or seed that is not finite.
     #[error("the target and the seed must be finite numbers")]
     NotFinite,
 }

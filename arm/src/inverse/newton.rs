@@ -1,9 +1,9 @@
 //! Damped Newton steps from a seed.
 //!
-//! The error e of the tool (position, then rotation vector, world axes) is reduced by the step Jᵀ(JJᵀ + λ1)⁻¹e, the least one
-//! that solves the damped problem (Levenberg 1944). The damping λ = |e|²·10⁻² falls with the error, which keeps convergence quadratic
-//! and the step finite at singular postures (Sugihara 2011, IEEE Trans. Robotics 27:984). Only a 6×6 system is solved, whatever
-//! the number of joints, so nothing is allocated.
+//! The step Jᵀ(JJᵀ + λ1)⁻¹e reduces the error e of the tool (position, then rotation vector, world axes); it is the smallest solution of
+//! the damped problem (Levenberg 1944). The damping λ = |e|²·10⁻² falls with the error, which keeps convergence quadratic and the step
+//! finite at singular postures (Sugihara 2011, IEEE Trans. Robotics 27:984). The method solves a 6×6 system for any number of joints, so
+//! that it allocates nothing.
 
 use nalgebra::{Cholesky, Isometry3, Matrix6, SymmetricEigen, Vector3, Vector6};
 
@@ -35,10 +35,10 @@ pub fn inverse_kinematics(
 /// [`inverse_kinematics`] with `options`.
 ///
 /// # Errors
-/// As there.
+/// As for [`inverse_kinematics`].
 ///
 /// # Panics
-/// As there.
+/// As for [`inverse_kinematics`].
 pub fn inverse_kinematics_with(
     arm: &Arm,
     ws: &mut Workspace,
@@ -92,7 +92,7 @@ fn tool_error(
     (ToolError { vector, position: linear.norm(), rotation: angular.norm() }, tool.translation.vector)
 }
 
-/// Rotation vector of a unit quaternion, by the shorter way; exact to rounding for small angles, where an arc cosine is not.
+/// Rotation vector of a unit quaternion, by the shorter way; accurate to rounding for small angles, unlike a formula with an arc cosine.
 fn rotation_vector(quaternion: &nalgebra::Quaternion<f64>) -> Vector3<f64> {
     let imaginary = quaternion.imag();
     let sine = imaginary.norm();
@@ -132,7 +132,7 @@ fn newton(
             damping_scale = f64::max(damping_scale * 0.3, 1e-6);
             (error, tool) = (new_error, new_tool);
         } else {
-            // Back, and a shorter step in the direction of steepest descent next time; at rounding level, done.
+            // Undo the step; the next one is shorter and nearer to steepest descent. At rounding level the iteration ends.
             move_by(q, &ws.step, -share);
             damping_scale *= 8.0;
             (error, tool) = tool_error(arm, ws, target, q, task);
@@ -153,7 +153,7 @@ fn move_by(q: &mut [f64], step: &[f64], share: f64) {
     }
 }
 
-/// Writes Jᵀ(JJᵀ + λ1)⁻¹e to the workspace's step; `false` where even the damped matrix is singular.
+/// Writes Jᵀ(JJᵀ + λ1)⁻¹e to the workspace's step; returns `false` if even the damped matrix is singular.
 fn step(
     arm: &Arm,
     ws: &mut Workspace,
@@ -172,7 +172,7 @@ fn step(
     true
 }
 
-/// JJᵀ of the task; where only the position counts, the rows of the rotation are those of the identity.
+/// JJᵀ of the task; for a position task, the rows of the rotation are those of the identity.
 fn gram(arm: &Arm, ws: &Workspace, tool: &Vector3<f64>, task: IkTask) -> Matrix6<f64> {
     let mut gram = Matrix6::zeros();
     for joint in 0..arm.dof() {
@@ -191,7 +191,7 @@ fn gram(arm: &Arm, ws: &Workspace, tool: &Vector3<f64>, task: IkTask) -> Matrix6
 /// Smallest singular value of the task's Jacobian.
 fn conditioning(arm: &Arm, ws: &Workspace, tool: &Vector3<f64>, task: IkTask) -> f64 {
     let gram = gram(arm, ws, tool, task);
-    // Joint positions of 1e300 m overflow, and the eigenvalue iteration does not end on NaN.
+    // Joint positions of 1e300 m overflow, and the eigenvalue iteration does not terminate on NaN.
     if !gram.iter().all(|x| x.is_finite()) {
         return 0.0;
     }
@@ -216,7 +216,7 @@ fn failure(
     }
 }
 
-/// Distance to the nearer limit over the range; `None` where a joint has no range.
+/// Distance to the nearer limit over the range; for a joint without a range see the code below.
 fn margin(q: f64, lower: f64, upper: f64) -> f64 {
     let range = upper - lower;
     if range.is_finite() && range > 0.0 {

@@ -1,10 +1,11 @@
-//! Which chain of a tree of links is the arm.
+//! Selects the chain of a tree of links that is the arm.
 //!
-//! Fingers are told from the arm by what they are to it, not by their names: they part from one link, in a pair of equals or three and
-//! more, and each has no more joints and a shorter reach than the chain that carries them. The arms of a body part from it, too, but
-//! reach farther than the body; the wheels, legs and rotors of a base part from it before any joint. Joints that only follow others
-//! (`<mimic>`) at the end of a chain are fingers as well; those that follow a joint before them are rods of the arm itself. The one jaw of a
-//! gripper is told by the frame between the jaws, which the link before it carries past it; only where there is none, by its name.
+//! The structure distinguishes fingers from the arm, not their names. Fingers branch from one link, in a pair of equals or three and more;
+//! each has no more joints and a shorter reach than the chain that carries them. The arms of a torso branch from it, too, but reach farther
+//! than the torso. The wheels, legs and rotors of a base branch from it before any joint. Joints at the end of a chain that only follow
+//! others (`<mimic>`) are fingers as well; joints that follow one before them are rods of the arm itself. A gripper with a single moving
+//! jaw has a frame between the jaws: the link before the jaw carries this frame, beyond the jaw. Only without such a frame does the name
+//! decide.
 
 use std::collections::HashSet;
 
@@ -16,16 +17,17 @@ use super::urdf_joint::Motion;
 use crate::joint::JointKind;
 use crate::place::Place;
 
-/// The name of the tool frame (REP-199 calls it so); in robots of several arms it ends the name.
+/// The name of the tool frame in REP-199; in robots of several arms the name ends with it.
 const TOOL: &str = "tool0";
 
-/// Words that end the names of jaws. What they call may also be turned as a whole (`gripper_roll`), or be what a wrist leads to (`wrist_to_gripper`).
+/// Words that end the names of jaws. They may also name a part that turns as a whole (`gripper_roll`), or one behind a wrist
+/// (`wrist_to_gripper`).
 const JAWS: [&str; 4] = ["gripper", "jaw", "finger", "claw"];
 
-/// Joints before a jaw: nothing with fewer is an arm that grips.
+/// Least number of joints before a jaw: no arm with a gripper has fewer.
 const FEWEST: usize = 3;
 
-/// Whether the last word of `name` that says anything calls it a jaw.
+/// True if the last significant word of `name` is the name of a jaw.
 fn is_called_jaw(name: &str) -> bool {
     let lower = name.to_lowercase();
     let words: Vec<&str> =
@@ -41,30 +43,30 @@ pub(super) struct Chain {
     pub end: usize,
     /// The joints from the base outwards, by index.
     pub joints: Vec<usize>,
-    /// Ends of other chains that would have been as good.
+    /// Ends of other chains that are equally good.
     pub equals: Vec<usize>,
 }
 
-/// Measures of every link on the way from the root.
+/// Properties of every link along its path from the root.
 struct Ways<'a> {
     robot: &'a Robot<'a>,
     tree: &'a Tree,
-    /// Joints with a motion of their own before a link.
+    /// Number of own joints (not mimicking) before a link.
     moving: Vec<usize>,
-    /// Length of the way since the first of them, m, with the strokes of slides.
+    /// Length of the path since the first of them, m, with the strokes of prismatic joints.
     reach: Vec<f64>,
     /// Greatest of both among a link and those behind it.
     most_moving: Vec<usize>,
     most_reach: Vec<f64>,
-    /// The link from which a rigid body of links begins.
+    /// The first link of the rigid body to which a link belongs.
     body: Vec<usize>,
-    /// Joints that part from a body and move, by the body's first link.
+    /// Moving joints that branch from a body, by the body's first link.
     branches: Vec<Vec<usize>>,
-    /// The link from which the fingers part on which a link lies.
+    /// For a link of a finger, the link from which the fingers branch.
     finger_of: Vec<Option<usize>>,
 }
 
-/// The arm of `robot` as `selection` has it.
+/// The arm of `robot` that `selection` names.
 pub(super) fn choose(robot: &Robot<'_>, tree: &Tree, selection: &Selection) -> Result<Chain, ModelError> {
     let ways = Ways::new(robot, tree);
     if let Some(tip) = &selection.tip {
@@ -106,7 +108,7 @@ impl<'a> Ways<'a> {
         ways
     }
 
-    /// The joint that a link hangs on.
+    /// The parent joint of a link.
     fn before(&self, link: usize) -> Option<(usize, &'a Joint)> {
         self.tree.parent_joint[link].map(|index| (index, &self.robot.joints[index]))
     }
@@ -117,7 +119,7 @@ impl<'a> Ways<'a> {
             let parent = joint.parent;
             self.moving[link] = self.moving[parent] + usize::from(joint.motion.is_own());
             let offset = joint.placement.as_ref().map_or(0.0, |pose| pose.translation.vector.norm());
-            // The place of the first joint is the base's.
+            // The position of the first joint belongs to the base.
             let offset = if self.moving[parent] > 0 { offset } else { 0.0 };
             self.reach[link] = self.reach[parent] + offset + stroke(joint);
             if joint.motion.kind().is_some() {
@@ -164,7 +166,7 @@ impl<'a> Ways<'a> {
         let reach = |branch: &&Joint| self.most_reach[branch.child] - self.reach[branch.parent];
         let own = |branch: &&&Joint| joints(branch) > 0;
         let alike = match branches.iter().filter(own).count() {
-            // One that moves, and one that follows it.
+            // One moving joint, and one that follows it.
             1 => branches.len() > 1 && joints(&joint) <= 1,
             2 => branches.iter().filter(own).all(|branch| joints(branch) == joints(&joint)),
             _ => true,
@@ -175,8 +177,9 @@ impl<'a> Ways<'a> {
                 && branches.iter().all(|b| joints(b) <= before && reach(b) < self.reach[joint.parent])
     }
 
-    /// True if `joint` is the one jaw of a gripper whose other jaw is the link before it: the only joint that parts from that link, the last of its
-    /// chain, and either passed by a bare frame of that link, the grasp between the jaws, or called a jaw.
+    /// True if `joint` is the moving jaw of a gripper whose other jaw is the link before it: the only joint that branches from that link
+    /// and the last of its chain. In addition, either a bare frame of that link lies beyond it, the grasp between the jaws, or its name is
+    /// that of a jaw.
     fn is_jaw(&self, joint: &Joint) -> bool {
         let before = self.moving[joint.parent];
         let body = self.body[joint.parent];
@@ -190,7 +193,7 @@ impl<'a> Ways<'a> {
                 && self.robot.links[link].inertial.is_none()
                 && !self.robot.joints.iter().any(|other| other.parent == link)
         };
-        // A jaw carries nothing, not even a frame; what a wrist carries has one.
+        // A jaw carries nothing, not even a frame; the link behind a wrist carries one.
         if self.tree.order.iter().any(|&link| is_frame_of(joint.child, link)) {
             return false;
         }
@@ -207,7 +210,7 @@ impl<'a> Ways<'a> {
         self.path(joint.parent).any(|index| self.robot.joints[index].name == follows.leader)
     }
 
-    /// The joints before a link, from it to the root.
+    /// The joints between a link and the root, from the link on.
     fn path(&self, link: usize) -> impl Iterator<Item = usize> + '_ {
         let mut link = link;
         std::iter::from_fn(move || {
@@ -217,7 +220,7 @@ impl<'a> Ways<'a> {
         })
     }
 
-    /// The joints of their own before a link, from the root outwards.
+    /// The own joints (not mimicking) before a link, from the root outwards.
     fn joints_to(&self, end: usize) -> Vec<usize> {
         let mut joints: Vec<usize> =
             self.path(end).filter(|&index| self.robot.joints[index].motion.is_own()).collect();
@@ -244,7 +247,7 @@ impl<'a> Ways<'a> {
         })
     }
 
-    /// The tool links of all chains that end without fingers.
+    /// The last links of all chains, without fingers.
     fn ends(&self) -> impl Iterator<Item = usize> + '_ {
         let is_last = |&link: &usize| {
             let moved = self.before(link).is_some_and(|(_, joint)| joint.motion.is_own());
@@ -258,7 +261,8 @@ impl<'a> Ways<'a> {
         self.tree.order.iter().copied().filter(is_last).map(|link| self.tool_of(link))
     }
 
-    /// The tool frame of the body that begins with the link `moved`: a tool frame by its name, else where fingers part, else the link.
+    /// The tool frame of the body that begins with the link `moved`: a tool frame by its name, else the link from which fingers branch,
+    /// else the link itself.
     fn tool_of(&self, moved: usize) -> usize {
         let mut rigid = self.tree.order.iter().copied().filter(|&link| self.body[link] == moved);
         let named = rigid.clone().find(|&link| self.robot.links[link].name.ends_with(TOOL));
@@ -266,7 +270,7 @@ impl<'a> Ways<'a> {
         named.or(parting).unwrap_or(moved)
     }
 
-    /// The chain with most joints without its fingers, the first of equals.
+    /// The chain with the most joints without its fingers; the first of equals.
     fn longest(&self) -> Chain {
         let most = self.ends().map(|end| self.moving[end]).max();
         let mut best = self.ends().filter(|&end| Some(self.moving[end]) == most);
@@ -274,7 +278,7 @@ impl<'a> Ways<'a> {
         Chain { end, joints: self.joints_to(end), equals: best.collect() }
     }
 
-    /// The chain with most joints that are called as `names` say. Joints before the first of them stand still.
+    /// The chain with the most joints whose names match `names`. Joints before the first of them stand still.
     fn named(&self, names: &[String]) -> Option<Chain> {
         let joints = self.robot.joints.iter().map(|joint| joint.name.as_str());
         let named: HashSet<usize> = match_joints(names, joints).into_iter().flatten().collect();

@@ -1,4 +1,4 @@
-//! What can be wrong with a model file.
+//! The errors of model files.
 
 use std::io;
 
@@ -7,10 +7,10 @@ use thiserror::Error;
 use crate::arm_error::ArmError;
 use crate::place::Place;
 
-/// Largest model file that is read, bytes.
+/// Largest accepted model file, bytes.
 pub const MAX_FILE_BYTES: u64 = freeplay_storage::CONFIG_LIMIT;
 
-/// The text of a value as an error repeats it: not more than a line.
+/// A value as text for an error: at most one line.
 pub(crate) fn shortened(value: &str) -> String {
     const LONGEST: usize = 120;
     match value.char_indices().nth(LONGEST) {
@@ -19,7 +19,7 @@ pub(crate) fn shortened(value: &str) -> String {
     }
 }
 
-/// Why a model file could not be read.
+/// Reason why a model file could not be read.
 #[derive(Debug, Error)]
 pub enum ModelError {
     /// The file could not be opened or read.
@@ -27,7 +27,7 @@ pub enum ModelError {
     Read {
         /// The file.
         path: String,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
     /// The file is not UTF-8.
@@ -44,7 +44,7 @@ pub enum ModelError {
         /// The file.
         origin: String,
     },
-    /// Nothing in the file.
+    /// The file is empty.
     #[error("{origin}: the file is empty; it should hold a URDF robot, an MJCF model or a TOML arm")]
     Empty {
         /// The file.
@@ -61,45 +61,45 @@ pub enum ModelError {
         "{at}: {found} shows an unexpanded xacro file; run xacro first: `xacro arm.urdf.xacro > arm.urdf`"
     )]
     Xacro {
-        /// Where.
+        /// The place.
         at: Place,
-        /// What shows it.
+        /// The sign of it.
         found: String,
     },
-    /// Not well-formed XML or TOML, or a key that nobody knows.
+    /// Not well-formed XML or TOML, or an unknown key.
     #[error("{at}: {message}")]
     Syntax {
-        /// Where.
+        /// The place.
         at: Place,
-        /// What the parser says.
+        /// The parser's message.
         message: String,
     },
     /// A value that cannot be used.
     #[error("{at}: {what} is `{value}`; {remedy}")]
     Value {
-        /// Where.
+        /// The place.
         at: Place,
-        /// Which value of what.
+        /// Name of the value.
         what: String,
-        /// As it stands in the file.
+        /// The text in the file.
         value: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
-    /// Something that has to be there is not.
+    /// A required part is missing.
     #[error("{at}: {what} is missing; {remedy}")]
     Missing {
-        /// Where it belongs.
+        /// The place where it belongs.
         at: Place,
-        /// What is missing.
+        /// The missing part.
         what: String,
-        /// What to do.
+        /// The remedy.
         remedy: String,
     },
-    /// Two things of one kind with one name.
+    /// Two links or joints with one name.
     #[error("{at}: a second {what} called `{name}`; give every {what} a name of its own")]
     Duplicate {
-        /// Where the second one stands.
+        /// The place of the second one.
         at: Place,
         /// Link or joint.
         what: &'static str,
@@ -111,7 +111,7 @@ pub enum ModelError {
         "{at}: link `{link}` is the child of joint `{first}` and of joint `{second}`; an arm is a tree: remove one of the two joints"
     )]
     TwoParents {
-        /// Where the second joint stands.
+        /// The place of the second joint.
         at: Place,
         /// The link.
         link: String,
@@ -125,27 +125,27 @@ pub enum ModelError {
         "{at}: joint `{joint}` is part of a closed loop of links; an arm is a tree: remove one joint of the loop"
     )]
     Loop {
-        /// Where a joint of the loop stands.
+        /// The place of a joint of the loop.
         at: Place,
         /// That joint.
         joint: String,
     },
-    /// The link that should be the end of the arm is none.
+    /// The link that should be the end of the arm is not suitable.
     #[error("{at}: tip `{tip}`: {problem}; links at the ends of chains are {known}")]
     Tip {
         /// The start of the file.
         at: Place,
-        /// The link asked for.
+        /// The requested link.
         tip: String,
         /// The fault, in words.
         problem: &'static str,
         /// Links that can be one.
         known: String,
     },
-    /// The arm that the file describes is none.
+    /// The file describes an impossible arm.
     #[error("{at}: {source}")]
     Arm {
-        /// Where the joint stands, or the start of the file.
+        /// The place of the joint, or the start of the file.
         at: Place,
         /// The fault, in words.
         source: Box<ArmError>,

@@ -33,12 +33,12 @@ pub use toml_read::parse_toml;
 pub use toml_write::to_toml;
 pub use urdf::{parse_urdf, parse_urdf_selected};
 
-/// An `[[effect]]` of an arm file as read: physics beyond the rigid body, to be interpreted by whoever knows the kind.
+/// An `[[effect]]` of an arm file as read: physics beyond the rigid body, for a crate that knows the kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectTable {
     /// Kind of the effect, such as `coulomb_friction`.
     pub kind: String,
-    /// Name of the joint that it sits at; `None` for an effect of the whole arm.
+    /// Name of its joint; `None` for an effect of the whole arm.
     pub joint: Option<String>,
     /// The other keys of the table, SI units.
     pub parameters: toml::Table,
@@ -47,10 +47,10 @@ pub struct EffectTable {
 }
 
 impl EffectTable {
-    /// All parameters, but for the one called `without`, as a table of the effect's own.
+    /// All parameters except the one called `without`, as a table of the effect's own.
     ///
     /// # Errors
-    /// The parser's complaint in plain words: a key that is unknown or missing, a value of another kind.
+    /// The parser's message in plain words: a key that is unknown or missing, a value of another type.
     pub fn read<T: DeserializeOwned>(&self, without: Option<&str>) -> Result<T, String> {
         let mut table = self.parameters.clone();
         without.map(|name| table.remove(name));
@@ -58,30 +58,30 @@ impl EffectTable {
     }
 }
 
-/// What a model file says.
+/// The contents of a model file.
 #[derive(Clone, Debug)]
 pub struct ArmFile {
     /// The rigid arm.
     pub arm: Arm,
     /// The effects beyond it, in the order of the file.
     pub effects: Vec<EffectTable>,
-    /// What was read and is not used, or was read in a way worth knowing; one sentence each.
+    /// Unused parts of the file, and notes on its interpretation; one sentence each.
     pub ignored: Vec<String>,
 }
 
-/// Which chain of a robot is the arm.
+/// The choice of the chain of a robot that is the arm.
 ///
-/// The chain to the link `tip`; without one the chain whose joints are called as `joints` say, such as those that a recording names;
-/// else the chain to `tool0`; else the longest one without its fingers.
+/// The chain to the link `tip`; without one the chain whose joints have the names `joints`, such as those of a recording; else the chain to
+/// `tool0`; else the longest one without its fingers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
     /// The link at the end of the arm, whose frame is the tool frame.
     pub tip: Option<String>,
-    /// Names of joints; names that no joint of the file has are passed over.
+    /// Names of joints; the reader ignores names that no joint of the file has.
     pub joints: Vec<String>,
 }
 
-/// Reads a model file with the arm that it shows by itself: see [`load_selected`].
+/// Reads a model file with the default choice of the arm: see [`load_selected`].
 ///
 /// # Errors
 /// [`ModelError`] with file, line, column, value and remedy.

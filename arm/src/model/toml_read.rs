@@ -18,7 +18,7 @@ use crate::fitness::{Fitness, JointSource, Shortfall};
 use crate::joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 use crate::place::Place;
 
-/// Reads the arm file `text`; `path` names it in errors, and a `urdf` in it is looked for beside it.
+/// Reads the arm file `text`. `path` names the file in errors; a relative `urdf` in the file starts from the folder of `path`.
 ///
 /// ```toml
 /// name = "arm"                      # optional with a URDF
@@ -54,7 +54,7 @@ pub fn parse_toml(text: &str, path: &Path) -> Result<ArmFile, ModelError> {
     parse(text, path, &Selection::default())
 }
 
-/// The same with the chain of its URDF that `selection` says; its tip goes before that of the file.
+/// Parses an arm file with the chain of its URDF that `selection` names; the tip of `selection` overrides that of the file.
 pub(super) fn parse(text: &str, path: &Path, selection: &Selection) -> Result<ArmFile, ModelError> {
     let origin = path.display().to_string();
     check_extent(text, &origin)?;
@@ -68,7 +68,7 @@ pub(super) fn parse(text: &str, path: &Path, selection: &Selection) -> Result<Ar
     Ok(ArmFile { arm, effects, ignored })
 }
 
-/// A parser error with its place and, under the message, the line and the caret that the parser draws.
+/// A parser error with its place, and the line and the caret from the parser below the message.
 fn syntax_error(origin: &str, text: &str, error: &toml::de::Error) -> ModelError {
     let at = Place::in_text(origin, text, error.span().map_or(0, |span| span.start));
     let mut message = plain_words(error.message());
@@ -80,7 +80,7 @@ fn syntax_error(origin: &str, text: &str, error: &toml::de::Error) -> ModelError
     ModelError::Syntax { at, message }
 }
 
-/// A longer line of a file is not repeated in an error.
+/// Longest line of a file that an error repeats.
 const LONGEST_LINE: usize = 400;
 
 struct Reader<'a> {
@@ -128,7 +128,7 @@ impl Reader<'_> {
         let lacked = base.as_ref().and_then(lacking);
         let arm = Arm::derived(name, joints, tool, gravity, &fitness)
             .map_err(|source| self.arm_error(table, source))?;
-        // This file may give what its URDF lacks.
+        // This file may supply what its URDF lacks.
         let lacks = lacking(&arm);
         ignored.retain(|note| lacks.is_some() || Some(note) != lacked.as_ref());
         if base.is_none() {
@@ -138,7 +138,7 @@ impl Reader<'_> {
         Ok((arm, ignored))
     }
 
-    /// Defects that an arm with inline joints has beside those of its joints.
+    /// Defects of an arm with inline joints, besides those of its joints.
     fn fitness(&self, table: &ArmTable) -> Fitness {
         let has_mass = |joint: &Spanned<JointTable>| {
             let JointTable { mass, inertia, .. } = joint.get_ref();
@@ -185,7 +185,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Beside a URDF a joint has its place already.
+    /// The URDF defines the placement of a joint already, so that a table beside it must not.
     fn refuse_whole_joints(&self, table: &ArmTable) -> Result<(), ModelError> {
         let is_whole =
             |table: &JointTable| table.r#type.is_some() || table.axis.is_some() || table.origin.is_some();
@@ -197,7 +197,7 @@ impl Reader<'_> {
         Err(self.value(spanned, "an inline joint beside `urdf`", &spanned.get_ref().name, remedy))
     }
 
-    /// The joints of `base` with what `tables` say of them.
+    /// The joints of `base`, changed by `tables`.
     fn changed(&self, base: &Arm, tables: &[Spanned<JointTable>]) -> Result<Vec<Joint>, ModelError> {
         let mut joints = base.joints().to_vec();
         for spanned in tables {
@@ -246,7 +246,7 @@ impl Reader<'_> {
     ) -> Result<ArmFile, ModelError> {
         let file = path.parent().unwrap_or(Path::new("")).join(urdf.get_ref());
         let extension = file.extension().map(|extension| extension.to_ascii_lowercase());
-        // An arm file on an arm file could stand on itself.
+        // An arm file based on another arm file could refer to itself.
         if !extension.is_some_and(|extension| ["urdf", "xml", "mjcf"].iter().any(|known| extension == *known))
         {
             return Err(self.value(urdf, "urdf", urdf.get_ref(), "name a .urdf, .xml or .mjcf file"));

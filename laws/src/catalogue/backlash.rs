@@ -1,19 +1,19 @@
 //! Backlash: the gap between the flanks of a gear.
 //!
-//! Law: motor and link move against each other by the whole gap j \[rad\]; where the flanks touch, the stiffness k \[N·m/rad\] carries the
-//! transmitted torque τ_L \[N·m\]. In a recording the link rests on the flank that the load presses it to, and flies to the other when the
-//! load turns round: q_link = q − τ_L/k − p, with τ_L from the *model* and −j/2 ≤ p ≤ j/2 from [`Flight`], which says what torque is
-//! missing meanwhile, too; a file without stiffness means rigid flanks. Flanks that bounce, as in a fast shaking, may leave nothing of
-//! that course: `course = "rest"` has the link go over at once. Terms, at rest or for the flight through a given gap: j, 1/k.
+//! Law: motor and link move relative to each other within the gap j \[rad\]; where the flanks touch, the stiffness k \[N·m/rad\] carries
+//! the transmitted torque τ_L \[N·m\]. In a recording the link rests on the flank to which the load presses it, and flies to the other when
+//! the load changes sign: q_link = q − τ_L/k − p, with τ_L from the *model* and −j/2 ≤ p ≤ j/2 from [`Flight`], which also gives the torque
+//! missing during the flight. A file without stiffness means rigid flanks. Flanks that bounce, as in fast shaking, may not follow this
+//! course: with `course = "rest"` the link changes flanks at once. Terms, at rest or for the flight through a given gap: j, 1/k.
 //!
-//! Friction F \[N·m\] *behind* the gap holds the link while the motor crosses it: the drive then spends F p, where p is 0 while the
-//! motor has moved less than j since the reversal, then grows over the way F/k on which the flanks give, and is ±1 from there on
-//! (Prandtl 1928; with rigid flanks it jumps). That holds where F is greater than the load behind it; the link lags by the crossing.
-//! Friction and flanks may differ by direction: F₊, k₊ and F₋, k₋. Terms for a given gap and ways F₊/k₊, F₋/k₋: F₊, F₋.
-//! Where the motor stands between its stops as a recording begins, no motion tells: it is a state, not a property, and is taken as the
-//! measured torque has it (`start`), until the first way across all of the gap.
+//! Friction F \[N·m\] *behind* the gap holds the link while the motor crosses it. The drive then spends F p: p is 0 while the motor has
+//! moved less than j since the reversal, then grows over the elastic deflection F/k of the flanks, and is ±1 beyond (Prandtl 1928; with
+//! rigid flanks it jumps). This holds where F is greater than the load behind it; the link lags by the crossing. Friction and flanks may
+//! differ by direction: F₊, k₊ and F₋, k₋. Terms for a given gap and deflections F₊/k₊, F₋/k₋: F₊, F₋.
+//! The motion does not determine the initial position of the motor between its stops: it is a state, not a property. The parameter `start`
+//! takes it from the measured torque, until the motor first crosses the whole gap.
 //! Source: Nordin & Gutman 2002, Automatica 38:1633 (dead zone); Tao & Kokotović 1996, Adaptive Control of Systems with Actuator and
-//! Sensor Nonlinearities, §2.3 (play). Departure: how flanks bounce is left to the plant.
+//! Sensor Nonlinearities, §2.3 (play). Departure: only the plant simulates the bouncing of flanks.
 
 use std::f64::consts::TAU;
 
@@ -35,11 +35,10 @@ use crate::place::{Place, Site};
 use crate::prediction::Change;
 use crate::scene::Scene;
 
-/// Frequency at which a link swings on flanks that are as good as rigid in the plant, Hz: above all that an arm follows, and slow
-/// enough for its sub-steps.
+/// Frequency of a link on flanks that the plant treats as rigid, Hz: above every motion of an arm, and slow enough for the sub-steps.
 const RIGID_HZ: f64 = 100.0;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "backlash",
     title: "backlash of the gear",
@@ -130,23 +129,23 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// Names of a shape's entries: the ways on which the flanks give under the friction.
+/// Names of a shape's entries: the elastic deflections of the flanks under the friction.
 const YIELD: &str = "yield";
 const YIELD_NEGATIVE: &str = "yield_negative";
 
-/// The parameter that says how a link goes from flank to flank.
+/// The parameter that selects the course of a link from flank to flank.
 const COURSE: &str = "course";
 /// Name of another shape's entry: the gap through which the link flies.
 const FLIGHT: &str = "flight";
 
 /// A gap wider than this, rad (m), is no play of a gear.
 const WIDEST: f64 = 0.1;
-/// The narrowest gap that is searched for, rad (m), and the factor from one to the next.
+/// The narrowest gap of the search, rad (m), and the factor from one gap to the next.
 const NARROWEST: f64 = 2e-5;
 const WIDER: f64 = 2.0;
 
-/// Gaps for friction behind them, from 1/200 of the way to a third of it, with rigid and with soft flanks; gaps that a link flies
-/// through; and one that it rests on either side of.
+/// Gaps with friction behind them, from 1/200 to a third of the joint's travel, with rigid and with soft flanks; gaps with a flight; and
+/// one with rest on either side.
 fn shapes(place: &Place) -> Vec<Table> {
     let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
     let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
@@ -173,9 +172,9 @@ fn shapes(place: &Place) -> Vec<Table> {
 fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let unit = |name| kind.unit(name, place.joint());
     if shape.contains_key("gap") {
-        /// Half of that acts in both directions in either case and cancels, so that neither is without friction.
+        /// Half of that acts in both directions in either case and cancels, so that both cases have friction.
         const STEP: f64 = 100.0;
-        // What is wider, or softer, is no gear.
+        // A wider gap or softer flanks do not belong to a gear.
         let is_wide = |name: &str| shape.get(name).and_then(Value::as_float).is_some_and(|way| way > WIDEST);
         if ["gap", YIELD, YIELD_NEGATIVE].into_iter().any(is_wide) {
             return Vec::new();
@@ -191,7 +190,7 @@ fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let compliance = format!("1/({})", unit("stiffness"));
     let soft = with(&Table::new(), [("gap", 0.0), ("stiffness", 1.0 / COMPLIANCE)]);
     let flight = shape.get(FLIGHT).and_then(Value::as_float);
-    // A flight through another gap takes another course.
+    // A flight through another gap follows another course.
     let range = flight.map_or([0.0, WIDEST], |gap| [gap / WIDER, gap * WIDER]);
     let gap = flight.unwrap_or(STEP);
     vec![
@@ -220,7 +219,7 @@ fn gap_of(shape: &Table, gap: f64) -> Table {
     with(&Table::from_iter(course), [("gap", gap)])
 }
 
-/// Friction behind the gap of `shape`, with the flanks as stiff as the way on which they give says.
+/// Friction behind the gap of `shape`; the deflections in `shape` give the stiffness of the flanks.
 fn sliding(shape: &Table, positive: f64, negative: f64) -> Table {
     let number = |name: &str| shape.get(name).and_then(Value::as_float).unwrap_or(0.0);
     let mut table = with(
@@ -243,13 +242,13 @@ fn sliding(shape: &Table, positive: f64, negative: f64) -> Table {
 struct Backlash {
     joint: usize,
     gap: f64,
-    /// Of the flank that carries negative and of that which carries positive torque, rad/(N·m).
+    /// Compliance of the flank for negative and of the flank for positive torque, rad/(N·m).
     compliance: [f64; 2],
     damping: f64,
-    /// Where a motion begins, −1 to 1, and whether a file says so.
+    /// Initial position, −1 to 1, and whether a file gives it.
     start: f64,
     is_begun: bool,
-    /// Whether the link takes its time from flank to flank.
+    /// True if the link takes time from flank to flank.
     flies: bool,
     /// Friction behind the gap for negative and for positive velocity.
     friction: [f64; 2],
@@ -257,7 +256,7 @@ struct Backlash {
     plant_stiffness: f64,
 }
 
-/// The stiffness on which the inertia beyond `joint`, at the largest of a few poses, swings at [`RIGID_HZ`].
+/// The stiffness on which the inertia beyond `joint`, at the largest of a few poses, oscillates at [`RIGID_HZ`].
 fn rigid(arm: &Arm, joint: usize) -> f64 {
     let (mut ws, mut mass) = (Workspace::new(arm), DMatrix::zeros(arm.dof(), arm.dof()));
     let inertia = (0..3).fold(0.0_f64, |most, pose| {
@@ -269,7 +268,7 @@ fn rigid(arm: &Arm, joint: usize) -> f64 {
 }
 
 impl Backlash {
-    /// The play as a motion begins.
+    /// The play at the start of a motion.
     fn play(&self) -> Play {
         let give = [0, 1].map(|side| self.friction[side] * self.compliance[side]);
         let mut play = Play { gap: self.gap, give, place: 0.0 };
@@ -277,18 +276,18 @@ impl Backlash {
         play
     }
 
-    /// The way on which flanks give under `load`, rad.
+    /// The deflection of the flanks under `load`, rad.
     fn give(&self, load: f64) -> f64 {
         load * self.compliance[usize::from(load > 0.0)]
     }
 
-    /// Whether there is friction behind the gap.
+    /// True if there is friction behind the gap.
     fn slides(&self) -> bool {
         self.friction.iter().any(|friction| *friction > 0.0)
     }
 
-    /// Tells `tell` of each point of the motion: its number, how the motor leads the link there, and the mean torque beyond the load since
-    /// the point before.
+    /// Calls `tell` for each point of the motion with its number, the flight there, and the mean torque beyond the load since the previous
+    /// point.
     fn fly(&self, scene: &Scene, mut tell: impl FnMut(usize, &Flight, f64)) {
         if self.gap == 0.0 {
             return;
@@ -307,12 +306,12 @@ impl Backlash {
         }
     }
 
-    /// Where the motor stands in the gap at each point, if friction holds the link in between.
+    /// Position of the motor in the gap at each point if friction holds the link.
     fn crossings(&self, scene: &Scene) -> Vec<f64> {
         let q = &scene.motion.q[self.joint];
         let mut places = vec![0.0; q.len()];
         for stretch in &scene.motion.stretches {
-            // What came before is not known; the first way through the gap puts that right.
+            // The past is unknown; the first crossing of the gap removes its effect.
             let mut play = self.play();
             for point in stretch.clone() {
                 let moved = if point > stretch.start { q[point] - q[point - 1] } else { 0.0 };
@@ -327,25 +326,25 @@ impl Backlash {
 #[derive(Clone, Copy, Debug)]
 struct Play {
     gap: f64,
-    /// Way on which the flank behind and that ahead give until the link slides, rad.
+    /// Deflection of the rear and of the front flank until the link slides, rad.
     give: [f64; 2],
     /// Motor minus link, rad.
     place: f64,
 }
 
 impl Play {
-    /// Greatest distance of motor and link to the side of `side`.
+    /// Greatest distance between motor and link towards `side`.
     fn reach(&self, side: f64) -> f64 {
         0.5 * self.gap + self.give[usize::from(side > 0.0)]
     }
 
-    /// Moves the motor; where it then stands in the gap.
+    /// Moves the motor; returns its new position in the gap.
     fn cross(&mut self, moved: f64) -> f64 {
         self.place = (self.place + moved).clamp(-self.reach(-1.0), self.reach(1.0));
         self.place
     }
 
-    /// −1 to 1: how much of the friction the flank that touches at `place` carries.
+    /// Share of the friction that the touching flank at `place` carries, −1 to 1.
     fn flank(&self, place: f64, v: f64) -> f64 {
         if self.reach(v) <= 0.0 {
             return if v == 0.0 { 0.0 } else { v.signum() };
@@ -358,7 +357,7 @@ impl Play {
     }
 }
 
-/// What `share` of the friction, −1 to 1, is.
+/// The friction for the `share`, −1 to 1.
 fn of_friction(friction: [f64; 2], share: f64) -> f64 {
     share * if share < 0.0 { friction[0] } else { friction[1] }
 }
@@ -368,7 +367,7 @@ impl Effect for Backlash {
         let loads = &scene.load[self.joint];
         let mut places = vec![0.0; loads.len()];
         if self.slides() {
-            // The way on which the flanks give is part of where the motor stands.
+            // The motor's position includes the deflection of the flanks.
             places = self.crossings(scene);
         } else if self.flies {
             self.fly(scene, |point, flight, _| places[point] = flight.place());
@@ -432,7 +431,7 @@ impl Effect for Backlash {
     fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         let friction = 0.5 * (self.friction[0] + self.friction[1]);
         let joint = self.joint;
-        // Of two flanks the mean gives way.
+        // The export uses the mean compliance of the two flanks.
         let compliance = 0.5 * (self.compliance[0] + self.compliance[1]);
         if self.gap == 0.0 && compliance == 0.0 {
             elements.push(Element::DryFriction { joint, level: friction });
@@ -450,13 +449,13 @@ impl Effect for Backlash {
     }
 }
 
-/// The friction behind the gap, as the motor feels it.
+/// The friction behind the gap, on the motor's side.
 #[derive(Clone, Copy, Debug)]
 struct FrictionBehind {
     joint: usize,
     friction: [f64; 2],
     play: Play,
-    /// Where the play begins, rad.
+    /// Initial position of the play, rad.
     start: f64,
 }
 

@@ -1,11 +1,11 @@
-//! Radial play of a revolute joint: the journal moves in its bearing across the axis.
+//! Radial play of a revolute joint: the journal moves in its bearing perpendicular to the axis.
 //!
-//! Law: contact by Lankarani & Nikravesh in the plane across the axis, see [`Clearance`]. In a recording the journal rests where
-//! the force b that the bearing carries presses it, turned by its friction, see [`crate::settle`]: about d = (c + (|b|/K)^(2/3)) n with n
-//! along −b, the tool is off by J d, and the drives carry an arm that is off by d. Journals are microns against the arm, so that those of
-//! several joints add. Where the force turns round, as it does across vertical axes, a journal takes its time to the other side:
-//! `course = "flight"` follows it there, see [`JournalFlight`]. Bounces, what they ask of the drives, and the friction's moment on them
-//! (μ R_j |b|, some mN·m) are left to the plant.
+//! Law: contact by Lankarani & Nikravesh in the plane perpendicular to the axis, see [`Clearance`]. In a recording the bearing force b
+//! presses the journal to a rest position, turned by its friction, see [`crate::settle`]: about d = (c + (|b|/K)^(2/3)) n with n along −b.
+//! The tool is displaced by J d, and the drives carry an arm displaced by d. Journal displacements are tiny against the arm, so that those
+//! of several joints add. Where the force reverses, as it does across vertical axes, a journal needs time to reach the other side: `course
+//! = "flight"` simulates this, see [`JournalFlight`]. Only the plant simulates bounces, the drives' reaction to them, and the moment of
+//! friction (μ R_j |b|, some mN·m).
 //! Terms, at rest or for the flight through a given clearance: c.
 //! Source: Erkaya 2018, Eqs. 1–7; Flores et al. 2006, Mech. Mach. Theory 41:247.
 
@@ -26,7 +26,7 @@ use crate::prediction::Change;
 use crate::scene::Scene;
 use crate::{Clearance, ClearanceTable, Rest, settle};
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: Clearance::KIND,
     title: "radial play",
@@ -95,10 +95,10 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Tool],
     terms: Terms {
         list: |_, _, shape| {
-            /// Clearances at which the penetration, some µm that grow with the cube root of c, is nearly the same and cancels.
+            /// At these clearances the penetration, some µm that grow with the cube root of c, is nearly the same and cancels.
             const STEP: f64 = 2e-4;
             if let Some(clearance) = shape.get(FLIGHT).and_then(Value::as_float) {
-                // A flight through another clearance takes another course.
+                // A flight through another clearance follows another course.
                 let range = [clearance / WIDER, (clearance * WIDER).min(WIDEST)];
                 return vec![Term::new("clearance", "m", range, flying(clearance)).stepped(clearance)];
             }
@@ -122,18 +122,18 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// The parameter that says how a journal goes where the force turns round.
+/// The parameter that selects the course of a journal where the force reverses.
 const COURSE: &str = "course";
 /// Name of a shape's entry: the clearance through which the journal flies.
 const FLIGHT: &str = "flight";
-/// The widest clearance that is searched for, m.
+/// The widest clearance of the search, m.
 const WIDEST: f64 = 0.01;
-/// The narrowest through which a flight is searched for, m, and the factor from one to the next.
+/// The narrowest clearance of the search for a flight, m, and the factor from one to the next.
 const NARROWEST: f64 = 5e-5;
 const WIDER: f64 = 2.0;
 
-/// Courses that the journal of `joint` may take in a bearing without oil: at rest, and in flight with restitutions from 0 to that of the paper. When a bounce ends is not foretold
-/// from a recorded motion.
+/// Possible courses of the journal of `joint` in a bearing without oil: at rest, and in flight with restitutions from 0 to that of the
+/// paper. A recorded motion does not predict when bouncing ends.
 pub(super) fn dry_courses(joint: usize, clearance: Clearance) -> Vec<Box<dyn Effect>> {
     let all = [None, Some(0.0), Some(0.3), Some(0.6), Some(0.9)].into_iter();
     all.map(|bounce| -> Box<dyn Effect> { Box::new(JointClearance { joint, clearance, bounce }) }).collect()
@@ -156,13 +156,12 @@ fn flying(clearance: f64) -> Table {
 struct JointClearance {
     joint: usize,
     clearance: Clearance,
-    /// Whether the journal takes its time where the force turns round.
-    /// The restitution with which a journal in flight meets the wall; `None` of one that is where it is pressed at once.
+    /// The restitution of a journal in flight at the wall; `None` for a journal that is always at its rest position.
     bounce: Option<f64>,
 }
 
 impl JointClearance {
-    /// Tells `tell` where the journal is at each point, m along the two slides.
+    /// Calls `tell` with the journal's position at each point, m along the two slides.
     fn go(&self, scene: &Scene, mut tell: impl FnMut(&BearingCourse, usize, [f64; 2])) {
         let Some(bounce) = self.bounce else {
             let mut last = Rest::default();
@@ -217,22 +216,22 @@ impl Effect for JointClearance {
     }
 }
 
-/// What a journal feels at one point of a motion.
+/// The state of a journal at one point of a motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AtPoint {
     /// The point.
     pub point: usize,
-    /// Whether a stretch begins here.
+    /// True if a stretch begins here.
     pub begins: bool,
     /// Time since the point before, s.
     pub step: f64,
-    /// Force b that the bearing has to carry, along the two slides, N.
+    /// Force b that the bearing must carry, along the two slides, N.
     pub force: [f64; 2],
     /// Speed of the joint, rad/s.
     pub turning: f64,
 }
 
-/// Tells `tell` what the journal of `joint` feels at each point of the motion.
+/// Calls `tell` with the state of the journal of `joint` at each point of the motion.
 pub(super) fn follow(scene: &Scene, joint: usize, mut tell: impl FnMut(&BearingCourse, AtPoint)) {
     let Some(bearing) = scene.bearing(joint) else { return };
     for stretch in &scene.motion.stretches {

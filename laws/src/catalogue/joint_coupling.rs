@@ -1,10 +1,10 @@
 //! Two joints whose gears share a shaft, as the last two axes of many wrists do.
 //!
-//! Law: a shaft turns at u = q̇ᵢ + s q̇ⱼ, with i the joint of the effect, j = `with` and s = `sign`; its inertia I \[kg·m²\], viscous friction
-//! F_v \[N·m·s/rad\] and Coulomb friction F_c \[N·m\], all ≥ 0, load both joints: X = I u̇ + F_v u + F_c sign(u), τᵢ = X and τⱼ = s X, extra to what
-//! the model has. Terms of one joint so depend on the motion of the other, in both rows; power τᵢ q̇ᵢ + τⱼ q̇ⱼ = X u is never negative
-//! but for the inertia's. This is the form `shaft`. In the form `cross` each joint's own share of inertia and viscous friction is in the joint's own
-//! numbers already: τᵢ = s (I q̈ⱼ + F_v q̇ⱼ) + F_c sign(u), τⱼ = s (I q̈ᵢ + F_v q̇ᵢ) + s F_c sign(u).
+//! Law: a shaft turns at u = q̇ᵢ + s q̇ⱼ, with i the joint of the effect, j = `with` and s = `sign`. Its inertia I \[kg·m²\], viscous
+//! friction F_v \[N·m·s/rad\] and Coulomb friction F_c \[N·m\], all ≥ 0, load both joints in addition to the model: X = I u̇ + F_v u + F_c
+//! sign(u), τᵢ = X and τⱼ = s X. The torque of each joint thus depends on the motion of the other. The power τᵢ q̇ᵢ + τⱼ q̇ⱼ = X u is never
+//! negative except for the inertia's part. This is the form `shaft`. In the form `cross` the joint's own parameters already include its own
+//! share of inertia and viscous friction: τᵢ = s (I q̈ⱼ + F_v q̇ⱼ) + F_c sign(u), τⱼ = s (I q̈ᵢ + F_v q̇ᵢ) + s F_c sign(u).
 //! Source: Janot, Vandanjon & Gautier 2014, IEEE Trans. Control Syst. Technol. 22:132, §IV (coupled joints 5 and 6 of a Stäubli TX40), who have `cross`.
 
 use freeplay_arm::export::Element;
@@ -23,10 +23,10 @@ use crate::scene::Scene;
 
 /// The two forms of the law.
 const FORMS: &[&str] = &["shaft", "cross"];
-/// Number of axes of a wrist, the shafts of whose motors pass through one another.
+/// Number of axes of a wrist, whose motor shafts run through one another.
 const WRIST: usize = 3;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "joint_coupling",
     title: "coupling of two joints",
@@ -77,8 +77,8 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// The joint before, and in a wrist any before, if they move, turning the same way or the other, in both forms. With s = ±1 the law is the same seen
-/// from either joint, so that each pair is asked for once, at its outer joint.
+/// The previous joint, and in a wrist any previous joint, if they move; for equal and opposite rotation, in both forms. With s = ±1 the law
+/// is symmetric in the two joints, so that the search tries each pair once, at its outer joint.
 fn partners(place: &Place) -> Vec<Table> {
     let joints = place.scene.arm.joints().iter().enumerate();
     let moving = |joint: usize| place.scene.motion.v[joint].iter().any(|v| v.abs() > 1e-6);
@@ -110,7 +110,7 @@ struct JointCoupling {
 }
 
 impl JointCoupling {
-    /// Share of the inertia and the viscous friction with which a joint's own motion loads it.
+    /// Share of the inertia and the viscous friction in the load by a joint's own motion.
     fn own(&self) -> f64 {
         if self.is_shaft { 1.0 } else { 0.0 }
     }
@@ -159,7 +159,7 @@ impl DriveLaw for JointCoupling {
         let [own, other] = self.joints;
         let v = [now.v[own], self.sign * now.v[other]];
         let end = v[0] + v[1] + 0.5 * now.step * (now.a[own] + self.sign * now.a[other]);
-        // The shaft turns most easily where both joints yield to it together.
+        // The mobility of the shaft is greatest where both joints yield to it together.
         let yielding =
             now.stopping[own].sqrt().recip() + self.sign.abs() * now.stopping[other].sqrt().recip();
         if self.coulomb > 0.0 {
@@ -167,8 +167,8 @@ impl DriveLaw for JointCoupling {
         }
         let dry = self.coulomb * self.direction;
         let load = |mine: usize, theirs: usize| self.viscous * (v[theirs] + self.own() * v[mine]) + dry;
-        // Each joint's own share of the inertia is in the rotors, or in its own numbers; what the other's acceleration asks for is one sub-step
-        // old, and less than those shares, so that it converges.
+        // The rotors, or the joint's own parameters, contain the joint's own share of the inertia. The term of the other joint's
+        // acceleration is one sub-step old, and smaller than those shares, so that it converges.
         let across = self.sign * self.inertia;
         torque[own] -= load(0, 1) + across * now.a[other];
         torque[other] -= self.sign * load(1, 0) + across * now.a[own];

@@ -1,9 +1,9 @@
 //! Friction that builds up elastically after a reversal instead of jumping.
 //!
 //! Law: bristles of deflection z \[rad\] with the stiffness σ₀ \[N·m/rad\] and the damping σ₁ \[N·m·s/rad\] carry the level
-//! F = s F_n + F_c: ż = v − σ₀ |v| z/F, τ = σ₀ z + σ₁ ż; s \[1\] is the share of the joint's nominal Coulomb friction F_n that is of this kind
-//! (the rest jumps), F_c \[N·m\] is extra, F ≥ 0. τ is what the drive spends beyond the nominal friction: σ₀ z + σ₁ ż − s F_n sign(v).
-//! After a reversal z follows ±(F/σ₀)(1 − 2 e^{−x/δ}) over the way x, δ = F/σ₀: exactly integrated for any step.
+//! F = s F_n + F_c: ż = v − σ₀ |v| z/F, τ = σ₀ z + σ₁ ż. s \[1\] is the share of the joint's nominal Coulomb friction F_n with this law
+//! (the rest jumps), F_c \[N·m\] is extra, F ≥ 0. The drive spends σ₀ z + σ₁ ż − s F_n sign(v) beyond the nominal friction. After a
+//! reversal z follows ±(F/σ₀)(1 − 2 e^{−x/δ}) over the travel x, δ = F/σ₀: exactly integrated for any step.
 //! Source: Canudas de Wit, Olsson, Åström & Lischinsky 1995, IEEE Trans. Autom. Control 40:419, Eqs. 1–3. Departure: the level does not
 //! depend on the speed (Dahl 1968); the Stribeck bump is an effect of its own.
 
@@ -22,7 +22,7 @@ use crate::parameter::Parameter;
 use crate::place::{Place, Site};
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "presliding_friction",
     title: "presliding friction",
@@ -85,13 +85,13 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// Name of a shape's entry: the way δ over which friction builds up.
+/// Name of a shape's entry: the travel δ over which friction builds up.
 const DISPLACEMENT: &str = "displacement";
 
-/// A displacement that is a greater share of the way takes the bristles of a motion's beginning far into it.
+/// With a displacement beyond this share of the travel, the initial bristles affect much of the motion.
 const LONG: f64 = 0.02;
 
-/// Displacements δ from what half a dozen samples around a reversal can show to half of the way.
+/// Displacements δ from the least that half a dozen samples around a reversal resolve to half of the travel.
 fn displacements(place: &Place) -> Vec<Table> {
     let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
     let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
@@ -112,10 +112,10 @@ fn number(shape: &Table, name: &str) -> f64 {
     shape.get(name).and_then(toml::Value::as_float).unwrap_or(0.0)
 }
 
-/// Greatest share of the friction that the arm file names: a machine has a few per cent more or less of it than its file says.
+/// Greatest share of the arm file's friction: the friction of a machine differs from its file by a few per cent.
 const MOST_SHARE: f64 = 1.1;
 
-/// The share of the nominal friction, where there is any, and the extra friction; both with the same displacement.
+/// The share of the nominal friction, if there is any, and the extra friction; both with the same displacement.
 fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let unit = kind.unit("coulomb", place.joint());
     let extra = |share, coulomb| compose(kind, shape, &[share, coulomb]);
@@ -135,7 +135,7 @@ fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
         [share, coulomb] if nominal > 0.0 => (*share, *coulomb),
         _ => (0.0, coefficients.first().copied().unwrap_or(0.0)),
     };
-    // What is beyond the friction that the arm file names is extra friction.
+    // Friction beyond that of the arm file is extra friction.
     let beyond = (share - 1.0).max(0.0);
     let (share, coulomb) = (share - beyond, coulomb + beyond * nominal);
     let level = share * nominal + coulomb;
@@ -147,7 +147,7 @@ fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
     }
 }
 
-/// Bristles that deflect.
+/// Bristles with a deflection.
 #[derive(Clone, Copy, Debug)]
 struct Bristles {
     stiffness: f64,
@@ -178,14 +178,14 @@ impl Bristles {
 struct Presliding {
     joint: usize,
     bristles: Bristles,
-    /// The part of the nominal friction that does not jump any more.
+    /// The part of the nominal friction that no longer jumps.
     replaced: DriveFriction,
-    /// How far the bristles are bent as a motion begins, −1 to 1; `None` if no file says so.
+    /// Initial deflection of the bristles, −1 to 1; `None` if the file gives none.
     start: Option<f64>,
 }
 
 impl Presliding {
-    /// The bristles as a motion begins.
+    /// The bristles at the start of a motion.
     fn first(&self) -> Bristles {
         let bend = self.start.unwrap_or(0.0) * self.bristles.level / self.bristles.stiffness;
         Bristles { z: bend, ..self.bristles }
@@ -196,7 +196,7 @@ impl Effect for Presliding {
     fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let (q, v) = (&scene.motion.q[self.joint], &scene.motion.v[self.joint]);
         for stretch in &scene.motion.stretches {
-            // What came before is not known.
+            // The past is unknown.
             let mut bristles = self.first();
             for point in stretch.clone() {
                 let moved = if point > stretch.start { q[point] - q[point - 1] } else { 0.0 };

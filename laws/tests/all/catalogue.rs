@@ -1,4 +1,4 @@
-//! What holds for every kind of effect: names, units, round trips, terms that are linear, plant and recording of one mind.
+//! Properties of every kind of effect: names, units, round trips, linear terms, agreement of plant and recording.
 use crate::common;
 use freeplay_arm::{Arm, EffectTable, parse_toml, to_toml};
 use freeplay_laws::{
@@ -11,7 +11,7 @@ use crate::common::{arm, greatest, motion, placed, raw};
 
 const JOINT: usize = 2;
 
-/// What is said of an effect names its own parameters.
+/// The words of an effect contain only its own parameters.
 #[test]
 fn words_hold_the_parameters() {
     for kind in kinds() {
@@ -26,13 +26,13 @@ fn site(kind: &Kind) -> Option<usize> {
     (kind.site != Site::Arm).then_some(JOINT)
 }
 
-/// A shape of `kind` from the middle of those to be searched, of a law that is taken about several coefficients for small ones.
+/// A shape of `kind` from the middle of the search list; of a law with several operating points, the one for small coefficients.
 fn shape(kind: &Kind, place: &Place) -> Table {
     let shapes = (kind.shapes)(place).into_iter();
     let shapes: Vec<Table> = shapes.filter(|shape| !shape.contains_key(ABOUT)).collect();
     assert!(!shapes.is_empty(), "{} has no shape to search on a rich motion", kind.name);
-    // The last of backlash's is the one of gap and stiffness, that of a payload the one with all ten terms.
-    // The first of radial play is a journal at rest: a flight through another clearance takes another course.
+    // The last shape of backlash has gap and stiffness, that of a payload all ten terms. The first shape of radial play is a journal at
+    // rest: a flight through another clearance follows another course.
     let index = match kind.name {
         "backlash" | "payload" => shapes.len() - 1,
         "joint_clearance" => 0,
@@ -44,7 +44,7 @@ fn shape(kind: &Kind, place: &Place) -> Table {
 /// Coefficients of a small effect: at most a third of a percent of the torque, and 0.3 mm.
 fn coefficients(kind: &'static Kind, baseline: &Baseline, shape: &Table) -> Vec<f64> {
     if kind.name == "payload" {
-        // A body that can exist.
+        // A possible body.
         return [1.0, 0.05, -0.03, 0.08, 0.03, 0.03, 0.03, 0.001, -0.001, 0.002]
             .map(|share| 0.5 * share)
             .into();
@@ -56,7 +56,7 @@ fn coefficients(kind: &'static Kind, baseline: &Baseline, shape: &Table) -> Vec<
         let torque_effect = of(&column.torque) / torque;
         let tool_effect = of(&column.tool).max(of(&column.link));
         let share = (0.003 / torque_effect).min(3e-4 / tool_effect);
-        // Friction that takes away more than there is is none.
+        // Friction cannot become less than zero.
         let may_be_negative = term.least < 0.0 && kind.name != "presliding_friction";
         let sign = if index % 2 == 1 && may_be_negative { -1.0 } else { 1.0 };
         (sign * share / columns.len() as f64).clamp(term.least, term.most)
@@ -71,7 +71,7 @@ fn sum(columns: &[(freeplay_laws::Term, Change)], coefficients: &[f64]) -> Chang
     sum
 }
 
-/// Greatest difference of two predictions as a share of the greatest of `whole`, torques and positions apart.
+/// Greatest difference of two predictions as a share of the greatest of `whole`, separately for torques and positions.
 fn difference(a: &Prediction, b: &Prediction) -> f64 {
     let groups: [fn(&Prediction) -> Vec<f64>; 3] = [
         |p| p.torque.iter().flatten().copied().collect(),
@@ -128,7 +128,7 @@ fn every_entry_is_complete_and_names_only_what_exists() {
     }
 }
 
-/// A table with every parameter comes back from an arm file as the same effect.
+/// An effect with every parameter survives a round trip through an arm file.
 #[test]
 fn effects_survive_an_arm_file() {
     let (arm, motion) = (arm(), motion(6, 50.0, 12.0));
@@ -149,7 +149,7 @@ fn effects_survive_an_arm_file() {
     }
 }
 
-/// Numbers beyond the range and missing ones are refused by name.
+/// The error for a number out of range or a missing one contains its name.
 #[test]
 fn numbers_out_of_range_and_missing_ones_are_refused() {
     let (arm, motion) = (arm(), motion(6, 50.0, 12.0));
@@ -178,8 +178,8 @@ fn numbers_out_of_range_and_missing_ones_are_refused() {
     }
 }
 
-/// With the shape fixed, the full prediction is an affine function of the coefficients, and its slopes are the columns: exactly so for
-/// torques, to second order in small shifts of the geometry.
+/// For a fixed shape, the full prediction is an affine function of the coefficients, and its slopes are the columns: exactly for torques,
+/// to second order for small shifts of the geometry.
 #[test]
 fn predictions_are_sums_of_the_terms() {
     let (arm, motion) = (arm(), motion(6, 50.0, 12.0));
@@ -212,7 +212,7 @@ fn predictions_are_sums_of_the_terms() {
     }
 }
 
-/// What the short cut of [`Baseline::change`] says is what two full predictions say.
+/// The short cut of [`Baseline::change`] equals the difference of two full predictions.
 #[test]
 fn the_short_cut_of_a_column_agrees_with_two_predictions() {
     let (arm, motion) = (arm(), motion(6, 50.0, 12.0));
@@ -227,7 +227,7 @@ fn the_short_cut_of_a_column_agrees_with_two_predictions() {
     }
 }
 
-/// Bounds of the terms keep what is physical: an extra friction takes away no more than the arm file names.
+/// Bounds of the terms keep the result physical: a negative extra friction is at most the friction of the arm file.
 #[test]
 fn bounds_know_the_nominal_friction() {
     let (arm, motion) = (arm(), motion(6, 50.0, 4.0));
@@ -243,8 +243,8 @@ fn bounds_know_the_nominal_friction() {
     }
 }
 
-/// Where an effect acts on the drives or on the sensors alone, the plant's law is the recording's: at speeds where the sign is not
-/// smoothed, one sub-step of the plant takes the torque, and one reading shows the offset, that the prediction says.
+/// Where an effect acts on the drives or on the sensors alone, plant and recording have the same law: at speeds without a smoothed sign,
+/// one sub-step of the plant gives the predicted torque, and one reading the predicted offset.
 #[test]
 fn drives_and_sensors_of_the_plant_say_the_same() {
     let (arm, motion) = (arm(), motion(6, 200.0, 8.0));
@@ -293,7 +293,7 @@ fn drives_and_sensors_of_the_plant_say_the_same() {
     assert!(tried >= 8, "only {tried} kinds were compared");
 }
 
-/// A sensor's law read at every point is the prediction's `measure`.
+/// A sensor's law, evaluated at every point, equals the prediction's `measure`.
 #[test]
 fn sensors_read_what_is_predicted() {
     let (arm, motion) = (arm(), motion(6, 200.0, 4.0));
@@ -321,7 +321,7 @@ fn sensors_read_what_is_predicted() {
     }
 }
 
-/// A role tells what a diagnosis does; every kind can be found by a coefficient.
+/// The role determines the treatment in a diagnosis; a coefficient makes every kind identifiable.
 #[test]
 fn every_kind_has_a_coefficient() {
     for kind in kinds() {

@@ -1,4 +1,4 @@
-//! Effects that show in the tool's position, on link encoders or in the sensors, each against its closed form.
+//! Effects in the tool's position, in link encoders or in other sensors, each against its closed form.
 use crate::common;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -14,19 +14,19 @@ use crate::common::{added, arm, close, effect, motion, one_link, raw, samples};
 const MASS: f64 = 2.0;
 const G: f64 = 9.81;
 
-/// The link is where q − q₀ has it: 1 m out, the tool is off by that angle.
+/// The link is at q − q₀: the tool, 1 m out, deviates by that angle.
 #[test]
 fn an_encoder_offset_moves_the_tool() {
     let arm = one_link(Revolute, MASS);
     let shown =
         added(&arm, &[effect(&arm, "encoder_offset", Some(0), "offset = 0.01")], &samples(&[0.0], &[0.0]));
     close("link", shown.link[0][0], -0.01, 1e-15);
-    // Positive q goes down, the link is less far than read: higher.
+    // Positive q points down; the link is at a smaller angle than the reading, so that the tool is higher.
     close("tool z", shown.tool[2][0], 0.01_f64.sin(), 1e-12);
     close("torque", shown.torque[0][0], -MASS * G * 0.5 * (0.01_f64.cos() - 1.0), 1e-12);
 }
 
-/// The position that is found is the one at which the encoder reads what it reads.
+/// At the computed position the encoder gives the original reading.
 #[test]
 fn an_eccentric_encoder_reads_back() {
     let arm = one_link(Revolute, MASS);
@@ -57,7 +57,7 @@ fn a_longer_link_moves_the_tool_along_itself() {
     close("across, y", shown.tool[1][0], 0.003, 1e-12);
 }
 
-/// One link hangs to one side, then to the other: the load changes its sign, and the link steps by the whole gap, plus load/k.
+/// A link hangs to one side, then to the other: the load changes its sign, and the link steps by the whole gap, plus load/k.
 #[test]
 fn backlash_is_a_step_of_the_gap_where_the_load_turns() {
     let arm = one_link(Revolute, MASS);
@@ -93,8 +93,8 @@ fn two_links() -> Arm {
         .unwrap()
 }
 
-/// Cantilevers: the own weight at half of the length, 5/16 W/k; a load P beyond a rigid extension of the same length,
-/// P(L³/3 + L²a + La²)/(EI) = 7 P/k, with 3EI = kL³.
+/// Cantilevers: the link's own weight acts at half of the length, 5/16 W/k; a load P beyond a rigid extension of the same length deflects
+/// by P(L³/3 + L²a + La²)/(EI) = 7 P/k, with 3EI = kL³.
 #[test]
 fn a_link_bends_as_a_cantilever() {
     let k = 1e5;
@@ -108,10 +108,10 @@ fn a_link_bends_as_a_cantilever() {
         column.push(vec![0.0]);
     }
     let shown = added(&arm, &[effect(&arm, "link_flexure", Some(0), text)], &still);
-    // The own weight also tips the second link: slope 3/8 W/(kL) at half of the length.
+    // The link's own weight also tips the second link: slope 3/8 W/(kL) at half of the length.
     let expected = -(7.0 * 3.0 + MASS * (5.0 / 16.0 + 3.0 / 8.0)) * G / k;
     close("load on an extension", shown.tool[2][0], expected, 1e-12);
-    // The textbook's: the force alone, F/k and the slope 3F/(2kL) over an extension of the length L; and without the slope.
+    // The textbook forms: the force alone, F/k and the slope 3F/(2kL) over an extension of the length L; and without the slope.
     for (form, share) in [("tip_force", 2.5), ("tip_shift", 1.0)] {
         let text = format!("stiffness = 1e5\nform = \"{form}\"");
         let shown = added(&arm, &[effect(&arm, "link_flexure", Some(0), &text)], &still);
@@ -121,8 +121,8 @@ fn a_link_bends_as_a_cantilever() {
     close("last link, load at its end", shown.tool[2][0], -3.0 * G / k, 1e-12);
 }
 
-/// Out on x, the weight tips the mount about y by c M, and the tool goes down by its distance times that; straight up, by nothing, but a push
-/// of the accelerated link tips it back.
+/// With the arm along x the weight tips the mount about y by c M, and the tool descends by its distance times that angle. With the arm
+/// upright the weight does not tip it, but the inertial force of the accelerated link tips it back.
 #[test]
 fn a_mount_gives_with_the_overturning_moment() {
     let arm = one_link(Revolute, MASS);
@@ -133,7 +133,7 @@ fn a_mount_gives_with_the_overturning_moment() {
     let mut upright = samples(&[-FRAC_PI_2], &[0.0]);
     upright.a[0] = vec![4.0];
     let shown = added(&arm, &[mount()], &upright);
-    // The link's inertia about the axis is m/4 + 0.1; the mount turns the other way, the tool 1 m up with it.
+    // The link's inertia about the axis is m/4 + 0.1; the mount turns the other way, with the tool 1 m above it.
     close("back", shown.tool[0][0], -2e-5 * (MASS * 0.25 + 0.1) * 4.0, 1e-15);
     close("upright", shown.tool[2][0], 0.0, 1e-15);
 }
@@ -150,7 +150,7 @@ fn several_clearances_add() {
         })
         .collect();
     let shown = added(&arm, &effects, &motion);
-    // The same from the one arm that has all six slides, its journals put where they rest, by its own forward kinematics.
+    // The same from one arm with all six slides and its journals at rest, by its own forward kinematics.
     let clearances = plays.map(|(joint, c)| {
         let table = ClearanceTable { friction: 0.0, ..ClearanceTable::new(c) };
         (joint, Clearance::new(&table).unwrap())
@@ -187,12 +187,12 @@ fn several_clearances_add() {
     assert!(worst < 1e-9);
 }
 
-/// Two links out on x swing about the first joint: the second journal gives outwards to the centripetal force and downwards to the weight, and
-/// the first drive carries the weight on a lever that much longer.
+/// Two links along x rotate about the first joint: the second journal moves outwards under the centripetal force and downwards under the
+/// weight, and the first drive carries the weight on a longer lever.
 #[test]
 fn a_journal_that_gives_lengthens_the_lever_of_its_load() {
     let (slim, c, speed) = (two_links(), 4e-4, 3.0);
-    // A point of mass turns about its journal without inertia: such a play moves nothing.
+    // A point mass turns about its journal without inertia: such a play has no effect.
     let mut joints = slim.joints().to_vec();
     joints[1].inertia.about_com = Matrix3::identity() * 0.1;
     let arm = Arm::new("two", joints, *slim.tool(), *slim.gravity()).unwrap();
@@ -211,12 +211,12 @@ fn a_journal_that_gives_lengthens_the_lever_of_its_load() {
         let shown = added(&arm, &[effect(&arm, "joint_clearance", Some(1), &text)], &still);
         close("outwards", shown.tool[0][0], reach, 1e-12);
         close("torque below", shown.torque[0][0], -weight * reach, 1e-9);
-        // The second link circles below the first axis, and its mass, 1 m out, is drawn up.
+        // The second link circles below the first axis; its mass, 1 m out, is pulled up.
         close("own torque", shown.torque[1][0], -3.0 * speed * speed * drop, 1e-9);
     }
 }
 
-/// A tick's rest with friction in the prediction is the controller's law: the offset stays c + δ long, turned by atan μ at most.
+/// Rest over a tick with friction in the prediction is the controller's law: the offset keeps the length c + δ and turns by at most atan μ.
 #[test]
 fn a_clearance_is_as_long_as_its_play() {
     let (arm, motion) = (arm(), motion(6, 500.0, 2.0));
@@ -237,7 +237,7 @@ fn a_clearance_is_as_long_as_its_play() {
     assert!(longest > 4e-4 && longest < 4.2e-4 && turned > 0.05 && turned < 0.1_f64.atan() + 1e-3);
 }
 
-/// A sine that is d late, and a first-order lag's gain and phase.
+/// A sine with the delay d, and the gain and phase of a first-order lag.
 #[test]
 fn delays_and_filters_act_on_a_sine_as_they_should() {
     let arm = one_link(Revolute, MASS);
@@ -268,10 +268,10 @@ fn delays_and_filters_act_on_a_sine_as_they_should() {
     close("filtered", worst(&filtered.torque[0], &expected), 0.0, 2e-5);
 }
 
-/// The plant's sensors, read tick by tick, say what the prediction says of a whole recording.
+/// The plant's sensors, tick by tick, agree with the prediction for a whole recording.
 #[test]
 fn late_and_filtered_sensors_of_the_plant_say_the_same() {
-    // Without friction, whose jump no interpolation follows.
+    // Without friction, since no interpolation follows its jump.
     let (arm, motion) = (freeplay_arm::paper_arm().arm, motion(6, 1000.0, 3.0));
     let clean = predict(&arm, &[], &motion, &raw).unwrap();
     for (kind, joint, text, margin) in [
@@ -301,7 +301,7 @@ fn late_and_filtered_sensors_of_the_plant_say_the_same() {
             if point < 10 {
                 continue;
             }
-            // What loads the drives is no matter of sensors.
+            // Loads on the drives do not belong to the sensors.
             let torques = if injection.drives.is_empty() { arm.dof() } else { 0 };
             let said = torque.iter().zip(&shown.torque).take(torques).chain(tool.iter().zip(&shown.tool));
             let before = clean.torque.iter().take(torques).chain(&clean.tool);

@@ -1,4 +1,4 @@
-//! Effects that show in the torque, each against its closed form.
+//! Effects in the torque, each against its closed form.
 use crate::common;
 use std::f64::consts::{E, FRAC_PI_2, PI};
 
@@ -122,7 +122,7 @@ fn a_rotor_resists_acceleration_alone() {
     assert_eq!(injection.rotors, [(0, 0.5)]);
 }
 
-/// For one joint about y, a pitch of the base is a turn of the joint: −m g l cos(q + p).
+/// For one joint about y, a pitch of the base equals a rotation of the joint: −m g l cos(q + p).
 #[test]
 fn a_tilted_base_turns_gravity() {
     let q = [0.0, 0.4, 2.0];
@@ -130,7 +130,7 @@ fn a_tilted_base_turns_gravity() {
     each_close("pitch", &torque("base_tilt", "pitch = 0.1", &q, &[0.0; 3]), &expected, 1e-12);
     let level = torque("base_tilt", "pitch = 0.1\ntracker = \"level\"", &q, &[0.0; 3]);
     each_close("pitch, level tracker", &level, &expected, 1e-12);
-    // A roll only takes cos of the weight.
+    // A roll multiplies the weight by its cosine.
     let expected = q.map(|q: f64| -MASS * G * 0.5 * q.cos() * (0.1_f64.cos() - 1.0));
     each_close("roll", &torque("base_tilt", "roll = 0.1", &q, &[0.0; 3]), &expected, 1e-12);
 }
@@ -144,7 +144,7 @@ fn a_drive_gives_no_more_than_its_limit() {
     each_close("soft limit", &soft, &[0.5 * (weight - 5.0)], 1e-12);
 }
 
-/// The tool is 1 m out; pushed down, the drive holds against 10 N·m, within the window only.
+/// The tool is 1 m out; the force of 10 N points down, and the drive holds 10 N·m within the window only.
 #[test]
 fn a_force_on_the_tool_is_held_through_the_jacobian() {
     let text = "force = [0.0, 0.0, -10.0]\nstart = 1.0\nend = 3.0";
@@ -152,7 +152,7 @@ fn a_force_on_the_tool_is_held_through_the_jacobian() {
     each_close("force", &shown, &[0.0, -10.0, -10.0 * 1.0_f64.cos(), 0.0], 1e-12);
 }
 
-/// 1.5 kg that are lost at the tool, 1 m out, are 1.5 g cos q less to hold, and 1.5 kg·m² less to speed up.
+/// Losing 1.5 kg at the tool, 1 m out, reduces the holding torque by 1.5 g cos q and the inertia by 1.5 kg·m².
 #[test]
 fn a_lost_load_is_missing_from_then_on() {
     let shown = torque("load_change", "mass = -1.5\ntime = 2.0", &[0.3, 0.3, 0.0, 1.0], &[0.0; 4]);
@@ -164,7 +164,7 @@ fn a_lost_load_is_missing_from_then_on() {
     each_close("inertia", &added(&arm, &[effect], &pushed).torque[0], &[0.0, -1.5 * 3.0], 1e-12);
 }
 
-/// What a load weighs before the time at which it is lost, and nothing after it.
+/// The weight of a load before the time of its loss, and zero after it.
 #[test]
 fn a_load_that_is_lost_is_there_before() {
     let arm = one_link(Revolute, MASS);
@@ -176,7 +176,7 @@ fn a_load_that_is_lost_is_there_before() {
     close("both sides", after[1], before[0], 1e-12);
 }
 
-/// Across, each joint feels the other's motion by the shaft's inertia and viscous friction, and the dry friction of both.
+/// Across, the shaft's inertia and viscous friction act on each joint through the other's motion; dry friction depends on both.
 #[test]
 fn a_coupling_across_leaves_each_joint_its_own_share() {
     let (arm, motion) = (arm(), motion(6, 100.0, 6.0));
@@ -219,7 +219,7 @@ fn a_coupling_across_leaves_each_joint_its_own_share() {
     close("other", -torque[5], -(0.2 * a[3] + 0.7 * v[3]) - 0.5, 1e-12);
 }
 
-/// X on the joint and s X on the other, nothing elsewhere; the friction never gives power.
+/// X on the one joint and s X on the other, zero elsewhere; the friction never produces power.
 #[test]
 fn a_shared_shaft_loads_both_joints() {
     let (arm, motion) = (arm(), motion(6, 100.0, 6.0));
@@ -241,7 +241,7 @@ fn a_shared_shaft_loads_both_joints() {
     let mut injection = Injection::default();
     effect(&arm, "joint_coupling", Some(3), text).effect.inject(&mut injection);
     assert_eq!(injection.rotors, [(3, 0.2), (5, 0.2)]);
-    // With what the rotors take by themselves, the plant's torques are the same.
+    // With the rotors' own torques, the plant's torques are the same.
     let (v, a) = ([0.0, 0.0, 0.0, 0.3, 0.0, 0.2], [0.0, 0.0, 0.0, 5.0, 0.0, -2.0]);
     let mut torque = [0.0; 6];
     injection.drives[0].act(
@@ -276,7 +276,7 @@ fn friction_drifts_to_its_nominal() {
     each_close("drift", &shown.torque[0], &[1.2, 1.2 / E, -1.2 / E, 0.0], 1e-9);
 }
 
-/// One joint to and fro at unit speed, sampled every `step` of way.
+/// One joint back and forth at unit speed, sampled every `step` of travel.
 fn to_and_fro(step: f64, way: f64) -> Trajectory {
     let points = (way / step).round() as usize;
     let forth = (0..=points).map(|i| (i as f64 * step, 1.0));
@@ -287,7 +287,7 @@ fn to_and_fro(step: f64, way: f64) -> Trajectory {
     motion
 }
 
-/// Sliding, the bristles carry the whole level; over the way x after a reversal F(1 − 2e^{−x/δ}), for any step.
+/// During sliding the bristles carry the whole level; after a reversal and the travel x they carry F(1 − 2e^{−x/δ}), for any step.
 #[test]
 fn presliding_friction_builds_up_over_a_way() {
     let arm = one_link(Revolute, MASS);
@@ -337,8 +337,8 @@ fn presliding_friction_replaces_the_nominal_jump() {
     assert!(sliding < 0.05 && turning > 2.0 && turning <= 4.0 + 1e-9);
 }
 
-/// Nothing is spent while the motor crosses the gap, F before and after.
-/// The flank that carries negative torque gives over 6/40 rad, the other one over 4/80; the motor begins on the one behind.
+/// The drive spends nothing while the motor crosses the gap, F before and after. The flank for negative torque deflects by 6/40 rad, the
+/// other one by 4/80; the motor begins on the rear flank.
 #[test]
 fn friction_behind_a_gap_builds_up_on_either_flank_by_its_own_stiffness() {
     let arm = one_link(Revolute, 0.0);
@@ -352,7 +352,7 @@ fn friction_behind_a_gap_builds_up_on_either_flank_by_its_own_stiffness() {
     let (open, begun) = (of(parameters), of(&begun));
     close("it begins on the flank behind", begun[0], -6.0, 1e-12);
     close("or in the middle", open[0], 0.0, 1e-12);
-    // The way that the motor has gone, forth to 1 rad and back: on the way forth the gap of 0.2 rad and both flanks take 0.4 rad.
+    // The travel of the motor, forth to 1 rad and back: on the way forth the gap of 0.2 rad and both flanks take 0.4 rad.
     let at = |torque: &[f64], way: f64| torque[(100.0 * way).round() as usize];
     close("a third off the flank behind", at(&begun, 0.05), -4.0, 1e-9);
     close("in the gap", at(&begun, 0.25), 0.0, 1e-9);
@@ -366,7 +366,7 @@ fn friction_behind_a_gap_is_missing_after_a_reversal() {
     let arm = one_link(Revolute, MASS);
     let motion = to_and_fro(0.01, 1.0);
     let shown = added(&arm, &[effect(&arm, "backlash", Some(0), "gap = 0.2\nfriction = 3.0")], &motion);
-    // The link also lags, which changes its weight; that part is known.
+    // The lag of the link also changes its weight; that part is known.
     let weight = |point: usize, lag: f64| {
         let q = motion.q[0][point];
         -MASS * G * 0.5 * ((q - lag).cos() - q.cos())
@@ -379,7 +379,8 @@ fn friction_behind_a_gap_is_missing_after_a_reversal() {
     }
 }
 
-/// What is added to a prediction is the same whether the scene is built anew or not: with laws that leave the arm as it is, and one that changes it.
+/// The change of a prediction is the same for a reused and for a new scene: with laws that leave the arm unchanged, and with one that
+/// changes it.
 #[test]
 fn more_effects_upon_a_baseline_say_what_they_say_from_the_start() {
     let arm = one_link(Revolute, MASS);

@@ -1,22 +1,22 @@
-//! Why a path could not be planned for an arm.
+//! The errors of planning a path for an arm.
 
 use crate::planning::file::{Content, Rows};
 use crate::planning::file_error::{FileError, Place};
 use crate::spec::SpecError;
 
-/// Highest rate of ticks that is planned for, Hz.
+/// Highest supported rate of ticks, Hz.
 pub const HIGHEST_RATE: f64 = 1e5;
 
-/// Why no joint path came out of [`crate::JointPath::plan`]. Times are those of the motion, from 0.
+/// Reason why [`crate::JointPath::plan`] found no joint path. Times are those of the motion, from 0.
 #[derive(thiserror::Error, Debug)]
 pub enum PathError {
-    /// The description is wrong whatever the arm.
+    /// The specification is invalid for any arm.
     #[error(transparent)]
     Spec(#[from] SpecError),
     /// The file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The rate of the ticks is no rate.
+    /// The rate of the ticks is out of range.
     #[error("rate = {value} Hz: write a positive rate of at most {highest} Hz", highest = HIGHEST_RATE)]
     Rate {
         /// The value found, Hz.
@@ -44,24 +44,24 @@ pub enum PathError {
         x = position[0], y = position[1], z = position[2]
     )]
     Unreachable {
-        /// When, s.
+        /// The time, s.
         time: f64,
-        /// Where in the base frame, m.
+        /// The position in the base frame, m.
         position: [f64; 3],
-        /// Distance of the nearest tool position found, m.
+        /// Distance to the nearest tool position found, m.
         distance: f64,
-        /// Angle between its orientation and the one asked for, rad; 0 where the orientation is free.
+        /// Angle between its orientation and the target's, rad; 0 if the orientation is free.
         angle: f64,
     },
-    /// The arm comes to a posture in which it cannot follow: the edge of its reach, or a singular posture inside.
+    /// The arm reaches a posture in which it cannot follow: the edge of its workspace, or a singular posture inside.
     #[error(
         "at t = {time:.4} s, tool at ({x:.4}, {y:.4}, {z:.4}) m, the arm is stretched, folded or has two axes in line (a singular posture) and cannot follow the path any further: move path.centre, lower path.size, change path.rpy, or choose another branch with path.start",
         x = position[0], y = position[1], z = position[2]
     )]
     Singular {
-        /// When, s.
+        /// The time, s.
         time: f64,
-        /// Where in the base frame, m.
+        /// The position in the base frame, m.
         position: [f64; 3],
     },
     /// A joint would leave its range.
@@ -73,11 +73,11 @@ pub enum PathError {
         joint: String,
         /// Its index in the arm, from 0.
         index: usize,
-        /// When, s.
+        /// The time, s.
         time: f64,
         /// Its position, rad or m.
         value: f64,
-        /// The limit it passes, rad or m.
+        /// The violated limit, rad or m.
         limit: f64,
     },
     /// A joint would be too fast.
@@ -89,7 +89,7 @@ pub enum PathError {
         joint: String,
         /// Its index in the arm, from 0.
         index: usize,
-        /// When, s.
+        /// The time, s.
         time: f64,
         /// Its velocity, rad/s or m/s.
         value: f64,
@@ -103,10 +103,10 @@ pub enum PathError {
     NotFinite {
         /// The joint's name.
         joint: String,
-        /// When, s.
+        /// The time, s.
         time: f64,
     },
-    /// The table would not fit.
+    /// The table would be too large.
     #[error("the path needs more than {most} points: run fewer laps, or split the file")]
     TooLong {
         /// The most points for this arm.
@@ -115,15 +115,15 @@ pub enum PathError {
     /// One of the above, at a row of a path file.
     #[error("{place}: {error}")]
     InFile {
-        /// The row at or before the failure, and the column it concerns.
+        /// The row at or before the failure, and its column.
         place: Place,
-        /// What failed.
+        /// The failure.
         error: Box<PathError>,
     },
 }
 
 impl PathError {
-    /// Names the row of the file that the path came from, where the error has a time.
+    /// Adds the row of the path's file to an error with a time.
     pub(crate) fn in_rows(self, rows: &Rows) -> PathError {
         let (time, column) = match &self {
             PathError::Unreachable { time, .. }

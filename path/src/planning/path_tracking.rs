@@ -3,7 +3,7 @@
 //! At each point Newton's method starts from the Taylor polynomial of the last one and runs to rounding error, so the
 //! motion stays on one branch. With the Jacobian J of the task (pose for six joints and more, else position), its
 //! pseudo-inverse J⁺ and the tool's velocity ẋ and acceleration ẍ:
-//! - `v = J⁺ ẋ`, the smallest joint velocity that moves the tool as asked (Whitney 1969, eq. 8);
+//! - `v = J⁺ ẋ`, the smallest joint velocity for the tool velocity (Whitney 1969, eq. 8);
 //! - `a = dv/dt = J⁺ (ẍ − J̇ v − J J̇ᵀ λ) + J̇ᵀ λ` with `λ = (J⁺)ᵀ v`. For a square, regular J the terms in λ cancel
 //!   and `a = J⁻¹ (ẍ − J̇ v)`; with joints to spare they keep `a` the derivative of `v` (Siciliano et al. 2009, §3.5).
 
@@ -12,35 +12,35 @@ use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
 
 use crate::planning::tool::ToolSample;
 
-/// Joints from which on the tool's orientation is followed too.
+/// Least number of joints for tracking the tool's orientation, too.
 pub(crate) const JOINTS_FOR_POSE: usize = 6;
-/// Joints below which no Cartesian path can be followed.
+/// Least number of joints for tracking a Cartesian path.
 pub(crate) const FEWEST_JOINTS: usize = 3;
 
-/// Newton stops after a step below this (rad or m): its convergence is quadratic, so what is left is rounding.
+/// Newton's method stops after a step below this (rad or m): its convergence is quadratic, so that the remaining error is rounding.
 const LAST_STEP: f64 = 1e-12;
 const MOST_STEPS: usize = 30;
-/// A longer step (rad or m) has lost the branch.
+/// A longer step (rad or m) has left the branch.
 const LONGEST_STEP: f64 = 0.5;
 /// Largest error of the tool that counts as on the path, m or rad.
 const ON_PATH: f64 = 1e-10;
-/// Condition number of J above which directions that the arm cannot move in are cut off.
+/// Condition number of J above which the pseudo-inverse drops singular directions.
 const ILL_CONDITIONED: f64 = 1e9;
-/// Share of the tool's speed that may be missed.
+/// Permitted relative error of the tool's speed.
 const SPEED_MISSED: f64 = 1e-7;
 /// Step of the finite difference of J along the motion, rad or m.
 const DIFFERENCE: f64 = 1e-5;
 
-/// The arm could not follow.
+/// Failures of the tracking.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Lost {
-    /// Newton did not arrive: the point is out of reach, or another branch's.
+    /// Newton's method did not converge: the point is out of reach, or on another branch.
     Point,
-    /// The tool's velocity is out of the arm's reach in this posture.
+    /// The arm cannot produce the tool's velocity in this posture.
     Velocity,
 }
 
-/// The posture that follows a path, and what is needed to step it on.
+/// The posture on a path, with the state for the next step.
 pub(crate) struct Tracker<'a> {
     arm: &'a Arm,
     workspace: Workspace,
@@ -57,12 +57,12 @@ struct TaskJacobian {
     full: DMatrix<f64>,
     j: DMatrix<f64>,
     inverse: DMatrix<f64>,
-    /// Whether J is square and regular: the posture follows from the tool.
+    /// True if J is square and regular: the tool determines the posture.
     determined: bool,
 }
 
 impl<'a> Tracker<'a> {
-    /// Begins at `posture`, which should already reach the first point of the path.
+    /// Starts at `posture`, which should already reach the first point of the path.
     pub fn new(arm: &'a Arm, posture: &[f64]) -> Tracker<'a> {
         let dof = arm.dof();
         let rows = if dof >= JOINTS_FOR_POSE { 6 } else { 3 };
@@ -84,12 +84,12 @@ impl<'a> Tracker<'a> {
         }
     }
 
-    /// The arm that follows.
+    /// The tracking arm.
     pub fn arm(&self) -> &Arm {
         self.arm
     }
 
-    /// Places the joints on `target` from where they are; call it at the first point of each smooth piece.
+    /// Moves the joints from their present positions to `target`; call it at the first point of each smooth piece.
     pub fn place(&mut self, target: &ToolSample) -> Result<(), Lost> {
         let guess = self.q.clone();
         self.correct(guess, target)?;
@@ -123,7 +123,7 @@ impl<'a> Tracker<'a> {
         Ok(())
     }
 
-    /// Newton's method on the tool's pose error; leaves the task's Jacobian at the posture it returns.
+    /// Newton's method on the tool's pose error; leaves the task's Jacobian at the returned posture.
     fn newton(&mut self, mut q: DVector<f64>, target: &Isometry3<f64>) -> Option<DVector<f64>> {
         for _ in 0..MOST_STEPS {
             let pose = forward_kinematics(self.arm, &mut self.workspace, q.as_slice());
@@ -181,7 +181,7 @@ impl TaskJacobian {
             }
         } else if let Some(gram) = (&self.j * self.j.transpose()).cholesky() {
             let inverse = gram.solve(&self.j).transpose();
-            // The Gram matrix squares the condition number: trust it only to the root of the bound.
+            // The Gram matrix squares the condition number: it is reliable only up to the square root of the bound.
             if inverse.norm() * self.j.norm() < ILL_CONDITIONED.sqrt() {
                 self.inverse = inverse;
                 return;

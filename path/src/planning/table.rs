@@ -17,18 +17,17 @@ pub struct Sample<'a> {
 
 /// The reference motion of an arm's joints.
 ///
-/// Nodes hold (q, v, a) of the exact path; between them the quintic polynomial that agrees with both neighbours in
-/// all three (Hermite interpolation; error of q of order h⁶, of v h⁵, of a h⁴). Where the acceleration of the path
-/// jumps there are two nodes at the same time, one with each limit, so that the polynomials on either side see only
-/// their own. Made by [`JointPath::plan`]; immutable.
+/// Nodes hold (q, v, a) of the exact path. Between them lies the quintic polynomial that agrees with both neighbours in all three (Hermite
+/// interpolation; error of q of order h⁶, of v h⁵, of a h⁴). Where the acceleration of the path jumps there are two nodes at the same time,
+/// one with each limit, so that the polynomial on either side uses only its own limit. [`JointPath::plan`] makes the path; it is immutable.
 #[derive(Clone)]
 pub struct JointPath {
     dof: usize,
     rate: f64,
     laps: Laps,
-    /// Times of the nodes within a lap, s; never falling.
+    /// Times of the nodes within a lap, s; non-decreasing.
     times: Vec<f64>,
-    /// For each node q, v and a of all joints.
+    /// q, v and a of all joints, for each node.
     values: Vec<f64>,
     peak_velocity: Vec<f64>,
     peak_acceleration: Vec<f64>,
@@ -86,18 +85,18 @@ impl JointPath {
         &self.peak_acceleration
     }
 
-    /// The first point of the motion, at t = 0, as the motion passes it (not held).
+    /// The first point of the motion, at t = 0, with the velocity of the motion (not at rest).
     pub fn start(&self) -> Sample<'_> {
         self.node(0)
     }
 
     /// Writes position, velocity and acceleration of the joints at time `t` in s.
     ///
-    /// Where the acceleration jumps it is the limit from the right. Before 0 (and for NaN) the first point is held,
-    /// after the duration the last one, with zero velocity and acceleration.
+    /// Where the acceleration jumps it is the limit from the right. Before 0 (and for NaN) the joints rest at the first point, after the
+    /// duration at the last one, with zero velocity and acceleration.
     ///
     /// # Panics
-    /// If a slice is shorter than [`JointPath::dof`]; longer ones are filled from their beginning.
+    /// If a slice is shorter than [`JointPath::dof`]; the function fills longer ones from their beginning.
     pub fn at(&self, t: f64, q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
         match self.laps.phase(t) {
             Phase::Before => self.hold(0, q, v, a),
@@ -133,7 +132,7 @@ impl JointPath {
 }
 
 impl fmt::Debug for JointPath {
-    /// Everything but the table.
+    /// Omits the table.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("JointPath")
             .field("dof", &self.dof)
@@ -149,7 +148,7 @@ impl fmt::Debug for JointPath {
 /// The quintic with value and two derivatives `from` at u = 0 and `to` at u = 1, over `h` seconds; with derivatives.
 fn quintic_hermite(from: [f64; 3], to: [f64; 3], h: f64, u: f64) -> [f64; 3] {
     let (c1, c2) = (from[1] * h, from[2] * h * h / 2.0);
-    // What the parabola through `from` misses at the end, in value, slope and curvature.
+    // Error of the parabola through `from` at the end, in value, slope and curvature.
     let d0 = to[0] - from[0] - c1 - c2;
     let d1 = to[1] * h - c1 - 2.0 * c2;
     let d2 = to[2] * h * h - 2.0 * c2;

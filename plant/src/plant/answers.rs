@@ -67,7 +67,7 @@ impl Plant {
             if self.timeouts.is_away(slot, tick) {
                 continue;
             }
-            // What does not belong, or answers a tick that is still to come, tells nothing of this one.
+            // A command of a foreign process, or for a future tick, is no answer to this tick.
             let is_answer = belongs && command.tick == tick;
             if is_answer && !in_charge {
                 self.note_answer(slot, &command, received);
@@ -83,7 +83,7 @@ impl Plant {
         Ok(())
     }
 
-    /// Whether every answer to `tick` that is waited for is there.
+    /// True if every awaited answer to `tick` has arrived.
     pub(super) fn all_in(&mut self, tick: u64) -> bool {
         (0..self.manager.len()).all(|slot| {
             let is_waited_for = match self.config.pace {
@@ -96,7 +96,7 @@ impl Plant {
         })
     }
 
-    /// Lockstep: who has left its seat is not waited for.
+    /// Lockstep: the plant does not wait for a controller that has left its slot.
     fn note_the_dead(&mut self, tick: u64) {
         for slot in 0..self.manager.len() {
             if self.manager.slot_mut(slot).answer.is_none()
@@ -108,10 +108,10 @@ impl Plant {
         }
     }
 
-    /// Takes the times out of `command`, received at `received` ns, if they cannot be or are not told; whether they are kept.
+    /// Removes the times from `command`, received at `received` ns, if they are impossible or missing; returns true if they stay.
     ///
-    /// All processes read one clock. A controller has a state after that was published, and sends its answer before that is received; what it spent
-    /// on parts of the answer it spent in between, and no iteration takes less than a nanosecond.
+    /// All processes read one clock. A controller receives a state after its publication, and sends its answer before the plant receives
+    /// it. The controller spends the times of the parts of the answer in between, and no iteration takes less than a nanosecond.
     fn sift_times(&mut self, command: &mut Command, received: u64) -> bool {
         let published = self.published_ns(command.tick);
         let are_told = command.received_ns != 0 || command.sent_ns != 0;
@@ -130,7 +130,7 @@ impl Plant {
         are_kept
     }
 
-    /// Counts the latencies that a command of the one in charge, in `slot`, tells of, in time or late; those of its parts if it `has_times`.
+    /// Records the latencies of a command of the active controller, in `slot`, in time or late; those of its parts if it `has_times`.
     fn clock(&mut self, slot: usize, command: &Command, has_times: bool, scheduled: u64, received: u64) {
         let (links, published) = (self.latencies_of(command, received), self.published_ns(command.tick));
         let stages = &mut self.stages;
@@ -166,7 +166,7 @@ impl Plant {
         self.note_answer(slot, command, received);
     }
 
-    /// What a command of `slot` tells of a deadline that was missed.
+    /// Passes the latencies of a command of `slot` to the record of missed deadlines.
     fn note_answer(&mut self, slot: usize, command: &Command, received: u64) {
         let links = self.latencies_of(command, received);
         if let Some(misses) = &mut self.misses {
@@ -174,13 +174,13 @@ impl Plant {
         }
     }
 
-    /// When the state of `tick` was published, ns; `None` if that was too long ago to be remembered.
+    /// Time of publication of the state of `tick`, ns; `None` if it was too long ago to be remembered.
     fn published_ns(&self, tick: u64) -> Option<u64> {
         let is_remembered = self.state.tick.saturating_sub(tick) < PUBLISHED as u64;
         is_remembered.then(|| self.published[tick as usize % PUBLISHED])
     }
 
-    /// The links of the tick of `command`, received at `received` ns.
+    /// The latencies of the tick of `command`, received at `received` ns.
     fn latencies_of(&self, command: &Command, received: u64) -> TickLatencies {
         let published = self.published_ns(command.tick).unwrap_or(command.received_ns);
         TickLatencies {
@@ -188,27 +188,27 @@ impl Plant {
             compute_ns: command.sent_ns.saturating_sub(command.received_ns),
             command_ns: received.saturating_sub(command.sent_ns),
             qp_ns: command.qp_ns,
-            // Without a time of its own, a programme's iterations are not told either.
+            // Without a time, the number of iterations is unknown, too.
             qp_iterations: if command.qp_ns > 0 { command.qp_iterations } else { 0 },
             ..self.links
         }
     }
 
-    /// Whether the deadline of this tick passes without an answer of the one in charge.
+    /// True if the deadline of this tick passes without an answer of the active controller.
     pub(super) fn misses_deadline(&mut self) -> bool {
         let in_charge = self.manager.in_charge();
         self.stopped.is_none() && self.manager.slot_mut(in_charge).answer.is_none()
     }
 
-    /// The standby that is to take over at `tick`, if its answer lacks.
+    /// The standby that shall take over at `tick`, if its answer is missing.
     pub(super) fn awaited(&mut self, tick: u64) -> Option<usize> {
         let next = self.manager.next_in_charge(tick);
         let lacks = next != self.manager.in_charge() && self.manager.slot_mut(next).answer.is_none();
         (lacks && self.stopped.is_none()).then_some(next)
     }
 
-    /// Writes into the book how `tick` went with the controller `in_charge`: whether its deadline was `missed`, which standby was `awaited` in
-    /// vain, and the links that are known by now.
+    /// Records the end of `tick` with the controller `in_charge`: whether it `missed` its deadline, which standby was `awaited` in vain,
+    /// and the latencies known by now.
     pub(super) fn note_links(&mut self, tick: u64, in_charge: usize, missed: bool, awaited: Option<usize>) {
         let Some(misses) = &mut self.misses else { return };
         let now = now_ns();
@@ -218,7 +218,7 @@ impl Plant {
         misses.end_tick(&ended, &self.stages);
     }
 
-    /// The run is over after `played` ticks: what has no answer by now will have none.
+    /// Counts the missing answers at the end of the run, after `played` ticks: they will not arrive any more.
     pub(super) fn count_unanswered(&mut self, played: u64) {
         let stages = &mut self.stages;
         if let (Some(trips), None) = (&mut self.round_trips, self.stopped) {

@@ -1,4 +1,4 @@
-//! What makes a plant, and what it leaves.
+//! Configuration and outcome of a plant.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,16 +13,16 @@ use crate::damping::check_damping;
 use crate::rotor::with_rotors;
 use crate::{ControllerSet, ReflexLimits, ReflexSpec, SensorsSpec, StopReason, System, SystemError};
 
-/// All that makes a plant.
+/// The configuration of a plant.
 #[derive(Clone, Debug)]
 pub struct PlantConfig {
-    /// The arm without its effects: what the deviation is taken against.
+    /// The arm without its effects: the reference for the deviation.
     pub arm: Arm,
-    /// What the arm has beyond the rigid model.
+    /// Effects beyond the rigid model.
     pub effects: Arc<Effects>,
-    /// Who moves the joints.
+    /// Source of the joints' motion.
     pub mode: Mode,
-    /// In mode servo a command in so many ticks reaches the servos, which hold it until the next.
+    /// In mode servo one command in so many ticks reaches the servos, which hold it until the next.
     pub command_every: u32,
     /// Lockstep or real time.
     pub pace: Pace,
@@ -36,27 +36,27 @@ pub struct PlantConfig {
     pub sensors: SensorsSpec,
     /// Seed of all noise.
     pub seed: u64,
-    /// Ticks for which a missing command is bridged by the last one.
+    /// Ticks for which the last command replaces a missing one.
     pub hold: u32,
-    /// How long to wait for a controller to start, and in lockstep for an answer.
+    /// Longest wait for a controller to start, and in lockstep for an answer.
     pub patience: Duration,
-    /// How long to wait in lockstep for an answer while a standby could take over; absent: `patience`.
+    /// Longest wait in lockstep for an answer while a standby could take over; absent: `patience`.
     pub answer_patience: Option<Duration>,
-    /// Whether the evidence for the cause of every missed deadline is gathered: real time only, some microseconds a tick.
+    /// Gathers evidence for the cause of every missed deadline: real time only, some microseconds a tick.
     pub evidence: bool,
     /// The controllers.
     pub controller_set: ControllerSet,
-    /// When the arm is stopped for what it does.
+    /// Limits beyond which the brakes stop the arm.
     pub reflex: ReflexSpec,
-    /// Natural frequency of the feedback that is asked of the controllers, rad/s.
+    /// Natural frequency of the controllers' feedback, rad/s.
     pub natural_frequency: f64,
 }
 
-/// Postures of the planned motion from which inertias are taken: of motors behind transmissions, and for the limits of torque rates.
+/// Postures of the planned motion for inertias: those of motors behind transmissions, and those in the limits of torque rates.
 const POSTURES: u32 = 64;
 
 impl PlantConfig {
-    /// The arm with its effects, and the laws that are asked once a tick, for a motion along `path`.
+    /// The arm with its effects, and the laws of each tick, for a motion along `path`.
     ///
     /// # Errors
     /// See [`SystemError`].
@@ -79,7 +79,7 @@ impl PlantConfig {
         Ok((system, TickLaws { tool, sensors }))
     }
 
-    /// The limits beyond which the arm is stopped, for a motion along `path`.
+    /// The limits beyond which the brakes stop the arm, for a motion along `path`.
     ///
     /// # Errors
     /// See [`SystemError`].
@@ -108,19 +108,19 @@ impl PlantConfig {
     }
 }
 
-/// The laws that are asked once a tick.
+/// The laws that the plant calls once a tick.
 #[derive(Debug, Default)]
 pub struct TickLaws {
-    /// Where the tool is beside where the joints put it.
+    /// Displacements of the tool from its position by the joints.
     pub tool: Vec<Box<dyn SensorLaw>>,
-    /// What the sensors make of the truth.
+    /// Laws of the sensors, which turn the true state into measurements.
     pub sensors: Vec<Box<dyn SensorLaw>>,
 }
 
-/// Why the plant stopped without finishing.
+/// Reasons for which the plant stopped without finishing.
 #[derive(Debug, Error)]
 pub enum PlantError {
-    /// The arm with play can't be built.
+    /// The law of a joint with play is invalid.
     #[error(transparent)]
     Law(#[from] LawError),
     /// The motion can't be integrated.
@@ -129,7 +129,7 @@ pub enum PlantError {
     /// Shared memory can't be used.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// The histograms can't be made.
+    /// The histograms can't be created.
     #[error("latency histograms: {0}")]
     Histogram(#[from] hdrhistogram::CreationError),
     /// The arm is too large for the messages.
@@ -138,17 +138,17 @@ pub enum PlantError {
         /// Joints of the arm.
         joints: usize,
     },
-    /// No controller came.
+    /// No controller connected.
     #[error("no controller came within {patience:?}{}{}", said_missing(.missing), said_refused(.refused))]
     NoController {
         /// The slots that stayed empty, where there are several.
         missing: Vec<usize>,
         /// How long the plant waited.
         patience: Duration,
-        /// Who knocked and was refused.
+        /// Controllers that tried to connect and were refused.
         refused: Vec<String>,
     },
-    /// The process of a controller ended before it came.
+    /// The process of a controller ended before the controller connected.
     #[error("no controller to wait for in {}: its process ended before it joined the run", said_slots(.slots))]
     ControllerEnded {
         /// The slots that stay empty.
@@ -173,23 +173,23 @@ fn said_refused(refused: &[String]) -> String {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
-    /// All ticks were played with the controller in charge.
+    /// All ticks ran with a controller active.
     Finished,
-    /// Commands failed the gate for too long, or the arm was beyond a limit; the rest was played with the brakes closed.
+    /// Commands failed the gate for too long, or the arm was beyond a limit; the rest of the run had the brakes closed.
     Braked {
         /// Tick at which the brakes closed.
         tick: u64,
-        /// Why the last command did not pass, or which limit the arm did not keep.
+        /// The rejection of the last command, or the limit that the arm violated.
         reason: StopReason,
     },
     /// The motion could no longer be integrated.
     Diverged {
-        /// Ticks played.
+        /// Completed ticks.
         tick: u64,
     },
-    /// Someone asked the run to stop.
+    /// A user stopped the run.
     Interrupted {
-        /// Ticks played.
+        /// Completed ticks.
         tick: u64,
     },
 }
@@ -197,27 +197,27 @@ pub enum Ending {
 /// Ticks without a command in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Deadlines {
-    /// Ticks whose answer had not come when it was due.
+    /// Ticks whose answer had not arrived by its deadline.
     pub missed: u64,
-    /// Answers that came after they were due.
+    /// Answers that arrived after their deadline.
     pub late: u64,
     /// Ticks at which the plant itself woke up more than a period late.
     pub plant_late: u64,
-    /// Records that the queue had no room for.
+    /// Records that did not fit into the queue.
     pub unrecorded: u64,
 }
 
-/// What a run leaves.
+/// The outcome of a run.
 #[derive(Clone, Debug)]
 pub struct PlantOutcome {
-    /// How it ended.
+    /// The ending of the run.
     pub ending: Ending,
-    /// Names of the controllers as they said, by slot.
+    /// Names that the controllers gave, by slot.
     pub controllers: Vec<String>,
-    /// Ticks played.
+    /// Completed ticks.
     pub ticks: u64,
-    /// Controllers that knocked and were refused, in words.
+    /// Refused controllers, in words.
     pub refused: Vec<String>,
-    /// Why the motion could no longer be integrated, if it could not.
+    /// The error of the integration, if it failed.
     pub divergence: Option<SystemError>,
 }

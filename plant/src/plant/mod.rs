@@ -1,8 +1,8 @@
-//! The loop that plays the machine: publish, take the answer, step, judge, record.
+//! The loop of the simulated machine: publish, take the answer, step, judge, record.
 //!
-//! The answer to tick k is applied during tick k + 1. In lockstep the plant waits for it; in real time it is due at
-//! the schedule's time of tick k + 1 (less the 50 µs in which it is judged), and what comes later is late. During tick 0 no command can have come yet: the
-//! joints are guided along the reference.
+//! The answer to tick k acts during tick k + 1. In lockstep the plant waits for it. In real time it is due at the scheduled time of tick k
+//! + 1 (less the 50 µs for judging); a later answer is late. During tick 0 no command can have arrived yet: the plant guides the joints
+//! along the reference.
 
 mod answers;
 mod config;
@@ -53,7 +53,7 @@ pub struct Plant {
     torque: Vec<f64>,
     state: State,
     reflexes: Reflexes,
-    /// Where each joint is, as its drive's own encoder reads it: \[q, v, a\].
+    /// State of each joint as its drive's own encoder measures it: \[q, v, a\].
     measured: Vec<[f64; 3]>,
     stopped: Option<Stop>,
     backoff: Backoff,
@@ -65,31 +65,31 @@ pub struct Plant {
     processes: Vec<Option<u32>>,
     /// Real time, tick 0: controllers may still be planning, and no latency counts.
     is_planning: bool,
-    /// Real time: which ticks have had their answer.
+    /// Real time: the ticks that have had their answer.
     round_trips: Option<RoundTrips>,
-    /// When the latest states were published, ns.
+    /// Times of publication of the latest states, ns.
     published: [u64; PUBLISHED],
-    /// The links of this tick that the plant itself sees.
+    /// The latencies of this tick that the plant itself measures.
     links: TickLatencies,
     misses: Option<Misses>,
 }
 
-/// States whose time of publication is remembered, for answers that come late.
+/// States whose time of publication the plant remembers, for late answers.
 const PUBLISHED: usize = 256;
 
-/// Every so many ticks the plant looks who else knocks.
+/// Ticks between two checks for new controllers that want to connect.
 const GREETING_TICKS: u64 = 128;
 
 impl Plant {
-    /// Where to ask something of the plant while it runs.
+    /// The handle for requests to the running plant.
     pub fn requests(&self) -> OperatorRequests {
         self.requests.clone()
     }
 
-    /// Waits for the controllers, then plays the run; `stop` ends it early.
+    /// Waits for the controllers, then performs the run; `stop` ends it early.
     ///
     /// # Errors
-    /// [`PlantError::NoController`] if none came; [`PlantError::System`] if the motion could not be integrated.
+    /// [`PlantError::NoController`] if none connected; [`PlantError::System`] if the integration failed.
     pub fn run(&mut self, stop: &AtomicBool) -> Result<PlantOutcome, PlantError> {
         let mut refused = Vec::new();
         let Some(controllers) = self.await_controllers(stop, &mut refused)? else {
@@ -116,14 +116,14 @@ impl Plant {
         Ok(PlantOutcome { ending, controllers, ticks: played, refused, divergence })
     }
 
-    /// Plays tick after tick; `played` counts them.
+    /// Performs tick after tick; `played` counts them.
     fn play(
         &mut self,
         stop: &AtomicBool,
         refused: &mut Vec<String>,
         played: &mut u64,
     ) -> Result<(), PlantError> {
-        // Tick 0 waits for its answer at either pace: the controller may still be planning. The schedule starts then.
+        // Tick 0 waits for its answer at either pace, since the controller may still be planning. The schedule starts afterwards.
         let pace = std::mem::replace(&mut self.config.pace, Pace::Lockstep);
         self.is_planning = pace == Pace::RealTime;
         self.tick(0, &Schedule { start_ns: now_ns(), period_ns: self.config.period_ns })?;
@@ -145,27 +145,27 @@ impl Plant {
         Ok(())
     }
 
-    /// Why deadlines were missed, where evidence was gathered.
+    /// The missed deadlines with their causes, if the plant gathered evidence.
     pub fn misses(&self) -> Option<&Misses> {
         self.misses.as_ref()
     }
 
-    /// Commands for `slot` that did not come from the process that holds its seat.
+    /// Commands for `slot` from a process that does not own the slot.
     pub fn foreign(&self, slot: usize) -> Foreign {
         self.link.foreign(slot)
     }
 
-    /// Whether a living controller holds `slot`.
+    /// True if a living controller owns `slot`.
     pub fn is_held(&self, slot: usize) -> bool {
         self.link.is_held(slot)
     }
 
-    /// When and why the brakes closed, if they did.
+    /// The time and the reason of the closing of the brakes, if they closed.
     pub fn stopped(&self) -> Option<&Stop> {
         self.stopped.as_ref()
     }
 
-    /// The limits beyond which the arm is stopped.
+    /// The limits beyond which the brakes stop the arm.
     pub fn reflex_limits(&self) -> &ReflexLimits {
         self.reflexes.limits()
     }
@@ -190,12 +190,12 @@ impl Plant {
         &self.deviation
     }
 
-    /// What was asked of the drives.
+    /// Use of the drives.
     pub fn joint_use(&self) -> &JointUse {
         &self.joint_use
     }
 
-    /// How the controllers in charge arrived at their answers.
+    /// Counts of the ways in which the active controllers arrived at their answers.
     pub fn answers(&self) -> AnswerCounts {
         self.answers
     }
@@ -210,7 +210,7 @@ impl Plant {
         &self.manager
     }
 
-    /// The arm with play as the run left it.
+    /// The arm with play at the end of the run.
     pub fn system(&self) -> &System {
         &self.system
     }

@@ -1,4 +1,4 @@
-//! One tick: wake, observe, publish, step, judge, keep.
+//! One tick: wake, observe, publish, step, judge, record.
 
 use std::time::Duration;
 
@@ -16,14 +16,14 @@ use crate::{
     Stage, Stop, StopReason, TickRecord,
 };
 
-/// How long the plant spins before the schedule's time, ns.
+/// The plant spins for this long before the scheduled time, ns.
 const SPIN_NS: u64 = 200_000;
-/// Share of the period for which the answer is awaited before the plant steps, in real time.
+/// Real time: the plant awaits the answer for one period divided by this, then steps.
 const ANSWER_WINDOW: u64 = 2;
-/// Real time: how long before the next tick the plant judges what it has, ns.
+/// Real time: the plant judges the answers this long before the next tick, ns.
 const JUDGING_NS: u64 = 50_000;
-/// Real time: how long before it judges the plant is awake again to take answers that came after it stepped, ns: the system wakes
-/// sleepers 40 to 130 µs late.
+/// Real time: the plant wakes this long before it judges, to take answers that arrived after its step, ns: the system wakes sleepers 40 to
+/// 130 µs late.
 const LAST_LOOK_NS: u64 = 100_000;
 
 impl Plant {
@@ -37,7 +37,7 @@ impl Plant {
         record.state = self.state;
         self.manager.begin_tick();
         if self.config.pace == Pace::RealTime {
-            // From publication, so that a plant that was held up waits for its answers while it catches up.
+            // Counted from publication, so that a delayed plant still waits for answers while it catches up.
             let window = self.state.published_ns + self.config.period_ns / ANSWER_WINDOW;
             self.await_answers(tick, scheduled, window)?;
         }
@@ -49,8 +49,8 @@ impl Plant {
         if !is_complete {
             let deadline = match self.config.pace {
                 Pace::RealTime => {
-                    // Asleep, not spinning: where cores are few, the standby whose answer lacks computes on this one while the dying
-                    // process of the one in charge is taken apart, at its own priority, on the other.
+                    // The plant sleeps instead of spinning. With few cores, the standby whose answer is missing computes on this core while
+                    // the system tears down the dying process of the active controller, at that process's priority, on the other.
                     let deadline = schedule.due_ns(tick + 1) - JUDGING_NS;
                     sleep_then_spin_until(deadline - LAST_LOOK_NS, 0);
                     deadline
@@ -59,7 +59,7 @@ impl Plant {
             };
             self.await_answers(tick, scheduled, deadline)?;
         }
-        // Judging may put another one in charge.
+        // Judging may change the active controller.
         let (missed, in_charge, awaited) =
             (self.misses_deadline(), self.manager.in_charge(), self.awaited(tick));
         self.judge(tick, &mut record);
@@ -68,13 +68,13 @@ impl Plant {
         Ok(())
     }
 
-    /// How long lockstep waits for the answer to `tick`; before the first, controllers still plan.
+    /// Longest wait of lockstep for the answer to `tick`; before the first tick, controllers still plan.
     fn answer_patience(&self, tick: u64) -> Duration {
         let of_several = self.config.answer_patience.filter(|_| tick > 0 && self.manager.len() > 1);
         of_several.unwrap_or(self.config.patience)
     }
 
-    /// Waits for the tick's time; returns the time that latencies of this tick are taken against, ns.
+    /// Waits for the tick's time; returns the reference time for the latencies of this tick, ns.
     fn wake(&mut self, tick: u64, schedule: &Schedule) -> u64 {
         match self.config.pace {
             Pace::Lockstep => now_ns(),
@@ -98,7 +98,7 @@ impl Plant {
         }
     }
 
-    /// Reads the sensors into the State of `tick`, and the truth into its record.
+    /// Reads the sensors into the State of `tick`, and the true state into its record.
     fn observe(&mut self, tick: u64, scheduled: u64) -> TickRecord {
         let joints = self.config.arm.dof();
         let period = self.config.period_ns as f64 * 1e-9;
@@ -114,7 +114,7 @@ impl Plant {
         self.system.encoders(&mut state.q[..joints], &mut state.qd[..joints]);
         self.system.drive_torque(&mut state.tau[..joints]);
         self.system.play().gather(self.system.q(), &mut link[..joints]);
-        // The answer is applied from the next tick on: a torque from its start, a position at its end.
+        // The answer acts from the next tick on: a torque from its start, a position at its end.
         let ahead = match self.config.mode {
             Mode::Torque | Mode::Servo => period,
             Mode::Driven => 2.0 * period,
@@ -151,7 +151,7 @@ impl Plant {
         }
     }
 
-    /// Puts what the sensors make of the truth into the State, and the flags.
+    /// Writes the sensors' measurements of the true state and the flags into the State.
     fn sense(&mut self, tick: u64, mut tool: [f64; 7], link: &mut Joints) {
         let (joints, period) = (self.config.arm.dof(), self.config.period_ns as f64 * 1e-9);
         let mut readings = readings(&mut self.state, link, &mut tool, joints, period);
@@ -209,13 +209,13 @@ impl Plant {
         Ok(())
     }
 
-    /// From `tick` on the brakes are closed.
+    /// Closes the brakes from `tick` on.
     fn stop(&mut self, tick: u64, reason: StopReason, excess: Option<LimitViolation>) {
         self.stopped = Some(Stop { tick, reason, excess });
         self.applied = Applied::Brake;
     }
 
-    /// Looks at where the joints are at the end of `tick`; closes the brakes if one of them is beyond a limit.
+    /// Checks the joints at the end of `tick`; closes the brakes if one of them is beyond a limit.
     fn watch(&mut self, tick: u64) {
         let joints = self.config.arm.dof();
         for (joint, measured) in self.measured.iter_mut().enumerate() {
@@ -231,12 +231,12 @@ impl Plant {
         }
     }
 
-    /// Closes the brakes on joints that are where they were measured.
+    /// Closes the brakes on the joints at their measured positions.
     fn close_brakes(&mut self) {
         self.brakes.close(self.system.time(), self.measured.iter().map(|&[q, v, _]| [q, v]));
     }
 
-    /// Judges the answers and sets what is in force in the next tick; closed brakes stay closed.
+    /// Judges the answers and sets the command source for the next tick; closed brakes stay closed.
     fn judge(&mut self, tick: u64, record: &mut TickRecord) {
         if self.stopped.is_none() {
             self.watch(tick);
@@ -270,13 +270,13 @@ impl Plant {
         }
     }
 
-    /// Puts the command that passed, or the last one that did, in force.
+    /// Puts the accepted command, or the last accepted one, in force.
     fn command(&mut self, tick: u64) {
         let Some(command) = self.manager.in_force().copied() else { return };
         let joints = self.config.arm.dof();
         let held = self.applied == Applied::Hold;
         self.torque.copy_from_slice(&command.value[..joints]);
-        // Servos keep the last command that reached them, at the start of the next tick.
+        // At the start of the next tick, servos keep the last command that reached them.
         let every = u64::from(self.config.command_every);
         let arrives = self.config.mode != Mode::Servo || (tick + 1).is_multiple_of(every);
         if !held && arrives {
@@ -307,7 +307,7 @@ impl Plant {
         }
     }
 
-    /// Hands the record to who keeps it. In lockstep nothing is lost: the plant waits for room.
+    /// Passes the record to the recorder. In lockstep no record is lost: the plant waits for space.
     fn keep(&mut self, record: TickRecord) {
         let before = now_ns();
         self.peak_base_force = self.peak_base_force.max(record.peak_base_force);
@@ -324,7 +324,7 @@ impl Plant {
     }
 }
 
-/// What the laws that are asked once a tick see and change: of `joints` joints in `state` and at the links, and of the tool.
+/// The inputs and outputs of the laws of each tick: `joints` joints in `state` and at the links, and the tool.
 fn readings<'a>(
     state: &'a mut State,
     link: &'a mut Joints,

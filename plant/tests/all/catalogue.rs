@@ -1,9 +1,9 @@
-//! Every kind of the catalogue: what the plant shows agrees with what the same effect predicts from the measured motion.
+//! Every kind of the catalogue: the plant's measurements agree with the prediction of the same effect from the measured motion.
 //!
-//! The plant follows a smooth motion with the effect injected; its readings are a recording. [`predict`] says what they should be,
-//! from the encoders alone. Prediction and plant share the law's numbers, not its way through the dynamics, so that a wrong sign,
-//! joint or frame on either side shows. The same recording against the arm without the effect proves that there is something to
-//! agree on.
+//! The plant follows a smooth motion with the effect injected; its readings are a recording. [`predict`] computes the expected readings
+//! from the encoders alone. Prediction and plant share the numbers of the law, not its way through the dynamics, so that the test finds a
+//! wrong sign, joint or frame on either side. The same recording against the arm without the effect proves that the effect is large enough
+//! to test.
 
 use crate::common;
 use freeplay_arm::{Arm, ArmFile, EffectTable, paper_arm};
@@ -13,10 +13,10 @@ use freeplay_plant::{Input, Motion, System};
 const PERIOD: f64 = 1e-3;
 const SUBSTEPS: u32 = 40;
 const TICKS: usize = 2600;
-/// Points left out at both ends: journals drop, springs ring down, filters fill.
+/// Points omitted at both ends: journals drop, springs settle, filters fill.
 const SETTLING: usize = 800;
 
-/// Two sines a joint about a posture.
+/// Two sines per joint about a posture.
 struct Swing {
     middle: Vec<f64>,
 }
@@ -38,7 +38,7 @@ impl Motion for Swing {
     }
 }
 
-/// What the plant's sensors said.
+/// The measurements of the plant's sensors.
 struct Recorded {
     motion: Trajectory,
     torque: Vec<Vec<f64>>,
@@ -115,7 +115,7 @@ fn derived(t: Vec<f64>, q: Vec<Vec<f64>>) -> Trajectory {
     Trajectory { t, q, v, a, stretches }
 }
 
-/// Root mean square and greatest magnitude of the difference of two groups of columns, ends left out.
+/// Root mean square and greatest magnitude of the difference of two groups of columns, without the ends.
 fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> [f64; 2] {
     let range = SETTLING..TICKS - 10;
     let (mut sum, mut most) = (0.0, 0.0_f64);
@@ -128,10 +128,10 @@ fn difference(a: &[Vec<f64>], b: &[Vec<f64>]) -> [f64; 2] {
     [(sum / (a.len() * range.len()) as f64).sqrt(), most]
 }
 
-/// The parameters at which a kind is tried, and how far plant and prediction may be apart, as a share of the effect (RMS).
+/// The test parameters of a kind, and the tolerance between plant and prediction, as a share of the effect (RMS).
 fn trial(kind: &str, joints: usize) -> Option<(&'static str, f64)> {
     Some(match kind {
-        // Impacts of the journal ring on; the prediction has it at rest.
+        // Impacts of the journal ring on; in the prediction the journal rests.
         "joint_clearance" => ("clearance = 0.5e-3", 0.05),
         // The plant smooths signs over 1 mrad/s.
         "coulomb_friction" => ("coulomb = 5.0", 0.05),
@@ -140,7 +140,7 @@ fn trial(kind: &str, joints: usize) -> Option<(&'static str, f64)> {
         "viscous_friction" => ("viscous = 4.0", 2e-3),
         "stribeck_friction" => ("extra = 5.0\nvelocity = 0.2", 0.2),
         "asymmetric_friction" => ("positive = 6.0\nnegative = 3.0", 0.05),
-        // The plant's drive counts what the rotor takes as load too.
+        // The load of the plant's drive includes the rotor's torque, too.
         "load_dependent_friction" => ("coefficient = 0.1", 0.08),
         "position_dependent_friction" => ("amplitude = 4.0\nperiods = 5.0\nphase = 0.3", 0.05),
         "presliding_friction" => ("stiffness = 200.0\nshare = 0.0\ncoulomb = 5.0", 0.05),
@@ -154,17 +154,17 @@ fn trial(kind: &str, joints: usize) -> Option<(&'static str, f64)> {
         "torque_offset" => ("offset = 3.0", 2e-3),
         "torque_gain" => ("gain = 1.1", 2e-3),
         "torque_ripple" => ("amplitude = 3.0\nperiods = 20.0\nphase = 0.5", 2e-3),
-        // The rotor's own torque is predicted from what the encoder reads.
+        // The prediction computes the rotor's own torque from the encoder's readings.
         "encoder_eccentricity" => ("amplitude = 0.01\nphase = 0.4", 0.08),
         "time_delay" => ("delay = 0.012", 0.02),
         "sensor_lowpass" => ("cutoff = 8.0", 0.02),
         "mount_compliance" => ("compliance_x = 1e-5\ncompliance_y = 2e-5", 0.02),
-        // The plant's drives feel it by the acceleration of the sub-step before.
+        // The plant's drives use the acceleration of the previous sub-step.
         "load_change" => ("mass = 2.0\ntime = 1.2", 0.1),
         "external_force" => ("force = [8.0, -5.0, 12.0]\nstart = 1.2\nend = 2.0", 0.1),
         "external_torque" => ("torque = 9.0\nstart = 1.2\nend = 2.0", 0.1),
         "lubricated_clearance" => ("clearance = 0.5e-3\nviscosity = 2.0\nstart = [0.2, 0.4, 0.3]", 0.05),
-        // Transmissions fit the mass of what they carry.
+        // The stiffness of a transmission suits the mass that it carries.
         "joint_elasticity" if joints == 6 => ("stiffness = 1e6\ndamping = 8e3", 0.08),
         "joint_elasticity" => ("stiffness = 2e4\ndamping = 40.0", 0.08),
         "backlash" if joints == 6 => ("gap = 2e-4\nstiffness = 1e6\ndamping = 8e3", 0.2),
@@ -173,7 +173,7 @@ fn trial(kind: &str, joints: usize) -> Option<(&'static str, f64)> {
     })
 }
 
-/// The kinds that this way of looking cannot show, and why; tests of their own do.
+/// The kinds that this method cannot test, with the reason; they have tests of their own.
 fn elsewhere(kind: &str) -> Option<&'static str> {
     Some(match kind {
         "actuator_saturation" => "it clips what is asked for, and here the motion is prescribed",
@@ -183,7 +183,8 @@ fn elsewhere(kind: &str) -> Option<&'static str> {
     })
 }
 
-/// The kinds whose flanks or journals hit, which shows in the torque and is not predicted: told by the pose alone.
+/// The kinds whose flanks or journals hit: the torque shows the impacts and the prediction does not, so that the test compares the pose
+/// alone.
 const HITTING: [&str; 2] = ["backlash", "joint_clearance"];
 
 fn effects(kind: &Kind, parameters: &str, arm: &Arm, joint: usize) -> Effects {
@@ -194,7 +195,7 @@ fn effects(kind: &Kind, parameters: &str, arm: &Arm, joint: usize) -> Effects {
         .unwrap_or_else(|error| panic!("{}: {error}", kind.name))
 }
 
-/// Compares the plant with the prediction for one kind at one joint; what was found wrong.
+/// Compares the plant with the prediction for one kind at one joint; returns the discrepancy.
 fn examine(kind: &Kind, arm: &Arm, motion: &Swing, joint: usize) -> Option<String> {
     if let Some(why) = elsewhere(kind.name) {
         println!("{:28} {} joints: not here: {why}", kind.name, arm.dof());
@@ -260,7 +261,7 @@ fn examine_all(arm: &Arm, motion: &Swing, joint: usize) {
 fn every_kind_shows_in_the_paper_arm_as_it_is_predicted() {
     let paper = paper_arm().arm;
     let mut joints = paper.joints().to_vec();
-    // Named, so that a transmission parts the motor that the model knows and none that it has to make up.
+    // With a rotor inertia in the file, a transmission decouples this motor instead of an assumed one.
     joints[1].rotor_inertia = 5.0;
     let arm = Arm::new("paper", joints, *paper.tool(), *paper.gravity()).expect("an arm");
     examine_all(&arm, &Swing { middle: vec![0.2, -0.4, 0.6, 0.3, 0.7, 0.1] }, 1);
