@@ -2,13 +2,13 @@
 
 use thiserror::Error;
 
-/// Most joints an arm may have. It bounds what a broken or hostile file can ask for.
+/// Most joints of an arm. It bounds the memory that a broken or hostile file can demand.
 pub const MAX_DOF: usize = 64;
 
-/// Why a chain of joints is not an arm.
+/// Reason why a chain of joints is not an arm.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ArmError {
-    /// No joint at all.
+    /// The chain has no joint.
     #[error("the arm has no moving joint; it needs at least one revolute or prismatic joint")]
     NoJoints,
     /// More joints than [`MAX_DOF`].
@@ -16,7 +16,7 @@ pub enum ArmError {
         "the arm has {count} moving joints, more than the {MAX_DOF} allowed; lock or leave out the joints not needed"
     )]
     TooManyJoints {
-        /// How many there are.
+        /// Number of joints.
         count: usize,
     },
     /// Two joints share a name.
@@ -31,7 +31,7 @@ pub enum ArmError {
         /// Position in the chain, from 1.
         number: usize,
     },
-    /// A joint whose name has a line break, so that no table and no message can carry it.
+    /// A joint whose name contains a line break, which no table and no message can show.
     #[error("joint number {number} is called {name:?}; remove the line break from its name")]
     NameOfLines {
         /// Position in the chain, from 1.
@@ -42,9 +42,9 @@ pub enum ArmError {
     /// A value outside its range, NaN or infinite.
     #[error("{}: {quantity} is {value}, but must be {must}", joint.as_ref().map_or("the arm".to_owned(), |name| format!("joint `{name}`")))]
     Value {
-        /// The joint whose value it is; `None` for the arm as a whole.
+        /// The joint of the value; `None` for the arm as a whole.
         joint: Option<String>,
-        /// Which quantity, with its unit.
+        /// Name of the quantity, with its unit.
         quantity: String,
         /// The value found.
         value: String,
@@ -59,13 +59,13 @@ pub enum ArmError {
     MovesNoInertia {
         /// The joint.
         name: String,
-        /// Inertia felt at the joint, kg·m² or kg.
+        /// Effective inertia of the joint, kg·m² or kg.
         felt: f64,
     },
-    /// An index that names no joint.
+    /// An index beyond the last joint.
     #[error("there is no joint number {index} (from 0) in an arm of {dof} joints")]
     NoSuchJoint {
-        /// The index asked for.
+        /// The requested index.
         index: usize,
         /// Number of joints.
         dof: usize,
@@ -73,7 +73,7 @@ pub enum ArmError {
 }
 
 impl ArmError {
-    /// The joint that the error is about, if it is about one.
+    /// The joint of the error, if the error concerns one joint.
     pub fn joint(&self) -> Option<&str> {
         match self {
             ArmError::Value { joint, .. } => joint.as_deref(),

@@ -1,4 +1,4 @@
-//! The construction of an arm: it checks the joints, and by the dynamics that each moves an inertia.
+//! The construction of an arm: it checks the joints, and checks by the dynamics that each moves an inertia.
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -12,11 +12,11 @@ impl Arm {
     /// An arm of `joints` from the base outwards, with the pose of the tool frame `tool0` in the last link's frame and the
     /// acceleration of gravity in the base frame, m/s².
     ///
-    /// An inertia tensor has to be positive semi-definite. One that breaks the triangle inequality, as many CAD exports and
-    /// identified models do, is accepted: [`crate::Inertia::triangle_excess`] tells.
+    /// An inertia tensor must be positive semi-definite. One that violates the triangle inequality, as in many CAD exports and identified
+    /// models, is accepted: [`crate::Inertia::triangle_excess`] gives the violation.
     ///
     /// # Errors
-    /// [`ArmError`] names the joint, the value and what is allowed: see its variants.
+    /// [`ArmError`] with the joint, the value and the permitted values: see its variants.
     pub fn new(
         name: &str,
         joints: Vec<Joint>,
@@ -26,8 +26,8 @@ impl Arm {
         Arm::derived(name, joints, tool, gravity, &Fitness::default())
     }
 
-    /// The same for an arm that is made of one with `fitness`: where that one lacked something for a [`crate::Purpose`], this one may, too,
-    /// and gains what its joints now have.
+    /// The same for an arm derived from one with `fitness`: a shortfall of that arm for a [`crate::Purpose`] is permitted here, too, and
+    /// disappears if the new joints remove it.
     ///
     /// # Errors
     /// As [`Arm::new`].
@@ -51,11 +51,11 @@ impl Arm {
         Ok(arm.with_fitness(fitness))
     }
 
-    /// The same arm with `joint` inserted before joint number `index` (from 0). The inserted joint takes over the placement of
-    /// joint `index`, which gets the identity placement; the placement given in `joint` is not used.
+    /// The same arm with `joint` inserted before joint number `index` (from 0). The inserted joint takes over the placement of joint
+    /// `index`, which gets the identity placement; the function ignores the placement in `joint`.
     ///
     /// # Errors
-    /// [`ArmError::NoSuchJoint`] for an index beyond the last joint, and whatever [`Arm::new`] finds.
+    /// [`ArmError::NoSuchJoint`] for an index beyond the last joint, and the errors of [`Arm::new`].
     pub fn with_joint_inserted_before(&self, index: usize, joint: Joint) -> Result<Arm, ArmError> {
         let mut joints = self.joints().to_vec();
         let next = joints.get_mut(index).ok_or(ArmError::NoSuchJoint { index, dof: self.dof() })?;

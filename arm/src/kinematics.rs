@@ -1,4 +1,4 @@
-//! Poses and velocities: q → poses; q → Jacobian; q, v → the tool's acceleration that the motion itself brings.
+//! Poses and velocities: q → poses; q → Jacobian; q, v → the tool's velocity-dependent acceleration.
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Vector3, Vector6};
 
@@ -31,8 +31,8 @@ pub fn jacobian(arm: &Arm, ws: &mut Workspace, q: &[f64], out: &mut DMatrix<f64>
     }
 }
 
-/// J̇·v: the acceleration that the tool has at v with no joint accelerated; linear (m/s², of the tool origin) first, then
-/// angular (rad/s²), world axes. Gravity has no part in it.
+/// J̇·v: the acceleration of the tool at v without joint accelerations; linear (m/s², of the tool origin) first, then angular (rad/s²),
+/// world axes. It does not include gravity.
 ///
 /// # Panics
 /// If the length of `q` or `v` or the workspace does not fit the arm.
@@ -90,9 +90,9 @@ pub(crate) fn place_links(arm: &Arm, ws: &mut Workspace, q: &[f64]) {
     }
 }
 
-/// Angular velocity of every link at `v`, and the part of each link's acceleration that velocity alone brings, after
-/// [`place_links`]. With r the way from the parent's origin and s the axis, it is ω×(s q̇) for the angular part of a revolute
-/// joint and ω×(ω×r), for a prismatic joint + 2 ω×(s q̇) (Coriolis 1835), for the linear part; ω is the parent's.
+/// Angular velocity of every link at `v`, and the velocity-dependent part of each link's acceleration, after [`place_links`]. With r the
+/// vector from the parent's origin and s the axis, it is ω×(s q̇) for the angular part of a revolute joint and ω×(ω×r), for a prismatic
+/// joint + 2 ω×(s q̇) (Coriolis 1835), for the linear part; ω is the parent's.
 #[inline(always)]
 pub(crate) fn turn_links(arm: &Arm, ws: &mut Workspace, v: &[f64]) {
     ws.check_sizes(arm, [v.len()]);

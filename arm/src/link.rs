@@ -1,28 +1,28 @@
-//! What the recursions need of each link, worked out once.
+//! Constants of each link for the recursions, computed once.
 
 use nalgebra::{Matrix3, Unit, Vector3};
 
 use crate::joint::{Inertia, Joint, JointKind};
 use crate::spatial::Symmetric3;
 
-/// What the recursions need of a joint and its link, worked out once.
+/// Constants of a joint and its link for the recursions, computed once.
 ///
-/// The link frame is turned against the parent's by P Rot(axis, q) with P the rotation of the placement; the link origin in the
-/// parent's frame is `offset` + q `slide`.
+/// The link frame is rotated against the parent's by P Rot(axis, q) with P the rotation of the placement; the link origin in the parent's
+/// frame is `offset` + q `slide`.
 #[derive(Clone, Debug)]
 pub(crate) struct LinkConstants {
     pub kind: JointKind,
-    /// P; `None` where it is the identity, as in most arm files that were written by hand.
+    /// P; `None` for the identity, as in most hand-written arm files.
     pub placed: Option<Matrix3<f64>>,
     pub turn: Turn,
     pub offset: Vector3<f64>,
     pub slide: Vector3<f64>,
     /// Axis in the parent's link frame.
     pub axis: Vector3<f64>,
-    /// Neither mass nor inertia: nothing to add to the articulated inertia.
+    /// True if the link has neither mass nor inertia, so that it adds nothing to the articulated inertia.
     pub massless: bool,
     pub mass: f64,
-    /// Inertia of the rotor as the joint feels it, kg·m² or kg.
+    /// Inertia of the rotor on the joint's side of the gear, kg·m² or kg.
     pub rotor_inertia: f64,
     /// m·c in the link frame, kg·m.
     pub first_moment: Vector3<f64>,
@@ -58,7 +58,7 @@ impl LinkConstants {
     }
 }
 
-/// A rotation about a fixed axis, as it is multiplied from the right to the rotation of a frame.
+/// A rotation about a fixed axis, as a right factor of a frame's rotation.
 #[derive(Clone, Debug)]
 pub(crate) enum Turn {
     /// About the coordinate axis `number` (0, 1, 2 for x, y, z), in the positive sense where `sign` is 1, else −1.
@@ -69,7 +69,7 @@ pub(crate) enum Turn {
 
 impl Turn {
     fn about(axis: &Unit<Vector3<f64>>) -> Turn {
-        // An axis that is only near a coordinate axis can also have a component of 1 to rounding.
+        // An axis close to a coordinate axis can also have a component of 1 to rounding.
         let alone = axis.iter().filter(|&&x| x != 0.0).count() == 1;
         match axis.iter().position(|x| x.abs() == 1.0) {
             Some(number) if alone => Turn::Coordinate { number, sign: axis[number] },
@@ -91,7 +91,7 @@ impl Turn {
                 let x = Vector3::new(r.m11, r.m21, r.m31);
                 let y = Vector3::new(r.m12, r.m22, r.m32);
                 let z = Vector3::new(r.m13, r.m23, r.m33);
-                // Two columns turn into each other; the third is the axis.
+                // The rotation mixes two columns; the third is the axis.
                 let turned = |a: Vector3<f64>, b: Vector3<f64>| (a * cos + b * sin, b * cos - a * sin);
                 let (x, y, z) = match number {
                     0 => {

@@ -1,4 +1,4 @@
-//! What the bearing of one joint carries along a whole motion, and what its journal does to the tool and the drives.
+//! The load of one joint's bearing along a whole motion, and the effect of its journal on the tool and the drives.
 
 use freeplay_arm::Arm;
 use nalgebra::Vector3;
@@ -6,23 +6,23 @@ use nalgebra::Vector3;
 use crate::columns::Columns;
 use crate::{BearingLoad, Clearance, ClearanceTable, Trajectory};
 
-/// One bearing along a motion, a number a point; the two coordinates across the joint's axis are those of [`ArmWithPlay`].
+/// One bearing along a motion, one number per point; the two coordinates across the joint's axis are those of [`ArmWithPlay`].
 #[derive(Clone, Debug)]
 pub(crate) struct BearingCourse {
-    /// Mass of all that lies beyond the joint, kg.
+    /// Mass of all links beyond the joint, kg.
     pub mass: f64,
     /// Force that the bearing carries while its journal rests, N.
     pub force: Vec<[f64; 2]>,
-    /// How the tool moves with the journal, m/m, base frame.
+    /// Displacement of the tool per displacement of the journal, m/m, base frame.
     pub tool: Vec<[Vector3<f64>; 2]>,
-    /// What the drives spend on the arm being where the journal puts it, `[joint][point]`, N·m (N) per m.
+    /// Additional torque of the drives per displacement of the journal, `[joint][point]`, N·m (N) per m.
     pub torque: Vec<Vec<[f64; 2]>>,
 }
 
 impl BearingCourse {
-    /// The bearing of `joint` of `arm` along `motion`; `None` where no play can be put into that joint.
+    /// The bearing of `joint` of `arm` along `motion`; `None` if that joint cannot have play.
     pub fn new(arm: &Arm, joint: usize, motion: &Trajectory) -> Option<BearingCourse> {
-        // How wide the play is changes nothing while its journal is in the middle.
+        // With the journal at the centre, the width of the play has no effect.
         let clearance = Clearance::new(&ClearanceTable::new(1e-4)).ok()?;
         let mut bearing = BearingLoad::new(arm, joint, clearance).ok()?;
         let mut course = BearingCourse {
@@ -38,7 +38,7 @@ impl BearingCourse {
             course.force.push(bearing.force());
             course.tool.push([bearing.moved([1.0, 0.0]), bearing.moved([0.0, 1.0])]);
             for (change, way) in change.iter_mut().zip([[1.0, 0.0], [0.0, 1.0]]) {
-                // The torque is a lever times a force, and so linear in the way.
+                // The torque is a lever times a force, and so linear in the displacement.
                 change.fill(0.0);
                 bearing.add_torques(way, 1.0, change);
                 bearing.add_torques([0.0; 2], -1.0, change);
@@ -50,14 +50,14 @@ impl BearingCourse {
         Some(course)
     }
 
-    /// Moves the `tool`, `[axis][point]`, as the journal at `place` does, m along the two slides.
+    /// Displaces the `tool`, `[axis][point]`, for the journal at `place`, m along the two slides.
     pub fn carry(&self, point: usize, place: [f64; 2], tool: &mut Columns) {
         let [first, second] = self.tool[point];
         let moved = first * place[0] + second * place[1];
         moved.iter().enumerate().for_each(|(axis, moved)| tool[axis][point] += moved);
     }
 
-    /// Adds to the drives' `torque`, `[joint][point]`, what the journal at `place` asks of them.
+    /// Adds the torque for the journal at `place` to the drives' `torque`, `[joint][point]`.
     pub fn burden(&self, point: usize, place: [f64; 2], torque: &mut Columns) {
         for (joint, per_metre) in self.torque.iter().enumerate() {
             let [first, second] = per_metre[point];

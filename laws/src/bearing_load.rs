@@ -1,18 +1,18 @@
-//! What the bearing of one joint carries, and how the tool moves with its journal: from the inverse dynamics of the arm with play.
+//! The load of one joint's bearing, and the tool's displacement by its journal: from the inverse dynamics of the arm with play.
 
 use freeplay_arm::{Arm, Workspace, jacobian, rnea};
 use nalgebra::{DMatrix, Vector3};
 
 use crate::{ArmWithPlay, Clearance, LawError};
 
-/// The bearing of one joint in a moving arm, its journal in the middle. All memory is taken when it is made.
+/// The bearing of one joint in a moving arm, its journal at the centre. The constructor allocates all memory.
 #[derive(Clone, Debug)]
 pub struct BearingLoad {
     play: ArmWithPlay,
     workspace: Workspace,
     joint: usize,
     slides: [usize; 2],
-    /// Position, velocity and acceleration of the joints, to be written before [`BearingLoad::force`].
+    /// Position, velocity and acceleration of the joints; write them before [`BearingLoad::force`].
     pub motion: [Vec<f64>; 3],
     spread: [Vec<f64>; 3],
     tau: Vec<f64>,
@@ -23,7 +23,7 @@ impl BearingLoad {
     /// The bearing of `joint` of `arm`.
     ///
     /// # Errors
-    /// [`LawError::Arm`] if the arm with play can't be built.
+    /// [`LawError::Arm`] if the arm with play is impossible.
     pub fn new(arm: &Arm, joint: usize, clearance: Clearance) -> Result<BearingLoad, LawError> {
         let play = ArmWithPlay::new(arm, &[(joint, clearance)])?;
         let (n, joints) = (play.arm().dof(), arm.dof());
@@ -39,7 +39,7 @@ impl BearingLoad {
         })
     }
 
-    /// Force b that the bearing has to carry in the present motion, along the two slides, N.
+    /// Force b that the bearing must carry in the present motion, along the two slides, N.
     pub fn force(&mut self) -> [f64; 2] {
         for (spread, nominal) in self.spread.iter_mut().zip(&self.motion) {
             self.play.spread(nominal, spread);
@@ -49,8 +49,8 @@ impl BearingLoad {
         self.slides.map(|slide| self.tau[slide])
     }
 
-    /// Adds to `torques`, one for each joint, `weight` times what the drives have to spend with the journal at `displacement`, m along the
-    /// two slides, N·m (N); after [`BearingLoad::force`].
+    /// Adds to `torques`, one for each joint, `weight` times the drives' torque with the journal at `displacement`, m along the two slides,
+    /// N·m (N); after [`BearingLoad::force`].
     pub fn add_torques(&mut self, displacement: [f64; 2], weight: f64, torques: &mut [f64]) {
         let put = |spread: &mut [f64], at: [f64; 2]| {
             self.slides.iter().zip(at).for_each(|(&slide, d)| spread[slide] = d);
@@ -69,7 +69,7 @@ impl BearingLoad {
         self.motion[1][self.joint]
     }
 
-    /// How the tool moves with the journal `displacement`, m along the two slides; after [`BearingLoad::force`].
+    /// Displacement of the tool by the journal's `displacement`, m along the two slides; after [`BearingLoad::force`].
     pub fn moved(&mut self, displacement: [f64; 2]) -> Vector3<f64> {
         jacobian(self.play.arm(), &mut self.workspace, &self.spread[0], &mut self.columns);
         let slides = self.slides.iter().zip(displacement);

@@ -1,8 +1,8 @@
 //! Nominal friction of a joint's drive.
 //!
 //! Law: τ = −F_v v − F_c s, with the viscous coefficient F_v \[N·m·s/rad\], the Coulomb level F_c \[N·m\] and the sign s of the velocity.
-//! In a simulation s is a state between −1 and 1, with which a joint sticks: see [`crate::DriveState::sign`]. For a recorded velocity, which
-//! noise never lets be zero, s is smoothed over a small speed v_ε: s(v) = tanh(v/v_ε).
+//! In a simulation s is a state variable between −1 and 1, with which a joint sticks: see [`crate::DriveState::sign`]. A recorded velocity
+//! is never exactly zero because of noise; for it s is smoothed over a small speed v_ε: s(v) = tanh(v/v_ε).
 //!
 //! Source: Coulomb 1785 and the `<dynamics damping friction>` of URDF. For prismatic joints read N and m.
 
@@ -18,7 +18,7 @@ pub struct DriveFriction {
 }
 
 impl DriveFriction {
-    /// v_ε, rad/s (m/s): the speed over which the sign of a recorded velocity is smoothed.
+    /// v_ε, rad/s (m/s): the speed for smoothing the sign of a recorded velocity.
     pub const SMOOTHING: f64 = 1e-4;
 
     /// The sign of the recorded velocity `v`, −1 to 1.
@@ -27,7 +27,7 @@ impl DriveFriction {
         (v / Self::SMOOTHING).tanh()
     }
 
-    /// The friction that an arm file names for a joint.
+    /// The friction of a joint in an arm file.
     pub fn nominal(friction: JointFriction) -> Self {
         Self { viscous: friction.viscous, coulomb: friction.coulomb }
     }

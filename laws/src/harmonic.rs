@@ -1,4 +1,4 @@
-//! What effects of the form a·sin(Nq + φ) share: the linear pair of coefficients, and the orders to search.
+//! Common parts of effects of the form a·sin(Nq + φ): the linear pair of coefficients, and the orders of the search.
 
 use toml::Table;
 
@@ -8,10 +8,10 @@ use crate::parameter::Parameter;
 use crate::place::Place;
 use crate::{LawError, Values};
 
-/// Name of the parameter that says how often a wave repeats.
+/// Name of the parameter with the number of periods of a wave.
 pub const PERIODS: &str = "periods";
 
-/// The parameters of a torque that is a [`Wave`] over the joint's position.
+/// The parameters of a torque with the form of a [`Wave`] over the joint's position.
 pub const TORQUE_PARAMETERS: &[Parameter] = &[
     Parameter::number("amplitude", "greatest torque of the wave", "N*m", [0.0, 1e6]).prismatic("N"),
     Parameter::number(PERIODS, "periods N of the wave in one turn", "1/rev", [1e-3, 1e5])
@@ -73,8 +73,8 @@ pub fn wave(amplitude: f64, periods: f64, phase: f64, q: f64) -> f64 {
     amplitude * (periods * q + phase).sin()
 }
 
-/// Periods for each unit of q that the motion can show: from the one that passes once over the way covered up to `MOST` times that, in
-/// steps of half a period over the way, and no faster than a fifth of the sampling rate at the joint's ninth decile of speed.
+/// Periods per unit of q that the motion can identify: from one period over the joint's travel up to `MOST` times that, in steps of half a
+/// period over the travel, and no faster than a fifth of the sampling rate at the joint's ninth decile of speed.
 pub fn orders(place: &Place) -> Vec<Table> {
     const MOST: usize = 120;
     let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };

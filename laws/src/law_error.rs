@@ -1,8 +1,8 @@
-//! The errors of an effect that cannot be taken from an arm file or put on an arm.
+//! The errors of an effect that is invalid in an arm file or impossible on an arm.
 
 use thiserror::Error;
 
-/// Why an effect can't be taken from an arm file.
+/// Reason why an effect of an arm file is invalid.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum LawError {
     /// A parameter is unknown, missing or of the wrong type.
@@ -12,46 +12,46 @@ pub enum LawError {
         kind: String,
         /// Line in the arm file; 0 if it does not come from one.
         line: usize,
-        /// What is wrong.
+        /// The error in words.
         message: String,
     },
-    /// A parameter is outside what the law allows.
+    /// A parameter is outside the range of the law.
     #[error("{}effect {kind}: {parameter} = {value} is out of range; it must be {range}", place(*.line))]
     OutOfRange {
         /// The effect's kind.
         kind: String,
         /// Line in the arm file; 0 if it does not come from one.
         line: usize,
-        /// Which parameter.
+        /// The parameter.
         parameter: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// The permitted range.
         range: &'static str,
     },
-    /// No such effect.
+    /// Unknown kind of effect.
     #[error("{}unknown effect kind {kind:?}; known: {known}", place(*.line))]
     UnknownKind {
-        /// What the file says.
+        /// The kind in the file.
         kind: String,
         /// Line in the arm file; 0 if it does not come from one.
         line: usize,
-        /// The kinds there are.
+        /// The known kinds.
         known: String,
     },
-    /// The effect names a joint that the arm does not have, or none.
+    /// The effect names a joint that the arm does not have, or names no joint.
     #[error("{}effect {kind}: joint {joint:?} is not one of {joints}", place(*.line))]
     UnknownJoint {
         /// The effect's kind.
         kind: String,
         /// Line in the arm file; 0 if it does not come from one.
         line: usize,
-        /// What the file says.
+        /// The name in the file.
         joint: String,
-        /// The joints there are.
+        /// The joints of the arm.
         joints: String,
     },
-    /// The effect cannot sit on this joint.
+    /// The effect is not possible on this joint.
     #[error("{}effect {kind}: joint {joint} is prismatic; the effect needs a revolute joint", place(*.line))]
     WrongJoint {
         /// The effect's kind.
@@ -61,7 +61,7 @@ pub enum LawError {
         /// The joint.
         joint: String,
     },
-    /// Two effects of one kind sit on one joint.
+    /// One joint has two effects of one kind.
     #[error("{}effect {kind}: joint {joint} has it twice; remove one", place(*.line))]
     Twice {
         /// The effect's kind.
@@ -71,7 +71,7 @@ pub enum LawError {
         /// The joint.
         joint: String,
     },
-    /// An effect changes the arm into one that cannot exist.
+    /// An effect changes the arm into an impossible one.
     #[error("the arm with its effects can't be built: {0}")]
     Changed(freeplay_arm::ArmError),
     /// The extended arm can't be built.
@@ -79,13 +79,13 @@ pub enum LawError {
     Arm(#[from] freeplay_arm::ArmError),
 }
 
-/// `line 12: `, or nothing for a table that does not come from a file.
+/// `line 12: `, or an empty text for a table without a file.
 fn place(line: usize) -> String {
     if line > 0 { format!("line {line}: ") } else { String::new() }
 }
 
 impl LawError {
-    /// The line of the arm file that it is about.
+    /// The line of the arm file with the error.
     pub fn line(&self) -> Option<usize> {
         match self {
             Self::Unreadable { line, .. }

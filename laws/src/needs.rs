@@ -1,11 +1,11 @@
-//! What a recording has to hold for an effect to be told from others, and what it lacks, in words.
+//! Requirements on a recording that identifies an effect, and missing requirements in words.
 
 use freeplay_arm::JointKind;
 
 use crate::place::{Place, Site};
 use crate::scene::torque_unit;
 
-/// What was recorded beside the motion.
+/// The recorded channels besides the motion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
     /// Joint torques.
@@ -16,7 +16,7 @@ pub struct Recorded {
     pub link: Vec<bool>,
 }
 
-/// One condition on a recording.
+/// One requirement on a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Need {
     /// Measured torques.
@@ -25,34 +25,34 @@ pub enum Need {
     Tool,
     /// The tool's position, or the joint's link encoder.
     Pose,
-    /// Measured torques, or something of the pose.
+    /// Measured torques, or a pose channel.
     TorqueOrPose,
     /// The joint moves.
     Motion,
-    /// So many changes of the joint's direction.
+    /// At least this number of changes of the joint's direction.
     Reversals(usize),
-    /// The fastest tenth of the moving samples is at least so many times as fast as the slowest.
+    /// The speed of the fastest tenth of the moving samples is at least this multiple of that of the slowest tenth.
     Speeds(f64),
     /// The model's load on the joint changes by at least this share of its greatest amount.
     LoadRange(f64),
     /// The model's load on the joint changes its sign.
     LoadReversal,
-    /// The joint covers so many of its own turns (m for a prismatic joint's pitch of 1 m).
+    /// The joint covers at least this number of its own turns (m for a prismatic joint's pitch of 1 m).
     Turns(f64),
-    /// The joint moves over at least this, rad (m).
+    /// The joint moves over at least this range, rad (m).
     Travel(f64),
-    /// So many seconds.
+    /// At least this duration, s.
     Duration(f64),
     /// The arm file names friction for the joint.
     NominalFriction,
 }
 
-/// Speed below which a joint stands, rad/s (m/s).
+/// Speed below which a joint counts as at rest, rad/s (m/s).
 const STILL: f64 = 1e-4;
 
 impl Need {
-    /// Whether it asks for a motion that tells the effect from others that are as plain. A law of a quantity that the motion keeps constant
-    /// is another, plainer law.
+    /// True if the requirement concerns a motion that distinguishes the effect from equally simple ones. If the motion keeps the quantity
+    /// of a law constant, the law reduces to a simpler one.
     pub(crate) fn is_coverage(self) -> bool {
         matches!(self, Need::Reversals(_) | Need::Speeds(_))
     }
@@ -92,7 +92,7 @@ impl Need {
         }
     }
 
-    /// What the motion of `joint` lacks.
+    /// The requirement that the motion of `joint` does not meet.
     fn missing_of_motion(self, place: &Place, joint: usize, name: &str) -> Option<String> {
         let (q, v) = (&place.scene.motion.q[joint], &place.scene.motion.v[joint]);
         let load = &place.scene.load[joint];
@@ -155,7 +155,7 @@ fn extremes(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| (least.min(*x), most.max(*x)))
 }
 
-/// How often the velocity changes its sign, standstill left out.
+/// Number of sign changes of the velocity, without rest.
 pub fn reversals(v: &[f64]) -> usize {
     let mut last = 0.0;
     v.iter()
@@ -168,7 +168,7 @@ pub fn reversals(v: &[f64]) -> usize {
         .count()
 }
 
-/// Ninth decile over first decile of the speeds of a joint that moves, `speeds` in ascending order; 1 if it stands.
+/// Ninth decile over first decile of the speeds of a moving joint, `speeds` in ascending order; 1 at rest.
 fn speed_ratio(speeds: &[f64]) -> f64 {
     let moving = &speeds[speeds.partition_point(|speed| *speed <= STILL)..];
     if moving.is_empty() {

@@ -1,15 +1,15 @@
-//! The arm whose joints have play: two slides across the axis before every joint with clearance.
+//! The arm with play: two slides across the axis before every joint with clearance.
 //!
-//! The extended arm is an ordinary [`Arm`]; the dynamics know nothing of clearances. Its coordinates are the nominal
-//! ones with the two slides of each clearance inserted before that joint's own coordinate, in metres, in the plane
-//! across the joint's axis: e₁ along the coordinate axis that the joint's axis is farthest from, e₂ = e₁ × axis.
+//! The extended arm is an ordinary [`Arm`]; the dynamics are independent of clearances. Its coordinates are the nominal ones with the two
+//! slides of each clearance inserted before that joint's own coordinate, in metres, in the plane across the joint's axis: e₁ along the
+//! coordinate axis farthest from the joint's axis, e₂ = e₁ × axis.
 
 use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits};
 use nalgebra::{Unit, Vector3};
 
 use crate::{Clearance, LawError};
 
-/// One joint with play, and where its coordinates are in the extended arm.
+/// One joint with play, and the indices of its coordinates in the extended arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Play {
     /// Index of the joint in the nominal arm.
@@ -18,11 +18,11 @@ pub struct Play {
     pub slides: [usize; 2],
     /// Index of the joint itself in the extended arm.
     pub turn: usize,
-    /// What happens in its bearing.
+    /// The contact in its bearing.
     pub clearance: Clearance,
 }
 
-/// The nominal arm with its plays, as an arm of more coordinates.
+/// The nominal arm with its plays, as an arm with more coordinates.
 #[derive(Clone, Debug)]
 pub struct ArmWithPlay {
     arm: Arm,
@@ -52,10 +52,10 @@ fn slide(name: &str, axis: Unit<Vector3<f64>>) -> Joint {
 }
 
 impl ArmWithPlay {
-    /// The arm `nominal` with `clearances` given by joint index, at most one a joint, in ascending order.
+    /// The arm `nominal` with `clearances` by joint index, at most one per joint, in ascending order.
     ///
     /// # Errors
-    /// [`LawError::Arm`] if the extended arm can't be built, as where nothing heavy follows a joint with play.
+    /// [`LawError::Arm`] if the extended arm is impossible, for example without mass beyond a joint with play.
     pub fn new(nominal: &Arm, clearances: &[(usize, Clearance)]) -> Result<Self, LawError> {
         let mut arm = nominal.clone();
         let mut joints: Vec<usize> = (0..nominal.dof()).collect();
@@ -92,14 +92,14 @@ impl ArmWithPlay {
         &self.plays
     }
 
-    /// Writes nominal coordinates into extended ones; the slides are left as they are.
+    /// Writes nominal coordinates into extended ones; the slides keep their values.
     pub fn spread(&self, nominal: &[f64], extended: &mut [f64]) {
         for (&index, &value) in self.joints.iter().zip(nominal) {
             extended[index] = value;
         }
     }
 
-    /// Reads the nominal coordinates out of extended ones.
+    /// Copies the nominal coordinates out of extended ones.
     pub fn gather(&self, extended: &[f64], nominal: &mut [f64]) {
         for (value, &index) in nominal.iter_mut().zip(&self.joints) {
             *value = extended[index];

@@ -1,13 +1,13 @@
-//! A model's prediction in place of each measured channel, and an effect's change of it.
+//! A model's prediction for each measured channel, and the change of it by an effect.
 
 use crate::columns::Columns;
 
-/// What a model says in place of each measured channel.
+/// The model's values for each measured channel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Prediction {
     /// Joint torques, `[joint][point]`, N·m (N).
     pub torque: Vec<Vec<f64>>,
-    /// The part of them that is the nominal friction of the drives.
+    /// The part of them from the nominal friction of the drives.
     pub friction: Vec<Vec<f64>>,
     /// Tool position in the base frame, `[axis][point]`, m.
     pub tool: [Vec<f64>; 3],
@@ -56,7 +56,7 @@ impl Prediction {
     }
 }
 
-/// By how much an effect changes what is predicted: a [`Prediction`] less another.
+/// The change of a prediction by an effect: a [`Prediction`] minus another.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Change {
     /// Joint torques, `[joint][point]`, N·m (N).
@@ -74,7 +74,7 @@ impl Change {
         Change { torque: joints.clone(), tool: Columns::zero(3, points), link: joints }
     }
 
-    /// What has changed from `before` to `after`.
+    /// The change from `before` to `after`.
     pub fn between(before: &Prediction, mut after: Prediction) -> Change {
         after.subtract(before);
         Change { torque: after.torque.into(), tool: Vec::from(after.tool).into(), link: after.link.into() }

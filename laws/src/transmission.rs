@@ -1,12 +1,12 @@
-//! What a spring–damper with a gap between motor and link does.
+//! A spring–damper with a gap between motor and link.
 //!
-//! Law: with the twist φ = θ − q between motor and link, full gap b, stiffness k and damping d,
-//! τ = k dead(φ) + d φ̇, dead(φ) = φ ∓ b/2 beyond the gap's ends, and τ = 0 within the gap. Flanks push and never pull: where a gap
-//! has two flanks, the damping cannot turn the torque of the touching one around.
+//! Law: with the twist φ = θ − q between motor and link, full gap b, stiffness k and damping d, τ = k dead(φ) + d φ̇, dead(φ) = φ ∓ b/2
+//! beyond the gap's ends, and τ = 0 within the gap. Flanks push and never pull: in a gap with two flanks, the damping cannot reverse the
+//! torque of the touching one.
 //! Units: rad, N·m, s; for prismatic joints m and N.
 //!
 //! Source: Spong 1987, J. Dyn. Syst. Meas. Control 109:310; Nordin & Gutman 2002, Automatica 38:1633, §2 (dead zone with damping).
-//! The law is continuous in φ where d = 0; with damping it steps by d φ̇ where a flank is met.
+//! The law is continuous in φ for d = 0; with damping it steps by d φ̇ at the contact with a flank.
 
 use crate::Transmission;
 
@@ -25,7 +25,7 @@ impl Transmission {
         if wound > 0.0 { torque.max(0.0) } else { torque.min(0.0) }
     }
 
-    /// The part of the twist that winds the spring up: the twist beyond the gap, rad.
+    /// The part of the twist that deflects the spring: the twist beyond the gap, rad.
     #[inline]
     pub fn wound(&self, twist: f64) -> f64 {
         let half = 0.5 * self.gap;
@@ -39,7 +39,7 @@ impl Transmission {
         0.5 * self.stiffness * wound * wound
     }
 
-    /// The twist at which the spring carries `torque`, N·m, at rest; rad. Within the gap, where there is none, its middle.
+    /// The twist at which the spring carries `torque`, N·m, at rest; rad. For zero torque, the middle of the gap.
     pub fn twist(&self, torque: f64) -> f64 {
         let side = if torque == 0.0 { 0.0 } else { torque.signum() };
         torque / self.stiffness + side * 0.5 * self.gap

@@ -1,4 +1,4 @@
-//! The contact of one joint with play: whether the journal touches, since when, how hard, how often.
+//! The contact of one joint with play: its state, start, forces and statistics.
 
 use freeplay_laws::{Approach, Archive, BearingContact, Clearance, bearing_contact};
 use serde::Serialize;
@@ -6,7 +6,7 @@ use serde::Serialize;
 /// A contact shorter than this is an impact, a longer one continuous, s (`PHYSICS`: 2 ms; a Hertz impact lasts about 0.5 ms).
 pub const IMPACT_LIMIT: f64 = 2e-3;
 
-/// How a journal spent its time, and how hard it hit.
+/// Durations of a journal's contact states, and its impact speeds and forces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ContactTally {
     /// Time in free flight, s.
@@ -15,9 +15,9 @@ pub struct ContactTally {
     pub impact: f64,
     /// Time in longer contacts, s.
     pub continuous: f64,
-    /// Contacts begun.
+    /// Number of contacts.
     pub contacts: u64,
-    /// Of these, ended before [`IMPACT_LIMIT`].
+    /// Number of contacts that ended before [`IMPACT_LIMIT`].
     pub impacts: u64,
     /// Approach speed of the first contact, m/s.
     pub first_speed: f64,
@@ -41,7 +41,7 @@ impl ContactTally {
     }
 }
 
-/// One joint's bearing: its law and the memory of its contact.
+/// One joint's bearing: its law and the state of its contact.
 #[derive(Clone, Debug)]
 pub struct Bearing {
     clearance: Clearance,
@@ -53,7 +53,7 @@ pub struct Bearing {
 }
 
 impl Bearing {
-    /// A bearing whose journal has not touched yet.
+    /// A bearing whose journal has had no contact yet.
     pub fn new(clearance: Clearance) -> Self {
         Self {
             clearance,
@@ -70,7 +70,7 @@ impl Bearing {
         &self.clearance
     }
 
-    /// Whether the journal touches.
+    /// True if the journal touches.
     pub fn touching(&self) -> bool {
         self.touching
     }
@@ -115,7 +115,7 @@ impl Bearing {
         contact
     }
 
-    /// Ends the contact that is going on, if one is.
+    /// Ends the present contact, if there is one.
     fn leave(&mut self) {
         if self.touching {
             self.tally = self.settled();
@@ -123,7 +123,7 @@ impl Bearing {
         }
     }
 
-    /// Transfers what the contact remembers.
+    /// Saves the state variables of the contact, or restores them.
     pub(crate) fn transfer_state(&mut self, archive: &mut Archive) {
         let Bearing { clearance: _, touching, impact_speed, episode, recent_peak, tally } = self;
         let ContactTally {
@@ -144,7 +144,7 @@ impl Bearing {
         archive.reals([first_speed, peak_speed, peak_normal_force, peak_penetration]);
     }
 
-    /// The tally with the contact that is going on counted to what it has been so far.
+    /// The tally including the present contact up to now.
     pub fn settled(&self) -> ContactTally {
         let mut tally = self.tally;
         if !self.touching {

@@ -1,9 +1,8 @@
-//! The energy ledger: where every joule went.
+//! The energy ledger: the complete energy balance.
 //!
-//! E(t) − E(0) = W_drives + W_tool − D_contact − D_friction − D_drives − D_transmissions, with E kinetic + potential + stored in
-//! the contacts and in the springs of transmissions.
-//! The dissipated parts are integrated as states beside the motion, so that conservation can be tested although
-//! contacts lose energy (Simbody's way). What is left, [`Ledger::residual`], is the integrator's error.
+//! E(t) − E(0) = W_drives + W_tool − D_contact − D_friction − D_drives − D_transmissions, with E kinetic + potential + stored in the
+//! contacts and in the springs of transmissions. The system integrates the dissipated parts as additional states, as Simbody does, so that
+//! tests can check conservation although contacts lose energy. The remainder, [`Ledger::residual`], is the integrator's error.
 
 use freeplay_laws::Archive;
 use serde::Serialize;
@@ -21,20 +20,20 @@ pub struct Ledger {
     pub elastic: f64,
     /// Work of the drives, prescribed joints included.
     pub drives: f64,
-    /// Lost in the contacts' damping.
+    /// Loss in the contacts' damping.
     pub damping: f64,
-    /// Lost in the contacts' friction.
+    /// Loss in the contacts' friction.
     pub contact_friction: f64,
-    /// Lost in the drives' friction and to the laws that effects put on the drives; a spring among these gives it back.
+    /// Loss in the drives' friction and in the laws of effects on the drives; a spring among these returns its energy.
     pub drive_friction: f64,
-    /// Lost in the damping of transmissions.
+    /// Loss in the damping of transmissions.
     pub transmission: f64,
     /// Work of the forces on the tool.
     pub tool_force: f64,
 }
 
 impl Ledger {
-    /// Transfers all energies.
+    /// Saves all energies, or restores them.
     pub(crate) fn transfer_state(&mut self, archive: &mut Archive) {
         let Ledger {
             initial,
@@ -57,7 +56,7 @@ impl Ledger {
         self.kinetic + self.potential + self.elastic
     }
 
-    /// What the entries leave unexplained; zero for an exact integrator.
+    /// Imbalance of the entries; zero for an exact integrator.
     pub fn residual(&self) -> f64 {
         let lost = self.damping + self.contact_friction + self.drive_friction + self.transmission;
         self.total() - self.initial - self.drives - self.tool_force + lost

@@ -1,18 +1,19 @@
-//! The truth: an arm whose joints have play, stepped in time, and the loop that plays the machine.
+//! The simulated machine: an arm whose joints have play, stepped in time, and the loop that runs it.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`Motion`]: where prescribed joints are, and how they brake.
+//! - [`Motion`]: positions of prescribed joints, and their braking.
 //! - [`System`]: the arm with play; [`Bearing`] is one joint's contact in it, [`Ledger`] keeps its energy.
-//! - [`Sensors`]: what the machine says of itself.
-//! - [`Gate`]: what may pass from a controller to the joints, and what is applied instead.
-//! - [`Reflexes`]: limits of what the arm does, beyond which its brakes close; [`Stop`] says when and why, [`LimitViolation`] beyond which limit.
-//! - [`ControllerManager`]: the controllers of a run, one in charge, the others warm; [`Swap`] is a change of who is in charge, [`Blend`] takes
-//!   the jump out of it; [`ReferenceDivergence`] is what sound controllers differ by.
-//! - [`TickRecord`]: all that is worth keeping of one tick; it leaves the loop through a queue.
-//! - [`Stages`]: how long each stage of the loop took.
-//! - [`OperatorRequests`]: what a person asks of the loop while it runs.
-//! - [`JointUse`]: what the run asked of the drives, beside their limits.
+//! - [`Sensors`]: the machine's measurements.
+//! - [`Gate`]: the check of commands from a controller to the joints, and the fallback for commands that fail.
+//! - [`Reflexes`]: limits of the arm's motion, beyond which its brakes close; [`Stop`] holds the time and the reason, [`LimitViolation`]
+//!   the limit.
+//! - [`ControllerManager`]: the controllers of a run, one active, the others standbys; [`Swap`] is a change of the active controller,
+//!   [`Blend`] smooths the command at a swap; [`ReferenceDivergence`] is the difference between controllers in a fault-free run.
+//! - [`TickRecord`]: the record of one tick; it leaves the loop through a queue.
+//! - [`Stages`]: latencies of the stages of the loop.
+//! - [`OperatorRequests`]: requests of a user to the running loop.
+//! - [`JointUse`]: use of the drives in a run, beside their limits.
 //! - [`Misses`]: the missed deadlines, each with its [`Evidence`] and its [`MissCause`].
 //! - [`Plant`]: the loop itself.
 

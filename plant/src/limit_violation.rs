@@ -1,11 +1,11 @@
-//! A limit and what went beyond it: of which joint, by how much.
+//! A violated limit, with the joint and the value.
 
 use freeplay_arm::JointKind;
 use serde::Serialize;
 
 use crate::rejection::Rejection;
 
-/// What is limited.
+/// The limited quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -79,20 +79,20 @@ impl Quantity {
     }
 }
 
-/// A limit that was not kept.
+/// A violated limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimitViolation {
-    /// What is limited.
+    /// The limited quantity.
     pub quantity: Quantity,
     /// The joint, from 0.
     pub joint: usize,
-    /// The value found; of a tracking error and of a speed its magnitude.
+    /// The value found; for a tracking error and for a speed its magnitude.
     pub value: f64,
     /// The limit.
     pub limit: f64,
 }
 
-/// Why the brakes closed.
+/// Reason of the closing of the brakes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum StopReason {
@@ -112,28 +112,28 @@ impl StopReason {
     }
 }
 
-/// When and why the brakes closed.
+/// Time and reason of the closing of the brakes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// The tick.
     pub tick: u64,
-    /// Why.
+    /// The reason.
     pub reason: StopReason,
-    /// The limit that was not kept, where it was one.
+    /// The violated limit, if a limit was the reason.
     pub excess: Option<LimitViolation>,
 }
 
-/// A command that was refused.
+/// A refused command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefusedCommand {
-    /// The tick whose answer it was.
+    /// The tick that it answered.
     pub tick: u64,
     /// The slot of the controller.
     pub slot: usize,
-    /// Whether the controller was to take over with it.
+    /// True if the controller was about to take over with it.
     pub takes_over: bool,
-    /// Why.
+    /// The reason.
     pub reason: Rejection,
-    /// The limit that it would not have kept, where it was one.
+    /// The limit that it would have violated, if a limit was the reason.
     pub excess: Option<LimitViolation>,
 }

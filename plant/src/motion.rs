@@ -1,4 +1,4 @@
-//! Where prescribed joints are.
+//! Motions of prescribed joints.
 
 use freeplay_path::JointPath;
 
@@ -29,13 +29,13 @@ impl Hermite {
         Self { start: 0.0, duration: 1.0, ends: [vec![[0.0; 3]; dof], vec![[0.0; 3]; dof]] }
     }
 
-    /// Sets where the motion starts at time `start`, s, as \[q, v, a\] of each joint, and how long it takes, s.
+    /// Sets the initial state at time `start`, s, as \[q, v, a\] of each joint, and the duration, s.
     pub fn begin(&mut self, start: f64, duration: f64, from: impl Iterator<Item = [f64; 3]>) {
         (self.start, self.duration) = (start, duration);
         self.ends[0].iter_mut().zip(from).for_each(|(end, state)| *end = state);
     }
 
-    /// Sets where the motion ends, as \[q, v, a\] of each joint.
+    /// Sets the final state, as \[q, v, a\] of each joint.
     pub fn finish(&mut self, to: impl Iterator<Item = [f64; 3]>) {
         self.ends[1].iter_mut().zip(to).for_each(|(end, state)| *end = state);
     }
@@ -67,7 +67,7 @@ pub(crate) fn quintic(h: f64, s: f64, from: [f64; 3], to: [f64; 3]) -> [f64; 3] 
     ]
 }
 
-/// Joints that brake: each slows down at a constant rate to a standstill and stays there.
+/// Braking joints: each slows down at a constant rate to rest and stays there.
 #[derive(Clone, Debug)]
 pub struct Braking {
     start: f64,

@@ -1,32 +1,32 @@
-//! Position servos of the joints: what makes a torque of the command that has reached them.
+//! Position servos of the joints: they turn the commands that reach them into torques.
 //!
-//! τ = k e′ − d q̇ within the torque limit, with e = r − q, e′ = e less the dead band. The set-point r goes to the command, rounded down to the servo's
-//! resolution and shifted by its offset, no faster than the speed limit; a command acts its delay after it was sent. Friction is the
-//! joint's own.
+//! τ = k e′ − d q̇ within the torque limit, with e = r − q, e′ = e outside of the dead band less its half width, and zero inside. The
+//! set-point r follows the command, rounded down to the servo's resolution and shifted by its offset, no faster than the speed limit; a
+//! command takes effect a delay after its sending. Friction is the joint's own.
 //! Source: Åström & Murray 2008, Feedback Systems, §10.
 
 use std::collections::VecDeque;
 
 use freeplay_laws::{Archive, ServoLaw};
 
-/// The servo of one joint at work.
+/// The servo of one joint with its state.
 #[derive(Clone, Debug)]
 pub(crate) struct PositionServo {
     law: ServoLaw,
     /// Time from a command to its effect, s.
     delay: f64,
-    /// Commands under way: when each acts, s, and the set-point that it asks for, rad (m).
+    /// Pending commands: the time at which each takes effect, s, and its set-point, rad (m).
     under_way: VecDeque<(f64, f64)>,
     asked: f64,
     set_point: f64,
-    /// What it gave in the last sub-step, N·m (N).
+    /// Torque in the last sub-step, N·m (N).
     torque: f64,
 }
 
 impl PositionServo {
-    /// A servo whose commands come at least `period` s after each other.
+    /// A servo whose commands arrive at least `period` s apart.
     pub fn new(law: ServoLaw, delay: f64, period: f64) -> Self {
-        // Room for all that can be under way, so that the loop allocates nothing.
+        // Capacity for all commands that can be pending, so that the loop allocates nothing.
         let room = (delay / period).ceil() as usize + 2;
         let under_way = VecDeque::with_capacity(room);
         Self { law, delay, under_way, asked: 0.0, set_point: 0.0, torque: 0.0 }
@@ -51,13 +51,13 @@ impl PositionServo {
         self.under_way.push_back((t + self.delay, rounded + self.law.offset));
     }
 
-    /// Transfers the set-point and the commands under way.
+    /// Saves the set-point and the pending commands, or restores them.
     pub fn transfer_state(&mut self, archive: &mut Archive) {
         let PositionServo { law: _, delay: _, under_way, asked, set_point, torque } = self;
         archive.reals([asked, set_point, torque]);
         let mut commands = under_way.len() as u64;
         archive.count(&mut commands);
-        // No more commands can be under way than there is room for; a list of words with more of them is left incomplete.
+        // No more commands can be pending than the capacity; a longer list of words is left incomplete.
         under_way.resize((commands as usize).min(under_way.capacity()), (0.0, 0.0));
         for (due, command) in under_way {
             archive.reals([due, command]);
@@ -82,7 +82,7 @@ impl PositionServo {
         self.torque
     }
 
-    /// What it gave in the last sub-step, N·m (N).
+    /// Torque in the last sub-step, N·m (N).
     pub fn torque(&self) -> f64 {
         self.torque
     }

@@ -1,36 +1,37 @@
-//! By how much sound controllers differ, tick by tick: what a sound run of the same motion showed.
+//! The differences between fault-free controllers, tick by tick, from a fault-free run of the same motion.
 //!
-//! Two sound controllers differ by what one corrects and the other does not see. On a straight stretch that is next to nothing, around a
-//! corner a fifth of a joint's range for a few ticks, with both signs. One tolerance for the whole motion is therefore either a false alarm at
-//! each corner or blind between them. What repeats is the course of the difference: it belongs to the motion, not to who is in charge.
+//! Two fault-free controllers differ where one corrects an error that the other does not model. On a straight stretch the difference is
+//! nearly zero, around a corner a fifth of a joint's range for a few ticks, with both signs. A single tolerance for the whole motion
+//! therefore either raises a false alarm at each corner or misses faults between them. The course of the difference is repeatable: it
+//! depends on the motion, not on the active controller.
 
 use freeplay_shm::Joints;
 
-/// Ticks before and after one within which the sound run's differences count: what came a little earlier or later is as sound.
+/// Ticks before and after one within which the differences of the fault-free run count, for small shifts in time.
 const REACH: usize = 2;
 
-/// The differences of a sound run.
+/// The differences of a fault-free run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReferenceDivergence {
     courses: Vec<Vec<Joints>>,
 }
 
 impl ReferenceDivergence {
-    /// From the `courses` of the slots from 1 on: for each tick what the controller of that slot said less what that of slot 0 said,
-    /// N·m or rad; NaN where one of them said nothing.
+    /// From the `courses` of the slots from 1 on: for each tick the answer of that slot's controller minus that of slot 0, N·m or rad; NaN
+    /// if one of them did not answer.
     #[must_use]
     pub fn new(courses: Vec<Vec<Joints>>) -> Self {
         Self { courses }
     }
 
-    /// Controllers of the sound run.
+    /// Number of controllers in the fault-free run.
     #[must_use]
     pub fn slots(&self) -> usize {
         self.courses.len() + 1
     }
 
-    /// Least and greatest difference of `joint` from the controller of slot `one` to that of slot `other` around `tick`; `None` where the
-    /// sound run tells nothing.
+    /// Least and greatest difference of `joint` from the controller of slot `one` to that of slot `other` around `tick`; `None` if the
+    /// fault-free run has no data there.
     pub(crate) fn span(&self, tick: u64, [one, other]: [usize; 2], joint: usize) -> Option<[f64; 2]> {
         let tick = usize::try_from(tick).ok()?;
         let around = tick.saturating_sub(REACH)..=tick.saturating_add(REACH);
@@ -42,7 +43,7 @@ impl ReferenceDivergence {
         })
     }
 
-    /// What the controller of `slot` said at `tick` less what that of slot 0 said.
+    /// Answer of the controller of `slot` at `tick` minus that of slot 0.
     fn at(&self, tick: usize, slot: usize, joint: usize) -> Option<f64> {
         match slot.checked_sub(1) {
             None => Some(0.0),

@@ -1,12 +1,12 @@
-//! Every tick's round trip, also of those that were never answered.
+//! Every tick's round trip, including ticks without an answer.
 //!
-//! A controller that was away answers the newest state and passes over the ones before: had only answers been counted, a stall of twenty
-//! ticks would be one long round trip among thousands of short ones (coordinated omission; Tene, "How NOT to measure latency", 2013). Here
-//! a tick without an answer of its own waits, by the schedule, for the first answer to a later one.
+//! A controller that was not running answers the newest state and skips the ones before. If only answers counted, a stall of twenty ticks
+//! would be one long round trip among thousands of short ones (coordinated omission; Tene, "How NOT to measure latency", 2013). Here a tick
+//! without an answer of its own waits, by the schedule, for the first answer to a later tick.
 
 use freeplay_shm::Schedule;
 
-/// Which ticks have had their answer.
+/// The ticks that have had their answer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RoundTrips {
     schedule: Schedule,
@@ -15,12 +15,12 @@ pub(crate) struct RoundTrips {
 }
 
 impl RoundTrips {
-    /// From the tick `first` of `schedule` on.
+    /// Round trips from the tick `first` of `schedule` on.
     pub(crate) fn new(schedule: Schedule, first: u64) -> Self {
         Self { schedule, next: first }
     }
 
-    /// An answer to `tick` came at `received`: `record` is given the round trip of it, and of all before it that had none, ns.
+    /// Records an answer to `tick` at `received`: passes its round trip, and those of all earlier ticks without an answer, to `record`, ns.
     pub(crate) fn answered(&mut self, tick: u64, received: u64, mut record: impl FnMut(u64)) {
         for waiting in self.next..=tick {
             record(self.schedule.late_ns(waiting, received));
@@ -28,7 +28,8 @@ impl RoundTrips {
         self.next = self.next.max(tick + 1);
     }
 
-    /// The ticks before `played` that have no answer by `now` will have none: for each, `record` is given the time that it has waited, ns.
+    /// Completes the run: the ticks before `played` without an answer by `now` will have none. Passes the waiting time of each to `record`,
+    /// ns.
     pub(crate) fn finish(&mut self, played: u64, now: u64, record: impl FnMut(u64)) {
         if let Some(last) = played.checked_sub(1) {
             self.answered(last, now, record);

@@ -1,7 +1,7 @@
-//! What the machine says of itself: quantised, noisy, late.
+//! The machine's measurements: quantised, noisy, delayed.
 //!
-//! Each channel reads y(k) = Q(x(k − d) + σ ν), with the delay d in ticks, the standard deviation σ of a seeded
-//! Gaussian noise ν, and rounding Q to multiples of the resolution. All zero reads the truth.
+//! Each channel reads y(k) = Q(x(k − d) + σ ν), with the delay d in ticks, the standard deviation σ of a seeded Gaussian noise ν, and
+//! rounding Q to multiples of the resolution. With all three zero, a channel reads the true value.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -22,10 +22,10 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// The longest delay that is kept, ticks.
+    /// The longest permitted delay, ticks.
     pub const LONGEST_DELAY: u32 = 1000;
 
-    /// What is wrong with this channel, if anything.
+    /// Describes the invalid field of this channel, if there is one.
     pub fn fault(&self) -> Option<String> {
         if !(self.resolution.is_finite() && self.resolution >= 0.0) {
             return Some(format!("resolution = {} must be 0 or more", self.resolution));
@@ -62,7 +62,7 @@ impl Default for SensorsSpec {
 }
 
 impl SensorsSpec {
-    /// What is wrong with these sensors, if anything: the channel and the fault.
+    /// Describes the invalid channel and its field, if there is one.
     pub fn fault(&self) -> Option<String> {
         [
             ("position", &self.position),
@@ -75,7 +75,7 @@ impl SensorsSpec {
     }
 }
 
-/// A group of readings of one kind with their memory.
+/// A group of readings of one kind with their history.
 #[derive(Clone, Debug)]
 struct Probe {
     channel: Channel,
@@ -91,7 +91,7 @@ impl Probe {
         Self { channel, width, past, newest: 0, started: false }
     }
 
-    /// Reads `values` in place. Before the delay has passed once, the first values are read.
+    /// Reads `values` in place. Before the first delay has passed, the readings are the first values.
     fn read(&mut self, values: &mut [f64], noise: &mut ChaCha8Rng) {
         let slots = self.channel.delay as usize + 1;
         if !self.started {
@@ -115,7 +115,7 @@ impl Probe {
     }
 }
 
-/// The sensors at work.
+/// The sensors with their state.
 #[derive(Clone, Debug)]
 pub struct Sensors {
     noise: ChaCha8Rng,

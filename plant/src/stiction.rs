@@ -1,22 +1,23 @@
-//! How dry friction stops a joint and holds it.
+//! Dry friction that stops a joint and holds it.
 //!
-//! Coulomb's friction of a joint that stands is any torque between −F and F, as much as it takes; a sign that is smoothed over a small speed lets a
-//! loaded joint creep, and a light one, which friction stops within a sub-step, never stands at all. So the share s of F that acts is a state. Each
-//! sub-step of length h moves it by what would stop the velocity v⁺ at its end, and keeps it between −1 and 1: s ← [s + B v⁺/F], B = β I/h. A
-//! joint of inertia I that sticks then loses the share β of its velocity in a sub-step, and a joint that slides has s = ±1. This is the projection by
-//! which time-stepping methods solve dry friction, one step of it a sub-step (Moreau 1988, "Unilateral Contact and Dry Friction in Finite Freedom
-//! Dynamics"; Alart & Curnier 1991, Comput. Methods Appl. Mech. Eng. 92:353).
+//! Coulomb friction of a joint at rest is any torque between −F and F that holds the joint. With a sign smoothed over a small speed a
+//! loaded joint creeps, and a light one, which friction stops within a sub-step, never comes to rest. The share s of F that acts is
+//! therefore a state variable. Each sub-step of length h changes it by the share that would stop the velocity v⁺ at its end, and clamps it
+//! to −1…1: s ← [s + B v⁺/F], B = β I/h. A sticking joint of inertia I then loses the share β of its velocity in a sub-step, and a sliding
+//! joint has s = ±1. This is the projection of time-stepping methods for dry friction, with one iteration per sub-step (Moreau 1988,
+//! "Unilateral Contact and Dry Friction in Finite Freedom Dynamics"; Alart & Curnier 1991, Comput. Methods Appl. Mech. Eng. 92:353).
 //!
-//! Where other joints are free, I is less than the mass matrix has: 1/(M⁻¹)ⱼⱼ. Where several joints stick at once, each takes part of the others'
-//! velocity, at most λ times as much as its own, with λ the greatest eigenvalue of M⁻¹ scaled to ones on its diagonal; β is divided by it.
+//! With other joints free, I is less than the diagonal of the mass matrix: 1/(M⁻¹)ⱼⱼ. If several joints stick at once, each receives part
+//! of the others' velocity, at most λ times as much as its own, with λ the greatest eigenvalue of M⁻¹ scaled to ones on its diagonal; β is
+//! therefore divided by λ.
 
 use freeplay_arm::Arm;
 
 use crate::SystemError;
 use crate::rotor::{GREATEST_LOSS, greatest_together, least_inertias, mobility};
 
-/// The torques that stop a unit of velocity of each joint of `arm` within a sub-step of `step` s, N·m·s/rad (N·s/m), where the joints that `motors`
-/// names have a motor of that inertia, kg·m² (kg), behind a transmission, for a motion through `postures`.
+/// The torques that stop a unit of velocity of each joint of `arm` within a sub-step of `step` s, N·m·s/rad (N·s/m), for a motion through
+/// `postures`. A joint with an entry in `motors` has a motor of that inertia, kg·m² (kg), behind a transmission.
 ///
 /// # Errors
 /// [`SystemError::NoInertiaLeft`]

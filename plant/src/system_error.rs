@@ -1,13 +1,13 @@
-//! The errors of a system that cannot be built or goes wrong.
+//! The errors of a system: construction and integration.
 
 use freeplay_arm::Shortfall;
 use freeplay_laws::LawError;
 use thiserror::Error;
 
-/// The longest sub-step that is allowed where a contact can happen, s.
+/// The longest sub-step for a system with contacts, s.
 pub const MAX_CONTACT_STEP: f64 = 1e-4;
 
-/// Why a system can't be built or went wrong.
+/// Reason why construction or integration of a system failed.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SystemError {
     /// The sub-step is too long for contacts.
@@ -15,7 +15,7 @@ pub enum SystemError {
         "a sub-step of {step:e} s can't resolve a contact (it lasts about 5e-4 s); take {MAX_CONTACT_STEP:e} s or less: more sub-steps a tick"
     )]
     StepTooLong {
-        /// The step asked for, s.
+        /// The requested step, s.
         step: f64,
     },
     /// There must be at least one sub-step, of a positive length.
@@ -26,18 +26,18 @@ pub enum SystemError {
         /// Its sub-steps.
         substeps: u32,
     },
-    /// A transmission swings too fast for the sub-step.
+    /// A transmission oscillates too fast for the sub-step.
     #[error(
         "the transmission of {joint} swings at {frequency:.0} Hz against a rotor inertia of {motor:.2e}: too fast for a sub-step of {step:e} s; take {needed} sub-steps a tick or more, or give the joint a larger rotor_inertia"
     )]
     TransmissionTooStiff {
         /// The joint.
         joint: String,
-        /// Frequency with which motor and link swing against each other, Hz.
+        /// Frequency of the oscillation of motor and link against each other, Hz.
         frequency: f64,
-        /// The step asked for, s.
+        /// The requested step, s.
         step: f64,
-        /// Sub-steps a tick that would do.
+        /// Sufficient number of sub-steps per tick.
         needed: f64,
         /// Inertia on the motor's side, kg·m² (kg).
         motor: f64,
@@ -75,19 +75,19 @@ pub enum SystemError {
         joint: String,
         /// Its damping.
         damping: f64,
-        /// The least inertia that it feels along the motion, all others free.
+        /// The least effective inertia along the motion, all other joints free.
         inertia: f64,
         /// Units of the two.
         units: [&'static str; 2],
         /// The sub-step, s.
         step: f64,
-        /// Sub-steps a tick that would do.
+        /// Sufficient number of sub-steps per tick.
         needed: f64,
     },
-    /// The arm can't be simulated as its file has it.
+    /// The arm of this file is not suitable for a simulation.
     #[error(transparent)]
     Unfit(#[from] Shortfall),
-    /// The effects leave no arm that can be.
+    /// The effects make the arm impossible.
     #[error(transparent)]
     Law(#[from] LawError),
     /// A coordinate is no longer finite.

@@ -1,4 +1,4 @@
-//! All that is worth keeping of one tick; it leaves the loop through a queue.
+//! The record of one tick; it leaves the loop through a queue.
 
 use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS, State};
 use sha2::{Digest, Sha256};
@@ -8,7 +8,7 @@ use crate::{Applied, Rejection};
 /// Most joints with play that a record can hold.
 pub const MAX_PLAYS: usize = freeplay_shm::MAX_JOINTS;
 
-/// What no standby said.
+/// The differences without standbys.
 pub const NO_DIFFERENCES: [Joints; MAX_SLOTS - 1] = [[f64::NAN; MAX_JOINTS]; MAX_SLOTS - 1];
 
 /// One joint's bearing at a tick.
@@ -22,36 +22,36 @@ pub struct PlayRecord {
     pub episode: f64,
 }
 
-/// One tick: what was said, what was applied, and the truth beside it.
+/// One tick: the messages, the applied command, and the true state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickRecord {
-    /// What the plant said.
+    /// The plant's message.
     pub state: State,
-    /// The answer to it, if it came before its deadline.
+    /// The answer to it, if it arrived before its deadline.
     pub command: Option<Command>,
-    /// What was in force during this tick.
+    /// Command source during this tick.
     pub applied: Applied,
-    /// Why the answer was not let through, if it was not.
+    /// Reason of the rejection of the answer, if the gate rejected it.
     pub rejection: Option<Rejection>,
-    /// True tool position minus that of the perfect arm on the desired joints, base frame, m.
+    /// True tool position minus that of the nominal arm at the desired joint positions, base frame, m.
     pub deviation: [f64; 3],
     /// True tool pose: x y z (m), qx qy qz qw.
     pub tool: [f64; 7],
-    /// Position of each joint on the link's side of its transmission as its sensor reads it, rad (m).
+    /// Position of each joint on the link's side of its transmission as its sensor measures it, rad (m).
     pub link: Joints,
     /// Greatest force of the base on the first moving body during the tick that ended here, N.
     pub peak_base_force: f64,
     /// The bearings, in the order of the arm's plays.
     pub plays: [PlayRecord; MAX_PLAYS],
-    /// What each slot from 1 on said less what slot 0 said, see [`crate::ControllerManager::differences`].
+    /// Answer of each slot from 1 on minus that of slot 0, see [`crate::ControllerManager::differences`].
     pub differences: [Joints; MAX_SLOTS - 1],
-    /// Marks that were set so far, see [`crate::OperatorRequest::Mark`].
+    /// Number of marks set so far, see [`crate::OperatorRequest::Mark`].
     pub marks: u32,
 }
 
 impl TickRecord {
-    /// Feeds this tick's State and Command into `hash`: every field but the wall-clock times, little-endian, in the
-    /// order of the layout. Two lockstep runs of one scenario give the same bytes.
+    /// Feeds this tick's State and Command into `hash`: every field except the wall-clock times, little-endian, in the order of the layout.
+    /// Two lockstep runs of one scenario give the same bytes.
     pub fn digest(&self, hash: &mut Sha256) {
         digest_state(&self.state, hash);
         if let Some(command) = &self.command {
@@ -65,7 +65,7 @@ fn feed(hash: &mut Sha256, values: &[f64]) {
 }
 
 fn digest_state(state: &State, hash: &mut Sha256) {
-    // `run` is drawn anew for every run, and the times are the wall's: neither is part of the motion.
+    // `run` is random in every run, and the times are wall-clock times: neither is part of the motion.
     hash.update(state.tick.to_le_bytes());
     for word in [state.layout, state.joints, state.mode, state.flags] {
         hash.update(word.to_le_bytes());

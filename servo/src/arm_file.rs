@@ -7,7 +7,7 @@ use crate::burden::with_zeros;
 use crate::joint::JointServo;
 use crate::servo_arm::ServoArm;
 
-/// Kinds of effects of a servo that a rollout knows; effects of the arm itself act, too.
+/// Kinds of effects of a servo that a rollout includes; it also includes effects of the arm itself.
 const AT_JOINTS: [&str; 9] = [
     "servo",
     "command_delay",
@@ -19,7 +19,7 @@ const AT_JOINTS: [&str; 9] = [
     "presliding_friction",
     "rotor_inertia",
 ];
-/// What is recorded late of all joints.
+/// The kind of a delay in the recording of all joints.
 const LATE: &str = "time_delay";
 
 impl ServoArm {
@@ -52,13 +52,13 @@ impl ServoArm {
             servo.coulomb = (servo.coulomb + joint.friction.coulomb).max(0.0);
             servo.damping = (servo.damping + joint.friction.viscous).max(0.0);
         }
-        // An encoder that is read late shows all of the motion late, as if its commands were.
+        // Delayed encoders delay the whole motion, as delayed commands do.
         let late = encoders_late(file)?;
         joints.iter_mut().for_each(|servo| servo.delay += late);
         Ok(Some(ServoArm { gaps: each(file, "backlash", "gap")?, ..ServoArm::new(arm, joints) }))
     }
 
-    /// The effects of `file` that a rollout does not know, by kind.
+    /// The effects of `file` that a rollout does not include, by kind.
     pub fn unused(file: &ArmFile) -> Vec<&str> {
         let is_known = |name: &str| AT_JOINTS.contains(&name) || CHANGES_ARM.contains(&name) || name == LATE;
         let mut unused: Vec<&str> =
@@ -69,7 +69,7 @@ impl ServoArm {
     }
 }
 
-/// Time by which the encoders of `file` are read late, s.
+/// Delay of the encoders of `file`, s.
 fn encoders_late(file: &ArmFile) -> Result<f64, LawError> {
     let mut late = 0.0;
     for table in file.effects.iter().filter(|table| table.kind == LATE) {
@@ -82,11 +82,11 @@ fn encoders_late(file: &ArmFile) -> Result<f64, LawError> {
     Ok(late)
 }
 
-/// Kinds of effects that change the arm that is integrated.
+/// Kinds of effects that change the integrated arm.
 const CHANGES_ARM: [&str; 6] =
     ["payload", "link_mass", "base_tilt", "link_length", "encoder_offset", "backlash"];
 
-/// The number `name` of the effect of the kind `of` at each joint of `file`; zero where there is none.
+/// The number `name` of the effect of the kind `of` at each joint of `file`; zero without such an effect.
 fn each(file: &ArmFile, of: &str, name: &str) -> Result<Vec<f64>, LawError> {
     let mut all = vec![0.0; file.arm.dof()];
     for table in file.effects.iter().filter(|table| table.kind == of) {
@@ -119,10 +119,10 @@ fn add(joint: &mut JointServo, name: &str, values: &Values) -> Result<(), LawErr
                 values.optional("upper")?.unwrap_or(f64::INFINITY),
             ];
         }
-        // Over the way in which presliding friction builds up a stiff servo does not tell it from a jump.
+        // Over the travel in which presliding friction builds up, a stiff servo does not distinguish it from a jump.
         "coulomb_friction" | "presliding_friction" => joint.coulomb += values.number("coulomb")?,
         "asymmetric_friction" => {
-            // Friction that differs between the directions is its mean with a constant torque, which moves the set-point.
+            // Friction that depends on direction equals its mean plus a constant torque, which moves the set-point.
             let (forwards, backwards) = (values.number("positive")?, values.number("negative")?);
             joint.coulomb += 0.5 * (forwards + backwards);
             joint.offset -= 0.5 * (forwards - backwards) / joint.stiffness;

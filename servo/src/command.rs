@@ -1,8 +1,8 @@
-//! The commands of one joint as its servo sees them: held between stamps, late, rounded down.
+//! The commands of one joint as its servo receives them: held between stamps, delayed, rounded down.
 
 use crate::joint::JointServo;
 
-/// The commands of one joint over a recording. Each is held until the next; before the first, the first.
+/// The commands of one joint over a recording. Each holds until the next; before the first, the first.
 #[derive(Clone, Debug)]
 pub struct Commands {
     stamps: Vec<f64>,
@@ -10,10 +10,10 @@ pub struct Commands {
 }
 
 impl Commands {
-    /// Commands `values` (rad) at `stamps` (s, increasing). A value that is not a number repeats the one before.
+    /// Commands `values` (rad) at `stamps` (s, increasing). NaN repeats the previous value.
     ///
     /// # Panics
-    /// If the two have different lengths or there is none.
+    /// If the two differ in length or are empty.
     pub fn new(stamps: &[f64], values: &[f64]) -> Commands {
         assert_eq!(stamps.len(), values.len(), "one stamp for each command");
         assert!(!stamps.is_empty(), "there is at least one command");
@@ -32,8 +32,8 @@ impl Commands {
         self.stamps.partition_point(|stamp| *stamp <= t).saturating_sub(1)
     }
 
-    /// Mean over the time from `from` to `to` (s) of the set-point that `joint` makes of the commands, rad: exact for held commands,
-    /// so that it changes smoothly with the delay. `cursor` follows the time and must not be ahead of it.
+    /// Mean over the time from `from` to `to` (s) of the set-point of `joint` for the commands, rad: exact for held commands, so that it
+    /// changes smoothly with the delay. `cursor` follows the time and must not be ahead of it.
     #[inline]
     pub fn mean(&self, cursor: &mut usize, joint: &JointServo, from: f64, to: f64) -> f64 {
         let (from, to) = (from - joint.delay, to - joint.delay);
@@ -58,7 +58,7 @@ impl Commands {
         self.values[self.cursor(t)]
     }
 
-    /// The command at the time `t` (s) along straight lines between the stamps, rad (m).
+    /// The command at the time `t` (s) by linear interpolation between the stamps, rad (m).
     pub fn between(&self, t: f64) -> f64 {
         let at = self.cursor(t);
         let (Some(next), Some(value)) = (self.stamps.get(at + 1), self.values.get(at + 1)) else {
@@ -68,7 +68,7 @@ impl Commands {
         self.values[at] + share * (value - self.values[at])
     }
 
-    /// The set-point that `joint` makes of the command in force at the time `t`, s; rad.
+    /// The set-point of `joint` for the command in force at the time `t`, s; rad.
     pub fn at(&self, joint: &JointServo, t: f64) -> f64 {
         self.set_point(joint, self.cursor(t - joint.delay))
     }

@@ -1,16 +1,17 @@
-//! Arms on position servos: from commanded to measured positions, and from recordings of both back to the servos.
+//! Arms on position servos: simulation from commanded to measured positions, and identification of the servos from recordings of both.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
 //! - [`Commands`]: the commands of one joint, held between their stamps.
 //! - [`JointServo`]: the law of one joint: servo, friction, limits, delay; a piece of it is a [`Linearization`].
-//! - [`ServoArm`]: the rigid arm with the servo of each joint, as an arm file has them.
-//! - [`Burden`]: what the arm carries and how it stands beside what its file says.
+//! - [`ServoArm`]: the rigid arm with the servo of each joint, from an arm file.
+//! - [`Burden`]: loads and mounting of the arm in addition to its file.
 //! - [`Sliding`]: one step with set-valued friction; [`Rollout`]: many of them from a [`State`] along a [`Course`] of commands.
-//! - [`Track`]: a recording of commanded and measured positions; its windows begin anew from what was measured. One joint of it, under the [`Load`] that it had, is a track, too.
-//! - [`Sight`]: what a recording says of a joint before any rollout ([`sights`], [`lag`]); [`servos`] to begin a fit from.
-//! - [`Unknown`]: a [`ModelParameter`] of a joint that a fit looks for, with what is believed of it before ([`unknowns`]).
-//! - [`Problem`]: windows of recordings; [`Fitted`]: what came out of them, with the [`Noise`] that is left.
+//! - [`Track`]: a recording of commanded and measured positions; each window starts from the measured state. One joint of it, under its
+//!   recorded [`Load`], is a track, too.
+//! - [`Sight`]: estimates for a joint from a recording before any rollout ([`sights`], [`lag`]); [`servos`]: the initial servos of a fit.
+//! - [`Unknown`]: a [`ModelParameter`] of a joint that a fit estimates, with its prior ([`unknowns`]).
+//! - [`Problem`]: windows of recordings; [`Fitted`]: the result of their fit, with the remaining [`Noise`].
 
 mod alone;
 mod arm_file;

@@ -1,9 +1,10 @@
-//! How far measured positions are off a model: the size of it for each joint, and how many rows count as one.
+//! The noise of measured positions against a model: its size for each joint, and the number of rows that count as one.
 
-/// Degrees of freedom of Student's t by which rows are weighed: heavy enough that a contact of a few seconds does not bend a fit, light
-/// enough that it costs little on Gaussian errors (Lange, Little & Taylor 1989, J. Am. Stat. Assoc. 84:881, recommend it where it is not estimated).
+/// Degrees of freedom of Student's t for the weights of rows: its tails are heavy enough that a contact of a few seconds does not bias a
+/// fit, and light enough that it costs little on Gaussian errors (Lange, Little & Taylor 1989, J. Am. Stat. Assoc. 84:881, recommend this
+/// value if it is not estimated).
 pub const DEGREES_OF_FREEDOM: f64 = 4.0;
-/// Passes in which size and weights settle; each takes a share of the error, and both need not be exact.
+/// Passes for size and weights; each reduces the error by a factor, and neither needs to be exact.
 const PASSES: usize = 10;
 
 /// Noise of each joint.
@@ -11,7 +12,7 @@ const PASSES: usize = 10;
 pub struct Noise {
     /// Size σ, rad (m).
     pub size: Vec<f64>,
-    /// Rows that count as one, as they are correlated: 1 + 2 Σ ρ.
+    /// Number of correlated rows that count as one: 1 + 2 Σ ρ.
     pub rows: Vec<f64>,
 }
 
@@ -44,7 +45,7 @@ impl Noise {
         Noise { size: vec![self.size[joint]], rows: vec![self.rows[joint]] }
     }
 
-    /// Log-likelihood lost to the residual `r` of `joint`, against none; zero where nothing was measured.
+    /// Loss of log-likelihood by the residual `r` of `joint`, against a residual of zero; zero without a measurement.
     #[inline]
     pub fn loss(&self, joint: usize, r: f64) -> f64 {
         if r.is_nan() {
@@ -68,7 +69,7 @@ fn weight(z: f64) -> f64 {
     (DEGREES_OF_FREEDOM + 1.0) / (DEGREES_OF_FREEDOM + z * z)
 }
 
-/// Scale of Student's t for `residuals`, by expectation and maximisation from the median of their amounts.
+/// Scale of Student's t for `residuals`, by expectation maximisation from the median of their magnitudes.
 fn size_of(residuals: &[f64]) -> f64 {
     if residuals.is_empty() {
         return 0.0;
@@ -86,12 +87,13 @@ fn size_of(residuals: &[f64]) -> f64 {
     size
 }
 
-/// Lags of a correlation that are looked at one by one; beyond, in steps of this share of the lag, as a correlation of so many rows changes
-/// little from one to the next. So its cost grows with the rows, and with the length of the windows only by its logarithm.
+/// Up to this lag the correlation is computed at each lag; beyond, in steps of this share of the lag, since the correlation of so many rows
+/// changes little from one lag to the next. The cost thus grows linearly with the rows, but only logarithmically with the length of the
+/// windows.
 const EACH_LAG: usize = 16;
 
-/// 1 + 2 Σ ρ of all windows together, up to the first lag that is not correlated (Geyer 1992, Stat. Sci. 7:473, initial positive sequence); between the lags
-/// that are looked at along straight lines.
+/// 1 + 2 Σ ρ of all windows together, up to the first uncorrelated lag (Geyer 1992, Stat. Sci. 7:473, initial positive sequence); linear
+/// interpolation between the computed lags.
 fn correlated(windows: &[Vec<f64>]) -> f64 {
     let product = |lag: usize| {
         let of_window = |w: &Vec<f64>| w.iter().zip(w.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
@@ -109,7 +111,7 @@ fn correlated(windows: &[Vec<f64>]) -> f64 {
         if rho <= 0.0 {
             return 1.0 + 2.0 * sum;
         }
-        // The lags after the last one up to this one, along a line.
+        // The lags from the last computed one to this one, by linear interpolation.
         let steps = (lag - last) as f64;
         sum += 0.5 * (steps - 1.0) * before + 0.5 * (steps + 1.0) * rho;
         (last, before) = (lag, rho);
@@ -120,7 +122,7 @@ fn correlated(windows: &[Vec<f64>]) -> f64 {
 mod tests {
     use super::correlated;
 
-    /// Of an autoregression with coefficient φ the sum is (1 + φ)/(1 − φ).
+    /// For an autoregression with coefficient φ the sum is (1 + φ)/(1 − φ).
     #[test]
     fn correlation_of_an_autoregression() {
         let mut state = 12345_u64;

@@ -1,4 +1,4 @@
-//! A recording of commanded and measured positions, and the windows of it that rollouts go through.
+//! A recording of commanded and measured positions, and its windows for rollouts.
 
 use std::ops::Range;
 
@@ -7,9 +7,9 @@ use crate::load::Load;
 use crate::rollout::{Course, Rollout, State};
 use crate::servo_arm::ServoArm;
 
-/// Rows at the beginning of a window from which its initial state is estimated.
+/// Rows at the beginning of a window that determine its initial state.
 const START_ROWS: usize = 5;
-/// Rows on each side from which velocities, accelerations and increments are taken.
+/// Rows on each side for velocities, accelerations and increments.
 pub(crate) const REACH: usize = 2;
 
 /// A recording of commanded and measured positions.
@@ -17,11 +17,11 @@ pub(crate) const REACH: usize = 2;
 pub struct Track {
     /// Stamps, s, increasing.
     pub stamps: Vec<f64>,
-    /// Measured position, `[joint][row]`, rad (m); not a number where it is missing.
+    /// Measured position, `[joint][row]`, rad (m); NaN where it is missing.
     pub measured: Vec<Vec<f64>>,
-    /// Commands, one a joint.
+    /// Commands, one per joint.
     pub commands: Vec<Commands>,
-    /// The load of its only joint in each row ([`Track::each_alone`]); empty where the arm makes the loads.
+    /// The load of its only joint in each row ([`Track::each_alone`]); empty if the arm computes the loads.
     pub loads: Vec<Load>,
 }
 
@@ -43,8 +43,8 @@ impl Track {
         windows
     }
 
-    /// Position and velocity of all joints at the beginning of `rows`: a straight line through the first rows of each. Where the joint
-    /// was not measured, its command.
+    /// Position and velocity of all joints at the beginning of `rows`: a straight line through the first rows of each. For a joint without
+    /// a measurement, its command.
     pub fn start(&self, rows: &Range<usize>) -> State {
         let first = rows.start..rows.end.min(rows.start + START_ROWS);
         let line = |joint: usize| {
@@ -59,7 +59,8 @@ impl Track {
         State { q, v }
     }
 
-    /// Measured minus simulated position of `model` on `rows`, `[row][joint]`; not a number where it was not measured, infinite where the simulation left all numbers.
+    /// Measured minus simulated position of `model` on `rows`, `[row][joint]`; NaN without a measurement, infinite where the simulation
+    /// diverged.
     pub fn residual(&self, model: &ServoArm, rollout: &mut Rollout, rows: &Range<usize>) -> Vec<f64> {
         let mut out = self.simulated(model, rollout, rows);
         let joints = self.measured.len();
@@ -74,8 +75,9 @@ impl Track {
         out
     }
 
-    /// Whether each position of `model` on `rows`, `[row][joint]`, says nothing of how they began: two beginnings, one as estimated and one at rest where the
-    /// joint was measured first, lead to the same within `noise` (rad (m), a number a joint). What they disagree on tells of the beginning, and of no servo.
+    /// True where the position of `model` on `rows`, `[row][joint]`, does not depend on the initial state: simulations from two initial
+    /// states, the estimated one and rest at the first measured position, agree within `noise` (rad (m), one number per joint). Rows where
+    /// they disagree carry information on the initial state, not on the servo.
     pub fn forgets(
         &self,
         model: &ServoArm,
@@ -108,7 +110,7 @@ impl Track {
     }
 }
 
-/// Value at zero and slope of the line of least squares through `points`; `None` without a point.
+/// Value at zero and slope of the least-squares line through `points`; `None` without a point.
 fn line_through(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let n = points.len() as f64;
     let (t, q) = points.iter().fold((0.0, 0.0), |sum, point| (sum.0 + point.0 / n, sum.1 + point.1 / n));

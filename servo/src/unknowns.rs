@@ -1,34 +1,35 @@
-//! The numbers that a fit looks for, each with what is believed of it before.
+//! The parameters that a fit estimates, each with its prior.
 
 use crate::model_parameter::ModelParameter;
 use crate::servo_arm::ServoArm;
 
-/// One number that a fit looks for.
+/// One parameter that a fit estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unknown {
     /// Index of the joint.
     pub joint: usize,
-    /// What it is.
+    /// The parameter.
     pub parameter: ModelParameter,
-    /// The value believed before, in the unit of the parameter.
+    /// Mean of the prior, in the unit of the parameter.
     pub expected: f64,
-    /// Standard deviation of that belief.
+    /// Standard deviation of the prior.
     pub deviation: f64,
     /// Step of its finite differences.
     pub step: f64,
-    /// Whether it stands in N·m ([`ModelParameter::value_in_torque`]), as in a model whose stiffness is known: else it is a ratio to the stiffness.
+    /// True if the value is in N·m ([`ModelParameter::value_in_torque`]), as in a model with a known stiffness; otherwise it is a ratio to
+    /// the stiffness.
     pub is_torque: bool,
     /// The least value that it may have, [`ModelParameter::least`] if nothing else is known.
     pub least: f64,
 }
 
 impl Unknown {
-    /// Whether `other` is the same parameter of the same joint, whatever is believed of it.
+    /// True if `other` is the same parameter of the same joint, for any prior.
     pub fn is_same(&self, other: &Unknown) -> bool {
         self.joint == other.joint && self.parameter == other.parameter
     }
 
-    /// The same in N·m, where the servo has `stiffness`, N·m/rad.
+    /// The same in N·m, for a servo with `stiffness`, N·m/rad.
     #[must_use]
     pub fn in_torque(self, stiffness: f64) -> Unknown {
         if self.is_torque { self } else { Unknown { is_torque: true, ..self.scaled(stiffness) } }
@@ -52,7 +53,7 @@ impl Unknown {
                 least: self.least * factor,
                 ..self
             },
-            // A logarithm.
+            // The value is a logarithm.
             ModelParameter::TorqueLimit => Unknown { expected: self.expected + factor.ln(), ..self },
             _ => self,
         }
@@ -67,7 +68,7 @@ impl Unknown {
         if self.is_torque { self.parameter.value_in_torque(joint) } else { self.parameter.of(joint) }
     }
 
-    /// Gives it the value `x` in `arm`.
+    /// Sets its value in `arm` to `x`.
     pub fn set(&self, arm: &mut ServoArm, x: f64) {
         if self.parameter.is_of_arm() {
             return arm.bear(self.joint, self.parameter, x);
@@ -82,7 +83,7 @@ mod tests {
     use super::{ModelParameter, Unknown};
     use crate::joint::JointServo;
 
-    /// What is set as a ratio reads in N·m as what is set in N·m, and back.
+    /// A value set as a ratio equals the value set in N·m, and vice versa.
     #[test]
     fn ratios_and_torques_are_one_number() {
         let stiffness = 40.0;

@@ -1,4 +1,4 @@
-//! Forward dynamics: q, v and what drives each joint → accelerations.
+//! Forward dynamics: q, v and the drive of each joint → accelerations.
 
 use nalgebra::Vector3;
 
@@ -10,20 +10,19 @@ use crate::link::LinkConstants;
 use crate::spatial::{Acceleration, ArticulatedInertia, Wrench};
 use crate::workspace::{LinkState, Workspace, WrenchSource};
 
-/// What drives a joint.
+/// The drive of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Drive {
-    /// A torque (N·m) or force (N); the acceleration follows.
+    /// A torque (N·m) or force (N); the algorithm computes the acceleration.
     Torque(f64),
-    /// A prescribed acceleration (rad/s² or m/s²); the torque that it needs follows.
+    /// A prescribed acceleration (rad/s² or m/s²); the algorithm computes the torque.
     Acceleration(f64),
 }
 
-/// Joint accelerations `a` (rad/s² or m/s²) under the torques `tau` at `q`, `v`, gravity included and joint friction left out:
-/// the solution of M(q) a = tau − h(q, v). The articulated-body algorithm (Featherstone 1983; 2008, §7.3), O(n).
+/// Joint accelerations `a` (rad/s² or m/s²) under the torques `tau` at `q`, `v`, with gravity and without joint friction: the solution of
+/// M(q) a = tau − h(q, v). The articulated-body algorithm (Featherstone 1983; 2008, §7.3), O(n).
 ///
-/// At a posture where a joint feels no inertia the result is not finite; [`Arm::new`] excludes arms of which that is true
-/// everywhere.
+/// At a posture where a joint moves no inertia the result is not finite; [`Arm::new`] excludes arms for which this holds at every posture.
 ///
 /// # Panics
 /// If a slice or the workspace does not fit the arm.
@@ -35,9 +34,9 @@ pub fn aba(arm: &Arm, ws: &mut Workspace, q: &[f64], v: &[f64], tau: &[f64], a: 
     spread(arm, ws, |i| Drive::Torque(tau[i]), |i, acceleration, _| a[i] = acceleration);
 }
 
-/// Forward dynamics where some joints follow a prescribed motion (Featherstone 2008, §9.2): for a joint driven by
-/// [`Drive::Acceleration`] that value is copied to `a` and the torque it needs is written to `tau`; for the others the given
-/// torque is copied to `tau` and the acceleration written to `a`. A prescribed joint hands the inertia beyond it on in full.
+/// Forward dynamics where some joints follow a prescribed motion (Featherstone 2008, §9.2). For a joint with [`Drive::Acceleration`] the
+/// function copies that value to `a` and writes the necessary torque to `tau`; for the others it copies the given torque to `tau` and
+/// writes the acceleration to `a`. A prescribed joint transmits the full inertia beyond it.
 ///
 /// # Panics
 /// If a slice or the workspace does not fit the arm.
@@ -65,7 +64,7 @@ pub fn hybrid_aba(
     );
 }
 
-/// Calls `report` with the inertia (kg·m² or kg) that each joint feels when all joints beyond it are free, at `q`.
+/// Calls `report` with the effective inertia (kg·m² or kg) of each joint when all joints beyond it are free, at `q`.
 pub(crate) fn felt_inertia(arm: &Arm, ws: &mut Workspace, q: &[f64], mut report: impl FnMut(usize, f64)) {
     place_links(arm, ws, q);
     for link in &mut ws.links {
@@ -78,7 +77,7 @@ pub(crate) fn felt_inertia(arm: &Arm, ws: &mut Workspace, q: &[f64], mut report:
     }
 }
 
-/// Adds the link itself to what it carries: its inertia, and the wrench that its velocity asks for.
+/// Adds the link itself to the inertia and the wrench of the links beyond: its inertia, and its velocity-dependent wrench.
 #[inline(always)]
 fn add_link(joint: &LinkConstants, link: &LinkState, inertia: &mut ArticulatedInertia, wrench: &mut Wrench) {
     let j = joint.inertia.rotated(&link.rotation);
@@ -125,7 +124,7 @@ fn gather(arm: &Arm, ws: &mut Workspace, drive: impl Fn(usize) -> Drive) {
     }
 }
 
-/// Accelerations outwards, after [`gather`]; `report` gets joint number, acceleration and torque.
+/// Accelerations outwards, after [`gather`]; `report` receives joint number, acceleration and torque.
 #[inline(always)]
 fn spread(
     arm: &Arm,

@@ -1,16 +1,16 @@
-//! The inertia of a body in MJCF: principal moments that a real body can have.
+//! The inertia of a body in MJCF: principal moments of a possible body.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::joint::Inertia;
 
-/// Least moment of a moving body, kg·m²: ten times what MuJoCo takes for zero.
+/// Least moment of a moving body, kg·m²: ten times MuJoCo's threshold for zero.
 pub(super) const LEAST_MOMENT: f64 = 1e-14;
 
 /// Least mass of a moving body, kg: with [`LEAST_MOMENT`] a body of 0.1 m.
 pub(super) const LEAST_MASS: f64 = 1e-12;
 
-/// Share of the largest moment by which a moment may be changed for rounding.
+/// Permitted relative change of a moment by rounding, against the largest moment.
 const ROUNDING: f64 = 1e-9;
 
 /// Mass, principal moments and their axes.
@@ -21,12 +21,12 @@ pub(super) struct Principal {
     pub moments: Vector3<f64>,
     /// The principal axes in the link's frame.
     pub axes: UnitQuaternion<f64>,
-    /// Greatest change of a moment against the model's, kg·m², where it is more than rounding.
+    /// Greatest change of a moment against the model's, kg·m², if it exceeds rounding.
     pub changed: Option<f64>,
 }
 
 impl Principal {
-    /// The moments of `inertia`, or the nearest that obey A + B ≥ C and are positive.
+    /// The moments of `inertia`, or the nearest positive ones that satisfy A + B ≥ C.
     pub fn of(inertia: &Inertia) -> Principal {
         let tensor = inertia.about_com;
         let is_diagonal = tensor.iter().enumerate().all(|(i, x)| i % 4 == 0 || *x == 0.0);
@@ -48,8 +48,8 @@ impl Principal {
         }
     }
 
-    /// Names the axes in another order. MuJoCo takes the mass matrix of a body whose principal axes and centre are those of its frame for diagonal, also where
-    /// two of its slides are parallel, as motor and gear are; any order but the frame's own keeps it from that.
+    /// Names the axes in another order. If the principal axes and the centre of a body are those of its frame, MuJoCo assumes a diagonal
+    /// mass matrix, even if two of its slides are parallel, as those of motor and gear are. Any order but the frame's own prevents this.
     pub fn turn(&mut self) {
         let order =
             Rotation3::from_matrix_unchecked(Matrix3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0));
@@ -59,7 +59,7 @@ impl Principal {
     }
 }
 
-/// Axes of which the third is the cross product of the others.
+/// Axes with the third as the cross product of the others.
 fn right_handed(mut axes: Matrix3<f64>) -> Rotation3<f64> {
     if axes.determinant() < 0.0 {
         axes.column_mut(2).neg_mut();
@@ -67,13 +67,13 @@ fn right_handed(mut axes: Matrix3<f64>) -> Rotation3<f64> {
     Rotation3::from_matrix_unchecked(axes)
 }
 
-/// The nearest moments that are positive and obey A + B ≥ C.
+/// The nearest positive moments that satisfy A + B ≥ C.
 fn possible(values: Vector3<f64>) -> Vector3<f64> {
     let mut moments = values.map(|moment| moment.max(LEAST_MOMENT));
     let excess = 2.0 * moments.max() - moments.sum();
     if excess > 0.0 {
         let largest = moments.imax();
-        // The orthogonal projection on A + B = C, a rounding inside of it.
+        // The orthogonal projection on A + B = C, by a rounding error inside of it.
         let share = excess / 3.0 + 1e-15 * moments.max();
         moments.add_scalar_mut(share);
         moments[largest] -= 2.0 * share;

@@ -7,10 +7,10 @@ use super::parts::{Gear, JointParts};
 use super::xml::{number, numbers};
 use crate::joint::JointKind;
 
-/// Bound of a range that is open on one side, rad or m.
+/// Bound of a range without a bound on one side, rad or m.
 const OPEN: f64 = 1e9;
 
-/// Impedance of flanks that give: the share of what MuJoCo adds to their spring and damper.
+/// Impedance of elastic flanks: the share of MuJoCo's additional term against their spring and damper.
 const SOFT: f64 = 0.01;
 
 /// Writes the joints of the body that joint number `index` moves.
@@ -50,7 +50,7 @@ fn kind(parts: &JointParts) -> (&'static str, String) {
     ("type", kind.to_owned())
 }
 
-/// The joint that the motor turns, which carries all that acts on the motor's side.
+/// The joint of the motor, with all effects on the motor's side.
 fn motor(parts: &JointParts) -> Vec<(&'static str, String)> {
     let joint = &parts.joint;
     let mut attributes =
@@ -76,11 +76,11 @@ fn motor(parts: &JointParts) -> Vec<(&'static str, String)> {
     attributes
 }
 
-/// The numbers of a joint that stands for a gear.
+/// The attributes of a joint that represents a gear.
 ///
-/// Flanks are limits. In MuJoCo a limit at the depth r, met at the speed v, gives the force f = (−b v − k r − a₀)/(R + A), a₀ being the acceleration
-/// without it, A the mobility and R = A (1 − d)/d for the impedance d. With d small the part of a₀ is small, and f = K r + D v for
-/// k = K A/d and b = D A/d, which `solref` says as −K A and −D A (MuJoCo documentation, "Solver parameters", direct format).
+/// Flanks are limits. In MuJoCo a limit at the depth r and the speed v gives the force f = (−b v − k r − a₀)/(R + A), a₀ being the
+/// acceleration without it, A the mobility and R = A (1 − d)/d for the impedance d. With d small the part of a₀ is small, and f = K r + D v
+/// for k = K A/d and b = D A/d, which `solref` expresses as −K A and −D A (MuJoCo documentation, "Solver parameters", direct format).
 fn flanks(gear: &Gear) -> Vec<(&'static str, String)> {
     let half = 0.5 * gear.gap;
     let range = ("range", numbers(&[-half, half]));

@@ -1,7 +1,7 @@
 //! A mechanism → the text of a URDF or MJCF file.
 //!
-//! A [`Mechanism`] is a rigid arm with [`Element`]s, in terms that multibody tools share. Each format writes the elements that it has words
-//! for and lists the others: [`Exported::unsaid`], which also stand at the top of the file as a comment.
+//! A [`Mechanism`] is a rigid arm with [`Element`]s, in terms that are common to multibody tools. Each format writes the elements that it
+//! can express and lists the others: [`Exported::unsaid`], which also appear as a comment at the top of the file.
 
 mod element;
 mod inertia;
@@ -21,14 +21,14 @@ pub use element::{Channel, Element};
 pub use mjcf::to_mjcf;
 pub use urdf::to_urdf;
 
-/// A rigid arm and everything beyond it that an exported file has to say.
+/// A rigid arm with all elements for an exported file.
 #[derive(Clone, Debug)]
 pub struct Mechanism {
-    /// The rigid arm, with the changes of masses, lengths and gravity in it.
+    /// The rigid arm, including the changes of masses, lengths and gravity.
     pub arm: Arm,
     /// The elements beyond it, in the order in which they act on a measurement.
     pub elements: Vec<Named>,
-    /// Properties that no format has words for, one line each.
+    /// Properties that no format can express, one line each.
     pub unsaid: Vec<String>,
 }
 
@@ -46,7 +46,7 @@ pub struct Named {
 pub struct Exported {
     /// The text of the file.
     pub text: String,
-    /// Properties of the model that the file does not say, one line each.
+    /// Properties of the model that the file cannot express, one line each.
     pub unsaid: Vec<String>,
 }
 

@@ -9,7 +9,7 @@ use crate::joint::{Joint, JointKind};
 /// One joint with its elements.
 #[derive(Clone, Debug)]
 pub(super) struct JointParts {
-    /// The joint, placed so that it stands where its encoder reads zero.
+    /// The joint, placed so that its zero is the zero of its encoder's reading.
     pub joint: Joint,
     /// Inertia on the joint's own row, kg·m² (kg).
     pub armature: f64,
@@ -25,11 +25,11 @@ pub(super) struct JointParts {
     pub gear: Option<Gear>,
     /// Radial clearance, m.
     pub play: Option<f64>,
-    /// True over measured torque, and the measured torque where the true one is zero.
+    /// True over measured torque, and the measured torque at zero true torque.
     pub measured: [f64; 2],
     /// Least and greatest true torque of the drive.
     pub torque: [f64; 2],
-    /// The servo that closes the loop of the position, if commands are positions.
+    /// The servo of the position loop, if commands are positions.
     pub servo: Option<Servo>,
     /// Time from a command to its effect, s.
     pub command_delay: f64,
@@ -58,7 +58,7 @@ pub(super) struct Gear {
     pub damping: f64,
     pub gap: f64,
     pub friction: f64,
-    /// Acceleration between motor and link per torque between them where all joints stand at zero, 1/(kg·m²) (1/kg).
+    /// Relative acceleration of motor and link per torque between them with all joints at zero, 1/(kg·m²) (1/kg).
     pub mobility: f64,
 }
 
@@ -243,14 +243,14 @@ impl JointParts {
         });
     }
 
-    /// Bounds the torque that is measured at this point of the chain.
+    /// Limits the measured torque at this point of the chain.
     fn limit(&mut self, limit: f64) {
         let [gain, offset] = self.measured;
         let [least, most] = [-limit, limit].map(|measured| (measured - offset) * gain);
         self.torque = [self.torque[0].max(least), self.torque[1].min(most)];
     }
 
-    /// Places the joint so that its zero is where its encoder reads zero.
+    /// Places the joint so that its zero is the zero of its encoder's reading.
     fn turn_back(&mut self, offset: f64) {
         let axis = self.joint.axis;
         self.joint.placement *= match self.joint.kind {

@@ -1,7 +1,8 @@
 //! A mechanism → URDF.
 //!
-//! URDF knows masses, places, limits, `<dynamics damping friction>` and nothing else beyond the rigid arm. Its gravity is 9.81 m/s² along
-//! the world's −z: an arm that hangs otherwise gets a link `world` before its base. An encoder's zero goes into the place of its joint.
+//! URDF has masses, placements, limits and `<dynamics damping friction>`, and nothing else beyond the rigid arm. Its gravity is 9.81 m/s²
+//! along the world's −z: an arm with another direction of gravity gets a link `world` before its base. The zero of an encoder becomes part
+//! of the placement of its joint.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -14,18 +15,18 @@ use super::{Element, Exported, Mechanism};
 use crate::brief::brief;
 use crate::joint::{Joint, JointKind};
 
-/// Gravity that tools take for a URDF, m/s².
+/// Gravity that tools assume for a URDF, m/s².
 const GRAVITY: f64 = 9.81;
 
-/// A limit that a tool demands and the model does not have: beyond any machine, in rad, m, rad/s, N·m.
+/// The value of a limit that tools require and the model lacks: beyond any machine, in rad, m, rad/s, N·m.
 const NO_LIMIT: f64 = 1e9;
 
-/// Names of the link that the arm stands on, of the one before it where gravity demands one, and of the tool frame.
+/// Names of the base link, of the link before it if gravity requires one, and of the tool frame.
 const BASE: &str = "base_link";
 const WORLD: &str = "world";
 const TOOL: &str = "tool0";
 
-/// The URDF of `mechanism`. Links are called as their joints with `_link` behind; the tool frame is `tool0`.
+/// The URDF of `mechanism`. Each link has its joint's name with the suffix `_link`; the tool frame is `tool0`.
 pub fn to_urdf(mechanism: &Mechanism) -> Exported {
     let parts = Parts::of(mechanism, is_said);
     let mut unsaid = mechanism.unsaid.clone();
@@ -55,7 +56,7 @@ pub fn to_urdf(mechanism: &Mechanism) -> Exported {
     Exported { text: xml.finish(), unsaid }
 }
 
-/// Whether URDF has words for `element`.
+/// True if URDF can express `element`.
 fn is_said(element: &Element) -> bool {
     matches!(
         element,
@@ -67,7 +68,7 @@ fn is_said(element: &Element) -> bool {
     )
 }
 
-/// The part of `element` that URDF has no words for; `None` if it has for all.
+/// The part of `element` that URDF cannot express; `None` if it can express all of it.
 fn missing(element: &Element) -> Option<&'static str> {
     match element {
         Element::Damping { quadratic, .. } if *quadratic != 0.0 => {
@@ -94,7 +95,7 @@ fn missing(element: &Element) -> Option<&'static str> {
     }
 }
 
-/// Properties of the rigid arm that URDF has no words for.
+/// Properties of the rigid arm that URDF cannot express.
 fn unsaid_of_arm(mechanism: &Mechanism) -> Vec<String> {
     let arm = &mechanism.arm;
     let rotors = arm.joints().iter().filter(|joint| joint.rotor_inertia != 0.0);
@@ -126,7 +127,7 @@ fn write_base(xml: &mut Xml, joints: &mut Names, gravity: &Vector3<f64>) {
     let down = -Vector3::z();
     if let Some(direction) = gravity.try_normalize(0.0).filter(|direction| (direction - down).norm() > 1e-15)
     {
-        // The shortest turn; upside down it is half a turn about x.
+        // The smallest rotation; for an inverted arm this is half a turn about x.
         let turn = Rotation3::rotation_between(&direction, &down)
             .unwrap_or_else(|| Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
         xml.empty("link", &[("name", WORLD.to_owned())]);
@@ -170,7 +171,7 @@ fn write_joint(xml: &mut Xml, parts: &JointParts, [parent, link]: [&str; 2]) {
     xml.end();
 }
 
-/// `<limit>`, which the format demands of all joints but endless ones.
+/// Writes `<limit>`, which the format requires of all joints but endless ones.
 fn write_limits(xml: &mut Xml, parts: &JointParts, is_endless: bool) {
     let limits = &parts.joint.limits;
     let effort = parts.torque[1].min(-parts.torque[0]);
@@ -191,7 +192,7 @@ fn write_limits(xml: &mut Xml, parts: &JointParts, is_endless: bool) {
 }
 
 fn write_link(xml: &mut Xml, joint: &Joint, name: &str) {
-    // Simulators refuse a moving link without mass or with a moment of zero: what they get instead is below all rounding.
+    // Simulators refuse a moving link without mass or with a moment of zero: the file has a value below all rounding instead.
     let mut inertia = joint.inertia;
     inertia.mass = inertia.mass.max(LEAST_MASS);
     if inertia.about_com.symmetric_eigenvalues().min().abs() < LEAST_MOMENT {

@@ -1,4 +1,4 @@
-//! The search from many seeds.
+//! The search from several seeds.
 
 use nalgebra::Isometry3;
 
@@ -7,12 +7,12 @@ use crate::arm::Arm;
 use crate::joint::JointKind;
 use crate::workspace::Workspace;
 
-/// Like [`inverse_kinematics`] without a seed: tries a fixed sequence of seeds inside the limits, turns revolute joints by whole
-/// turns into their limits, and returns the solution with the largest [`IkReport::limit_margin`], the first of equals. The same
-/// target always gives the same answer.
+/// Like [`inverse_kinematics`] without a seed: tries a fixed sequence of seeds inside the limits, shifts revolute joints by whole turns
+/// into their limits, and returns the solution with the largest [`IkReport::limit_margin`], the first of equals. The same target always
+/// gives the same answer.
 ///
 /// # Errors
-/// The error of the seed that came nearest: a solution outside the limits, else the smallest error left.
+/// The error of the best seed: a solution outside the limits, else the smallest remaining error.
 ///
 /// # Panics
 /// If `out` or the workspace does not fit the arm.
@@ -32,7 +32,7 @@ pub fn inverse_kinematics_global(
         let found = match inverse_kinematics(arm, ws, target, &seed, &mut q, task) {
             Err(IkError::OutsideLimits { .. }) => {
                 turn_into_limits(arm, &mut q);
-                // From a solution this takes no step, but judges the turned joints.
+                // From a solution this takes no step, but evaluates the shifted joints.
                 let turned = q.clone();
                 inverse_kinematics(arm, ws, target, &turned, &mut q, task)
             }
@@ -49,7 +49,7 @@ pub fn inverse_kinematics_global(
 /// Number of seeds of the global search.
 const SEEDS: usize = 64;
 
-/// Adds whole turns to the revolute joints that stand outside their limits.
+/// Adds whole turns to the revolute joints outside their limits.
 fn turn_into_limits(arm: &Arm, q: &mut [f64]) {
     const TURN: f64 = std::f64::consts::TAU;
     for (joint, q) in arm.joints().iter().zip(q) {
@@ -68,8 +68,8 @@ fn turn_into_limits(arm: &Arm, q: &mut [f64]) {
     }
 }
 
-/// Seed number `number`: the middle of the limits first, then points of the additive sequence with the roots of
-/// x^(n+1) = x + 1 (Roberts 2018), which fill the box evenly. A joint without limits ranges over ±π rad or ±1 m.
+/// Seed number `number`: first the middle of the limits, then points of the additive sequence with the roots of x^(n+1) = x + 1 (Roberts
+/// 2018), which fill the box evenly. The range of a joint without limits is ±π rad or ±1 m.
 fn seed_inside_limits(arm: &Arm, number: usize, seed: &mut [f64]) {
     let n = arm.dof() as f64;
     let mut root = 2.0_f64;
@@ -92,7 +92,7 @@ fn seed_inside_limits(arm: &Arm, number: usize, seed: &mut [f64]) {
     }
 }
 
-/// Whether `found` is to be preferred to `best`.
+/// True if `found` is better than `best`.
 fn better(found: &Result<IkReport, IkError>, best: &Result<IkReport, IkError>) -> bool {
     let left = |error: &IkError| match error {
         IkError::OutsideLimits { .. } => 0.0,
@@ -101,7 +101,7 @@ fn better(found: &Result<IkReport, IkError>, best: &Result<IkReport, IkError>) -
         IkError::NotFinite => f64::INFINITY,
     };
     match (found, best) {
-        // A hair's breadth of margin is no reason to prefer one solution: rounding must not decide.
+        // A tiny difference of margins must not decide: it may be rounding.
         (Ok(found), Ok(best)) => found.limit_margin > best.limit_margin + 1e-9,
         (Ok(_), Err(_)) => true,
         (Err(_), Ok(_)) => false,

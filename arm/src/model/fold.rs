@@ -1,4 +1,4 @@
-//! Everything of a robot that is not a joint of the arm, folded into the links of the arm: a load at rest.
+//! Folds all links of a robot that are not joints of the arm into the links of the arm, as a load at rest.
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion};
 
@@ -9,14 +9,14 @@ use super::robot::{Joint, Robot, Tree};
 use super::urdf_joint::{Details, Motion};
 use crate::joint::{Inertia, Joint as ArmJoint, JointFriction, JointKind, Limits};
 
-/// Where a link rides: on which joint of the chain (`None`: the base), and at which pose in that link's frame.
+/// Mounting of a link: the joint of the chain that carries it (`None`: the base), and the pose in that link's frame.
 #[derive(Clone)]
 pub(super) struct Seat {
     pub on: Option<usize>,
     pub pose: Isometry3<f64>,
 }
 
-/// The chain of the arm with the seats of all links.
+/// The chain of the arm with the mountings of all links.
 pub(super) struct Fold<'a> {
     tree: &'a Tree,
     chain: &'a Chain,
@@ -24,14 +24,14 @@ pub(super) struct Fold<'a> {
     pub notes: Vec<String>,
 }
 
-/// Where a joint that is not the arm's stands: at zero, or in the middle of a range without zero, or where the joint has it that it
-/// follows.
+/// Position of a joint that does not belong to the arm: zero, or the middle of a range without zero, or the position that follows from its
+/// leader.
 fn held_at(robot: &Robot<'_>, chain: &Chain, joint: &Joint) -> f64 {
     let Ok(Details { limits, follows, .. }) = &joint.details else { return 0.0 };
     if let Some(follows) = follows {
         let leader = robot.joints.iter().position(|other| other.name == follows.leader);
         let leads = leader.filter(|index| !chain.joints.contains(index)).map(|index| &robot.joints[index]);
-        // A joint that follows one that follows stands as if that one stood at zero.
+        // A joint whose leader itself follows another joint takes the leader's position as zero.
         let leads =
             leads.filter(|leader| leader.motion.is_own()).map_or(0.0, |leader| held_at(robot, chain, leader));
         return follows.multiplier * leads + follows.offset;
@@ -76,7 +76,7 @@ impl<'a> Fold<'a> {
                         joint.placement.as_ref().copied().unwrap_or_else(|_| Isometry3::identity());
                     let pose = parent.pose * placement;
                     let q = held_at(robot, chain, joint);
-                    // A joint at zero changes no digit.
+                    // A joint at zero leaves every digit unchanged.
                     Seat { on: parent.on, pose: if q == 0.0 { pose } else { pose * moved(joint, q) } }
                 }
             };
@@ -86,7 +86,7 @@ impl<'a> Fold<'a> {
         fold
     }
 
-    /// The joints of the chain, each with the inertia of all links that ride on it.
+    /// The joints of the chain, each with the inertia of all links that it carries.
     pub fn joints(&self, robot: &Robot<'_>) -> Vec<ArmJoint> {
         let mut joints: Vec<ArmJoint> =
             self.chain.joints.iter().map(|&index| self.joint(&robot.joints[index])).collect();
@@ -115,7 +115,7 @@ impl<'a> Fold<'a> {
         }
     }
 
-    /// The masses that the arm moves, as they stand in the file.
+    /// The masses that the arm moves, with the values of the file.
     pub fn bodies(&self, robot: &Robot<'_>) -> Vec<Body> {
         let moved = robot.links.iter().zip(&self.seats).filter(|(_, seat)| seat.on.is_some());
         let body = moved.filter_map(|(link, _)| {
@@ -126,7 +126,7 @@ impl<'a> Fold<'a> {
         body.collect()
     }
 
-    /// Which chain the arm is, and what became of the rest, in one line.
+    /// The selected chain, and the treatment of the other links, in one line.
     pub fn what_was_taken(&self, robot: &Robot<'_>) -> String {
         let name = |link: usize| &robot.links[link].name;
         let mut root = self.chain.end;

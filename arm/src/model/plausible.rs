@@ -1,5 +1,5 @@
-//! Masses, lengths and limits that can't be meant, told by laws of nature and by comparison with each other: mass with inertia, inertia
-//! with the arm's size, speed with length. No weight or size is taken for usual.
+//! Implausible masses, lengths and limits, detected by laws of nature and by comparison with each other: mass with inertia, inertia with
+//! the arm's size, speed with length. No check assumes a usual weight or size.
 
 use nalgebra::Vector3;
 
@@ -15,9 +15,9 @@ use crate::workspace::Workspace;
 const DENSEST: f64 = 22_590.0;
 /// Speed of sound in air at 20 °C, m/s: no arm moves faster.
 const SOUND: f64 = 343.0;
-/// A length in mm is a thousand times one in m; half of that on a logarithmic scale decides between the two.
+/// A length in mm is a thousand times one in m; half of that on a logarithmic scale is the threshold between the two.
 const HALF_OF_MILLI: f64 = 31.622_776_601_683_793;
-/// Postures in which an arm is asked to hold itself.
+/// Postures of the check that an arm can hold its own weight.
 const POSTURES: u8 = 16;
 
 /// A mass of the file.
@@ -33,15 +33,15 @@ impl Body {
         (0.5 * self.inertia.about_com.trace() / self.inertia.mass).sqrt()
     }
 
-    /// Density of the body over that of the densest material: of all bodies of a mass and a density a ball has the least ∫r² dm,
-    /// 3/5 m R².
+    /// Density of the body over that of the densest material, by its radius of gyration: of all bodies of a mass and a density a ball has
+    /// the least ∫r² dm, 3/5 m R².
     fn density(&self) -> f64 {
         let ball = (3.0 * self.inertia.mass / (4.0 * std::f64::consts::PI * DENSEST)).cbrt();
         (0.6_f64.sqrt() * ball / self.gyration()).powi(3)
     }
 }
 
-/// A sentence for each way in which something can't be meant.
+/// A sentence for each kind of implausible number.
 pub(super) fn notes(arm: &Arm, bodies: &[Body], sources: &[JointSource]) -> Vec<String> {
     let solid: Vec<&Body> = bodies
         .iter()
@@ -80,7 +80,7 @@ fn beyond(arm: &Arm, first: usize) -> f64 {
     farthest.max(way + arm.tool().translation.vector.norm())
 }
 
-/// One sentence on all of `found`.
+/// One sentence for all of `found`.
 fn sentence(found: Vec<(&str, String)>, remedy: &str) -> Option<String> {
     let ((name, what), rest) = found.split_first()?;
     let more = if rest.is_empty() { String::new() } else { format!(" (and {} more)", rest.len()) };
@@ -112,7 +112,7 @@ fn wide(bodies: &[&Body], size: f64) -> Option<String> {
     sentence(odd.collect(), ": are inertias in kg·m²?")
 }
 
-/// Rods of length l have a radius of gyration of l/√12.
+/// Compares the arm with rods: a rod of length l has a radius of gyration of l/√12.
 fn long(bodies: &[&Body], size: f64) -> Option<String> {
     let spanned: f64 = bodies.iter().map(|body| 12.0_f64.sqrt() * body.gyration()).sum();
     (spanned > 0.0 && size > HALF_OF_MILLI * spanned).then(|| {

@@ -1,20 +1,20 @@
-//! XML whose name-space prefixes are not declared, as generators of URDF leave it: the missing declarations are put in.
+//! XML with undeclared name-space prefixes, as in the output of some URDF generators: this module inserts the missing declarations.
 
 use std::borrow::Cow;
 
 use roxmltree::{Document, Error, ParsingOptions};
 
-/// Most XML nodes that are read; a robot with meshes by reference has some thousands.
+/// Most XML nodes of a file; a robot with meshes by reference has some thousands.
 const MAX_NODES: u32 = 2_000_000;
 /// Most attributes of an element: the parser compares each with all before it. No element of URDF or MJCF has more than some dozens.
 pub(super) const MAX_ATTRIBUTES: usize = 1000;
-/// Most prefixes that are declared for a file. Each costs another reading of it.
+/// Most prefixes that the module declares for a file. Each requires another parsing of the file.
 const MAX_PREFIXES: usize = 32;
 
-/// A text with declarations put into its first element, and where.
+/// A text with inserted declarations in its first element, and their position.
 pub(super) struct Declared<'a> {
     pub text: Cow<'a, str>,
-    /// Byte offset at which declarations were put in, and their length.
+    /// Byte offset of the inserted declarations, and their length.
     pub inserted: (usize, usize),
     /// The prefixes.
     pub prefixes: Vec<String>,
@@ -24,7 +24,7 @@ impl<'a> Declared<'a> {
     /// `text` with declarations for the prefixes that lack one.
     ///
     /// # Errors
-    /// The parser's, for a text that is no XML for another reason.
+    /// The parser's error, for a text that is invalid XML for another reason.
     pub fn new(text: &'a str) -> Result<Self, Error> {
         let mut declared = Declared { text: Cow::Borrowed(text), inserted: (0, 0), prefixes: Vec::new() };
         loop {
@@ -72,7 +72,7 @@ pub(super) fn crowded_tag(text: &str) -> Option<usize> {
     }
 }
 
-/// Length of the tag at the start of `text`, and how many attributes it has.
+/// Length of the tag at the start of `text`, and the number of its attributes.
 fn extent(text: &str) -> (usize, usize) {
     let (mut quote, mut attributes) = (None, 0);
     for (at, byte) in text.bytes().enumerate() {
@@ -87,7 +87,7 @@ fn extent(text: &str) -> (usize, usize) {
     (text.len(), attributes)
 }
 
-/// How documents are parsed.
+/// Options of the XML parser.
 pub(super) fn options<'input>() -> ParsingOptions<'input> {
     ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() }
 }

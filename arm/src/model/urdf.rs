@@ -1,4 +1,4 @@
-//! URDF as found in the field: XML → links and joints. What they make up is worked out in `urdf_tree`.
+//! URDF as found in the field: XML → links and joints. `urdf_tree` builds the arm from them.
 
 use std::collections::HashMap;
 
@@ -13,8 +13,7 @@ use super::urdf_xml::{Reader, Source, children};
 use super::{ArmFile, Selection, check_extent, mjcf, urdf_tree};
 use crate::place::Place;
 
-/// Reads a URDF robot from `text`; `origin` names the text in errors. The arm is the one that the file shows by itself: see
-/// [`parse_urdf_selected`].
+/// Reads a URDF robot from `text`; `origin` names the text in errors. The arm is the default choice: see [`parse_urdf_selected`].
 ///
 /// # Errors
 /// [`ModelError`] with line, column, value and remedy.
@@ -24,9 +23,9 @@ pub fn parse_urdf(text: &str, origin: &str) -> Result<ArmFile, ModelError> {
 
 /// Reads a URDF robot, or an MJCF model, from `text`; `origin` names the text in errors.
 ///
-/// A robot is a tree, and the arm is one chain of it: see [`Selection`]. All other joints are held still, at zero or in the middle of
-/// a range without zero, and what hangs on them is a load of the link that carries it. The base frame is the root link. What was taken
-/// is the first of [`ArmFile::ignored`].
+/// A robot is a tree, and the arm is one chain of it: see [`Selection`]. All other joints stay fixed, at zero or in the middle of a range
+/// without zero, and their links are a load of the link that carries them. The base frame is the root link. The first entry of
+/// [`ArmFile::ignored`] describes the choice.
 ///
 /// # Errors
 /// [`ModelError`] with line, column, value and remedy.
@@ -172,7 +171,7 @@ impl<'a> Reader<'a> {
         Ok(pose(xyz, rpy))
     }
 
-    /// Counts the elements that an arm has no use for, apart from looks.
+    /// Counts the elements that an arm does not use, apart from visual ones.
     fn note_unused(&mut self, robot: Node<'_, '_>) {
         let mut counts: Vec<(&str, usize)> = Vec::new();
         for node in robot.children().filter(Node::is_element) {

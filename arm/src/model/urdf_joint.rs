@@ -1,4 +1,4 @@
-//! `<joint>`: how a joint moves, within which limits, with how much friction.
+//! `<joint>`: the motion of a joint, its limits and its friction.
 
 use nalgebra::{Unit, Vector3};
 use roxmltree::Node;
@@ -11,20 +11,20 @@ use crate::joint::{JointFriction, JointKind, Limits};
 /// The motion that a `<joint>` allows its child.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Motion {
-    /// Has a motion of its own.
+    /// Has its own motion.
     Moving(JointKind),
-    /// Moves as another joint does (`<mimic>`).
+    /// Follows another joint (`<mimic>`).
     Mimic(JointKind),
     /// Does not move.
     Fixed,
-    /// Moves freely, as a base on wheels or a body in the air does: held where it is.
+    /// Moves freely, like a base on wheels or a body in the air: held in place.
     Free,
-    /// A type that is none; the joint's details say so.
+    /// An unknown type; the joint's details contain the error.
     Unknown,
 }
 
 impl Motion {
-    /// Turning or sliding, of its own or with another joint.
+    /// Revolute or prismatic, for own motion and for following joints.
     pub fn kind(self) -> Option<JointKind> {
         match self {
             Motion::Moving(kind) | Motion::Mimic(kind) => Some(kind),
@@ -32,7 +32,7 @@ impl Motion {
         }
     }
 
-    /// The joint moves by itself: it is neither fixed nor driven by another joint.
+    /// True if the joint has its own motion: it is neither fixed nor follows another joint.
     pub fn is_own(self) -> bool {
         matches!(self, Motion::Moving(_))
     }
@@ -57,7 +57,7 @@ pub(super) struct Follows {
 }
 
 impl Details {
-    /// Of a joint that does not move.
+    /// The details of a joint without motion.
     pub fn none() -> Details {
         let (limits, friction) = (Limits::NONE, JointFriction::default());
         Details { axis: Vector3::x_axis(), limits, friction, rotor_inertia: 0.0, follows: None }
@@ -65,7 +65,7 @@ impl Details {
 }
 
 impl Reader<'_> {
-    /// How the joint `node` moves; `Unknown` for a type that is none.
+    /// The motion of the joint `node`; `Unknown` for an unknown type.
     pub fn motion(&self, node: Node<'_, '_>, owner: &str) -> Result<Motion, ModelError> {
         let kind = match self.required(node, "type", owner)?.value() {
             "revolute" | "continuous" => JointKind::Revolute,
@@ -133,7 +133,7 @@ impl Reader<'_> {
         Ok(Limits { lower, upper: upper.max(lower), velocity, acceleration, effort })
     }
 
-    /// A limit on a magnitude. Exporters write 0 or -1 where they know nothing, and a joint that may not move is none.
+    /// A limit on a magnitude. Exporters write 0 or -1 for an unknown limit; the reader takes such a value as no limit.
     fn bound(&mut self, limit: Node<'_, '_>, name: &str, owner: &str) -> Result<f64, ModelError> {
         let value = self.number(limit, name, owner)?;
         if let Some(value) = value.filter(|&value| value <= 0.0) {

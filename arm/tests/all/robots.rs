@@ -1,4 +1,4 @@
-//! Robots as people have them: which chain is the arm, what becomes of the rest, and what is noted of numbers that can't be meant.
+//! Robots from the field: the chain that is the arm, the treatment of the other links, and the notes on implausible numbers.
 
 use std::fmt::Write as _;
 
@@ -7,13 +7,13 @@ use freeplay_arm::{
     parse_urdf_selected,
 };
 
-/// A URDF that is put together link by link.
+/// A URDF, built link by link.
 #[derive(Clone, Default)]
 struct Robot(String);
 
-/// A mass as of a rod of 0.3 m.
+/// A mass like that of a rod of 0.3 m.
 const ROD: &str = r#"<inertial><origin xyz="0 0 0.15"/><mass value="2"/><inertia ixx="0.015" iyy="0.015" izz="0.002"/></inertial>"#;
-/// A mass as of a finger.
+/// A mass like that of a finger.
 const TIP: &str = r#"<inertial><origin xyz="0 0 0.02"/><mass value="0.1"/><inertia ixx="1e-5" iyy="1e-5" izz="1e-5"/></inertial>"#;
 
 impl Robot {
@@ -21,7 +21,7 @@ impl Robot {
         Self(format!("<link name=\"{root}\"/>\n"))
     }
 
-    /// A joint with its child, which has the mass `inertial`; `more` stands in the joint.
+    /// Adds a joint with its child, which has the mass `inertial`; `more` is the content of the joint's element.
     fn joint(mut self, parent: &str, [name, kind, child]: [&str; 3], inertial: &str, more: &str) -> Self {
         let _ = writeln!(
             self.0,
@@ -31,7 +31,7 @@ impl Robot {
         self
     }
 
-    /// A chain of `count` revolute joints `PREFIX1`… with links `PREFIXlink1`…, axes in turn, links of `length`.
+    /// Adds a chain of `count` revolute joints `PREFIX1`… with links `PREFIXlink1`…, alternating axes, links of `length`.
     fn chain(mut self, parent: &str, prefix: &str, count: usize, length: f64) -> Self {
         let mut before = parent.to_owned();
         for number in 1..=count {
@@ -50,7 +50,7 @@ impl Robot {
         self.joint(parent, [&format!("{name}_mount"), "fixed", name], TIP, "<origin xyz=\"0 0 0.1\"/>")
     }
 
-    /// A finger of `count` joints on `hand`; they follow `leader`, where there is one.
+    /// Adds a finger of `count` joints on `hand`; they follow `leader`, if there is one.
     fn finger(mut self, hand: &str, prefix: &str, count: usize, leader: Option<&str>) -> Self {
         let mimic = leader
             .map_or_else(String::new, |leader| format!("<mimic joint=\"{leader}\" multiplier=\"-1\"/>"));
@@ -93,7 +93,8 @@ fn noted(file: &ArmFile, words: &str) {
     assert!(file.ignored.iter().any(|note| note.contains(words)), "{words}: {:#?}", file.ignored);
 }
 
-/// A gripper whose one jaw moves against the last link is told by the frame between the jaws, or by what the jaw is called; a wrist is neither.
+/// The frame between the jaws, or the name of the jaw, identifies a gripper with one jaw that moves against the last link; a wrist has
+/// neither.
 #[test]
 fn the_one_jaw_of_a_gripper_is_no_joint_of_the_arm() {
     let jaw = |robot: Robot, name: &str| {
@@ -121,7 +122,7 @@ fn the_one_jaw_of_a_gripper_is_no_joint_of_the_arm() {
     }
 }
 
-/// Fingers and all else on the hand are a load, whatever they are called and however they are driven.
+/// Fingers and all other links on the hand are a load, whatever their names and drives.
 #[test]
 fn grippers_are_loads_at_rest() {
     for joints in 2..=7 {
@@ -162,7 +163,7 @@ fn grippers_are_loads_at_rest() {
     }
 }
 
-/// A gripper stands where it can: at zero, else in the middle of its range, followers where their leaders put them.
+/// A gripper rests at an admissible position: at zero, else in the middle of its range; followers rest where their leaders put them.
 #[test]
 fn held_joints_stand_where_they_can() {
     let slide = |limits: &str, mimic: &str| format!("<axis xyz=\"0 1 0\"/>{limits}{mimic}");
@@ -189,7 +190,7 @@ fn held_joints_stand_where_they_can() {
     }
 }
 
-/// Wheels, legs, heads and second arms stay where they are; the arms are told from the fingers that they carry.
+/// Wheels, legs, heads and second arms stay at rest; the selection distinguishes arms from the fingers that they carry.
 #[test]
 fn arms_of_bodies() {
     let two = Robot::new("base")
@@ -249,7 +250,7 @@ fn arms_of_bodies() {
     noted(&file, "arm: pelvis → palm, 10 joints; the gripper's 7 joints");
 }
 
-/// The rods of a parallelogram follow joints of the arm and are none of its fingers.
+/// The rods of a parallelogram follow joints of the arm and are not fingers.
 #[test]
 fn rods_are_no_fingers() {
     let rod = |robot: Robot, on: &str, name: &str| {
@@ -314,7 +315,7 @@ fn what_exporters_write_for_nothing_is_noted() {
     {
         noted(&file, words);
     }
-    // What is wrong with a joint that is none of the arm's is nobody's business.
+    // The reader ignores defects of a joint that does not belong to the arm.
     let crooked = "<axis xyz=\"0 0 0\"/><limit lower=\"2\" upper=\"1\"/>";
     let two =
         Robot::new("base").chain("base", "j", 3, 0.3).joint("base", ["odd", "revolute", "lid"], "", crooked);
@@ -395,7 +396,7 @@ fn a_tip_that_is_none_is_named_with_those_that_are() {
     }
 }
 
-/// Each number that can't be meant is noted with its place, and an arm as it should be is not noted for anything.
+/// A note names the place of each implausible number; a plausible arm has no notes.
 #[test]
 fn numbers_that_cannot_be_meant() {
     let arm = Robot::new("base").chain("base", "j", 3, 0.3);

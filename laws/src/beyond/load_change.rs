@@ -1,9 +1,9 @@
-//! A load that is dropped, or taken up, on the way.
+//! A load that the arm drops, or picks up, during the motion.
 //!
-//! Law: from a time t₀ \[s\] on a point of mass m \[kg\] at the tool's origin joins the last link, with its weight and inertia on all joints
-//! before it; a load that is lost is a negative one. One that the model does not have and that is lost at t₀ acts `before` it. Term: m. Shapes: t₀, side.
-//! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9 (the torque is linear in m). Departure: the load's centre
-//! is taken to be at the tool, and it comes and goes without a blow.
+//! Law: from a time t₀ \[s\] on a point mass m \[kg\] at the tool's origin joins the last link, with its weight and inertia on all joints
+//! before it; a lost load has negative mass. A load that the model lacks and that is lost at t₀ acts `before` it. Term: m. Shapes: t₀,
+//! side. Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9 (the torque is linear in m). Departure: the law
+//! assumes the load's centre at the tool, and a change without impact.
 
 use freeplay_arm::{Arm, Workspace, rnea};
 use toml::{Table, Value};
@@ -19,10 +19,10 @@ use crate::parameter::{Parameter, Range};
 use crate::place::{Place, Site};
 use crate::scene::{Scene, loaded};
 
-/// On which side of the time the load is there.
+/// The side of the time on which the load acts.
 const SIDES: &[&str] = &["after", "before"];
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "load_change",
     title: "a load that is lost or taken up",
@@ -57,7 +57,7 @@ pub static KIND: Kind = Kind {
     build: |values| {
         let (mass, time, arm) = (values.number("mass")?, values.number("time")?, values.arm());
         let is_after = values.word("acts")? == SIDES[0];
-        // The torque is linear in the mass: one that can exist stands for a loss, too.
+        // The torque is linear in the mass: a possible arm represents a loss, too.
         Ok(Box::new(LoadChange { mass, time, is_after, arms: [arm.clone(), loaded(arm, 1.0)?] }))
     },
 };
@@ -67,7 +67,7 @@ fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     vec![Term::new("mass", "kg", [-carried, 1e4], with(shape, [("mass", 1.0)]))]
 }
 
-/// Every sixteenth of the recording, its ends aside, from then on and up to then.
+/// Every sixteenth of the recording without its ends, from then on and up to then.
 fn times(place: &Place) -> Vec<Table> {
     const PARTS: u32 = 16;
     let t = &place.scene.motion.t;
@@ -86,12 +86,12 @@ struct LoadChange {
     mass: f64,
     time: f64,
     is_after: bool,
-    /// Without it, and with 1 kg.
+    /// Without the load, and with 1 kg.
     arms: [Arm; 2],
 }
 
 impl LoadChange {
-    /// Whether the load is there at the time `t`.
+    /// True if the load acts at the time `t`.
     fn acts(&self, t: f64) -> bool {
         (t >= self.time) == self.is_after
     }
@@ -122,7 +122,7 @@ struct Side {
     torque: Vec<f64>,
 }
 
-/// The load as the drives feel it.
+/// The load on the drives.
 #[derive(Clone, Debug)]
 struct Carried {
     of: LoadChange,

@@ -1,14 +1,14 @@
-//! A link that bends under what it carries.
+//! A link that bends under its load.
 //!
 //! Law: a cantilever of length L \[m\] from its joint to the next one (from the last joint: to the tool) with the stiffness k \[N/m\]: force
-//! over deflection at its far end, k = 3EI/L³. With e along the link, F and M the force and moment of what hangs on the far end, W the
-//! weight and inertia force of the link itself at the share σ of its length, all across e:
+//! over deflection at its far end, k = 3EI/L³. e is the direction of the link. F and M are the force and moment of the links and loads at
+//! the far end, W is the weight and inertia force of the link itself at the share σ of its length, all perpendicular to e:
 //! δ = (F + W σ²(3 − σ)/2)/k + (3/(2kL)) M × e, θ = (3/(2kL)) e × (F + W σ²) + (3/(kL²)) M; the tool moves by δ + θ × (tool − end).
-//! The drives hold all beyond by the levers that this leaves them, and the link itself by its own deflection F σ²(3 − σ)/(2k) + (3σ²/(2kL)) M × e + W σ³/k.
-//! That is the form `beam`. In the form `tip_force` F alone bends it, as the textbook's cantilever: δ = F/k, θ = (3/(2kL)) e × F; in the form
-//! `tip_shift` the far end is shifted by F/k without a slope.
-//! Source: Timoshenko 1955, Strength of Materials I, §39 (Euler–Bernoulli). The term is 1/k. Departure: twisting is left out,
-//! and so is that the link swings: it follows the load at once.
+//! The drives hold all links beyond by the displaced levers, and the link itself by its own deflection
+//! F σ²(3 − σ)/(2k) + (3σ²/(2kL)) M × e + W σ³/k. This is the form `beam`. In the form `tip_force` only F bends the link, as in the textbook's
+//! cantilever: δ = F/k, θ = (3/(2kL)) e × F; in the form `tip_shift` the far end shifts by F/k without a slope.
+//! Source: Timoshenko 1955, Strength of Materials I, §39 (Euler–Bernoulli). The term is 1/k. Departure: the law neglects torsion and
+//! oscillation: the link follows the load at once.
 
 use freeplay_arm::{Arm, Workspace};
 use nalgebra::Vector3;
@@ -21,15 +21,15 @@ use crate::parameter::{Parameter, Range};
 use crate::place::Site;
 use crate::sag::{Sag, SagLaw, Sagging, pressure};
 
-/// Links shorter than this do not bend, m.
+/// Shorter links do not bend, m.
 const SHORTEST: f64 = 1e-3;
-/// Least compliance that is one, m/N.
+/// A smaller compliance counts as zero, m/N.
 const LEAST: f64 = 1e-15;
 
 /// The forms of the law.
 const FORMS: &[&str] = &["beam", "tip_force", "tip_shift"];
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "link_flexure",
     title: "bending of the link",
@@ -110,7 +110,8 @@ impl SagLaw for LinkFlexure {
         let centre = here.rotation * arm.joints()[self.joint].inertia.com;
         let share = (centre.dot(&along) / length).clamp(0.0, 1.0);
         let squared = share * share;
-        // Deflection at one of the end and of the own centre of mass, times k, by a force of one at the other.
+        // Deflection of the end by a unit force at the link's own centre of mass, times k; by reciprocity the same with the points
+        // exchanged.
         let between = squared * (3.0 - share) / 2.0;
         let lever = moment.cross(&along) * (1.5 / (k * length));
         Sag {

@@ -1,10 +1,11 @@
-//! A link that is heavier or lighter than the model says, or has its centre of mass elsewhere.
+//! A link whose mass, or whose centre of mass, differs from the model.
 //!
 //! Law: mass and inertia of the link that the joint moves are `scale` times the model's, m = s m₀ and J = s J₀ about the centre of mass,
-//! which lies d \[m\] off the model's in the link's frame, or where it was. Gravity and inertia show on that joint and on all before it.
+//! which is displaced by d \[m\] from the model's in the link's frame (zero by default). Gravity and inertia act on that joint and on all
+//! before it.
 //! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9.2: the torque is linear in mass and first moments.
-//! Terms: s − 1 and, where the centre of mass is searched for, too, s d, whose columns leave out the tensor's part in d² until the law is
-//! taken around what was found. The last link has no such shape: what is fastened to it, a payload, says the same.
+//! Terms: s − 1 and, with the centre of mass in the search, s d. The columns of s d neglect the tensor's part in d² until the diagnosis
+//! linearises about the finding. The last link has no such shape: a payload on it has the same effect.
 
 use freeplay_arm::export::Element;
 use nalgebra::Vector3;
@@ -20,7 +21,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::{Place, Site};
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "link_mass",
     title: "mass of the link",
@@ -64,13 +65,13 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// The parameter that says where the centre of mass lies; in a shape, that it is searched for.
+/// The parameter with the displacement of the centre of mass; in a shape, it includes the displacement in the search.
 const SHIFT: &str = "com_shift";
 
-/// How far off a centre of mass may be searched for, m.
+/// Greatest displacement of a centre of mass in the search, m.
 const FARTHEST: f64 = 1.0;
 
-/// The mass alone; and with its place, if something is carried after the link.
+/// The mass alone; and with the centre of mass, if the link carries others.
 fn shapes(place: &Place) -> Vec<Table> {
     let mut shapes = vec![Table::new()];
     let is_last = place.joint.is_none_or(|joint| joint + 1 == place.scene.arm.dof());
@@ -81,9 +82,9 @@ fn shapes(place: &Place) -> Vec<Table> {
 }
 
 fn terms(_: &Kind, _: &Place, shape: &Table) -> Vec<Term> {
-    /// Way of the centre of mass, m: the part in its square is the same on both sides and cancels in the difference.
+    /// Displacement of the centre of mass, m: its quadratic part is the same on both sides and cancels in the difference.
     const LEVER: f64 = 0.1;
-    // A link of three times its mass, or a third of it, is another link.
+    // A link with more than three times its mass, or less than a third, is a different link.
     let heavier = with(&Table::new(), [("scale", 1.5)]);
     let mut terms = vec![Term::new("excess", "1", [-2.0 / 3.0, 2.0], heavier).stepped(0.5)];
     if shape.contains_key(SHIFT) {

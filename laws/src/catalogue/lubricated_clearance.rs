@@ -1,11 +1,11 @@
 //! Radial play of a revolute joint whose bearing is full of oil.
 //!
-//! Law: the film of [`Film`] carries the force b of the bearing; its journal drifts without inertia, ė from the film's force = b, and the
-//! tool is off by J e. Against a dry joint the offset is smooth and shrinks with the speed; at rest the journal sinks to the wall.
-//! Source: Pinkus & Sternlicht 1961; Flores et al. 2006, Mech. Mach. Theory 41:247. With C = μ L R³/c² fixed the offset is proportional
-//! to c: that is the term, and C the shape. Departure: a film damps the journal
-//! so much that its inertia counts for nothing; the plant too has it drift, and moves the tool by the offset. At the wall the
-//! journal slides without friction.
+//! Law: the oil film ([`Film`]) carries the force b of the bearing. The journal drifts without inertia, with ė such that the film's force
+//! equals b, and displaces the tool by J e. Compared with a dry joint the offset is smooth and shrinks with the speed; at rest the journal
+//! sinks to the wall.
+//! Source: Pinkus & Sternlicht 1961; Flores et al. 2006, Mech. Mach. Theory 41:247. For a fixed C = μ L R³/c² the offset is proportional to
+//! c: c is the term, and C the shape. Departure: a film damps the journal so strongly that its inertia is negligible. In the plant, too,
+//! the journal drifts and displaces the tool by the offset. At the wall the journal slides without friction.
 
 use freeplay_arm::Arm;
 use nalgebra::Vector3;
@@ -27,15 +27,15 @@ use crate::play::across;
 use crate::scene::Scene;
 use crate::{Clearance, ClearanceTable};
 
-/// Bearing that is meant where a file is silent, m.
+/// Default bearing, m.
 const RADIUS: f64 = 0.010;
 const LENGTH: f64 = 0.040;
 /// Name of the shape: C, N·s.
 const RESISTANCE: &str = "resistance";
-/// Time for which a journal is taken to have been under the first load, from the middle on, where nobody says where it is, s.
+/// Assumed time of the journal under the first load, from the centre on, if no initial position is given, s.
 const BEFORE: f64 = 10.0;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "lubricated_clearance",
     title: "radial play with a film of oil",
@@ -76,7 +76,7 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Tool],
     terms: Terms {
         list: |kind, _, shape| {
-            /// Any clearance shows the same per metre.
+            /// Every clearance has the same effect per metre.
             const STEP: f64 = 1e-4;
             vec![
                 Term::new("clearance", "m", [1e-6, 0.01], (kind.terms.compose)(kind, shape, &[STEP]))
@@ -112,7 +112,7 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// C so that the weight beyond the joint squeezes the film in a fiftieth of a second to 50 s.
+/// C for which the weight beyond the joint squeezes the film in a fiftieth of a second to 50 s.
 fn resistances(place: &Place) -> Vec<Table> {
     let arm = &place.scene.arm;
     let beyond = &arm.joints()[place.joint.unwrap_or(0)..];
@@ -128,12 +128,12 @@ struct LubricatedClearance {
     film: Film,
     /// The same bearing without oil, for the arm with play.
     dry: Clearance,
-    /// Where the journal is as a motion begins, along the two slides, as a share of the clearance; `None`: settled.
+    /// Initial position of the journal, along the two slides, as a share of the clearance; `None`: settled.
     start: Option<[f64; 2]>,
 }
 
 impl LubricatedClearance {
-    /// Where the journal is as a motion begins in which it first feels `force` and turns at `turning`, m.
+    /// Initial position of the journal under its first `force` while turning at `turning`, m.
     fn first(&self, force: [f64; 2], turning: f64) -> [f64; 2] {
         let settled = || self.film.carried([0.0; 2], force, turning, BEFORE);
         self.start.map_or_else(settled, |start| start.map(|share| share * self.film.clearance))
@@ -144,7 +144,7 @@ impl Effect for LubricatedClearance {
     fn displace(&self, scene: &Scene, tool: &mut Columns) {
         let mut offset = [0.0; 2];
         follow(scene, self.joint, |bearing, at| {
-            // Where samples are missing it has gone on, nobody knows how far.
+            // Across missing samples the journal has moved on by an unknown distance.
             offset = match (at.point, at.begins) {
                 (0, _) => self.first(at.force, at.turning),
                 (_, true) => offset,
@@ -160,7 +160,7 @@ impl Effect for LubricatedClearance {
         self.start.is_none().then(begun)
     }
 
-    /// Forces that a recorded motion does not show press a thin film out. The journal then moves as one without oil.
+    /// Forces missing from the recorded motion squeeze a thin film out. The journal then moves as in a dry bearing.
     fn courses(&self) -> Vec<Box<dyn Effect>> {
         dry_courses(self.joint, self.dry)
     }
@@ -178,7 +178,7 @@ impl Effect for LubricatedClearance {
 struct Afloat {
     law: LubricatedClearance,
     bearing: BearingLoad,
-    /// Where the journal is, once there was a reading.
+    /// The journal's position, after the first reading.
     place: Option<[f64; 2]>,
 }
 

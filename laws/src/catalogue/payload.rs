@@ -1,11 +1,11 @@
-//! A payload on the last link that the model does not know.
+//! A payload on the last link that the model lacks.
 //!
-//! Law: a body of mass m \[kg\] with its centre at c \[m\] in the last link's frame, with a tensor about its centre \[kg·m²\] that is zero
-//! where the file is silent, joins that link by the parallel axis theorem (Steiner 1840). m may be negative where the model carries too
-//! much. Gravity and inertia show on every joint before it.
+//! Law: a body of mass m \[kg\] with its centre at c \[m\] in the last link's frame joins that link by the parallel axis theorem (Steiner
+//! 1840). The tensor about its centre \[kg·m²\] is zero by default. m may be negative if the model has too much mass. Gravity and inertia
+//! act on every joint before it.
 //! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9: the torque is linear in m, m c and the tensor about
-//! the link's origin; those are the ten terms. A point mass has four: m at the tool, where loads hang, and m (c − tool); its tensor is that of m at the tool, and
-//! as much more as it grows with c − tool.
+//! the link's origin; those are the ten terms. A point mass has four: m at the tool, where loads hang, and m (c − tool). Its tensor is that
+//! of m at the tool, plus the change to first order in c − tool.
 
 use freeplay_arm::Inertia;
 use freeplay_arm::export::Element;
@@ -22,7 +22,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::{Place, Site};
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "payload",
     title: "payload",
@@ -67,7 +67,8 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// In a shape, the place of the tool in the last link's frame, m: about it stand the terms of a point mass. A shape without it has all ten.
+/// In a shape, the position of the tool in the last link's frame, m: the reference point of a point mass's terms. A shape without it has
+/// all ten terms.
 const TOOL: &str = "tool";
 /// Names of the terms: mass, first moments, tensor about the link's origin.
 const NAMES: [&str; 10] = ["mass", "moment_x", "moment_y", "moment_z", "xx", "yy", "zz", "xy", "xz", "yz"];
@@ -85,14 +86,14 @@ fn body(mass: f64, com: [f64; 3], moments: [f64; 3], products: [f64; 3]) -> Tabl
     .collect()
 }
 
-/// The place about which the terms of a point mass stand, m; `None` of a shape with all ten terms.
+/// The reference point of a point mass's terms, m; `None` for a shape with all ten terms.
 fn about(shape: &Table) -> Option<Vector3<f64>> {
     let place = shape.get(TOOL)?.as_array()?;
     Some(Vector3::from_iterator(place.iter().filter_map(Value::as_float)))
 }
 
 fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
-    /// Lever of the first moments, m: ±1 kg there is a tensor that cancels in the difference.
+    /// Lever of the first moments, m: ±1 kg there; their tensor cancels in the difference.
     const LEVER: f64 = 0.1;
     let none = [0.0; 3];
     let carried = place.scene.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
@@ -105,7 +106,7 @@ fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
         terms.push(Term::new(NAMES[1 + axis], "kg*m", free, at(LEVER)).less(at(-LEVER)).stepped(2.0 * LEVER));
     }
     if centre.is_none() {
-        // Every body of these tables can exist: a product is seen beside moments that carry it.
+        // Every body of these tables is possible: a product of inertia comes with sufficient moments.
         let round = [1.0; 3];
         for axis in 0..3 {
             terms.push(Term::new(NAMES[4 + axis], tensor, free, body(0.0, none, along(axis, 1.0), none)));
@@ -128,7 +129,7 @@ fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
     if centre.is_some() {
         return body(mass, com.into(), [0.0; 3], [0.0; 3]);
     }
-    // From the link's origin back to the body's centre (Steiner 1840).
+    // From the link's origin to the body's centre (Steiner 1840).
     let steiner = (Matrix3::identity() * com.norm_squared() - com * com.transpose()) * mass;
     let moments = [0, 1, 2].map(|i| coefficients[4 + i] - steiner[(i, i)]);
     let products = [(0, 1), (0, 2), (1, 2)];
@@ -142,7 +143,7 @@ fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
     body(mass, com.into(), about_com.diagonal().into(), products)
 }
 
-/// The nearest tensor that a body can have: negative principal moments, which a fit finds where the motion hardly tells them, are 0 (Higham
+/// The nearest possible tensor: it sets negative principal moments, which a fit finds if the motion hardly determines them, to 0 (Higham
 /// 1988, Linear Algebra Appl. 103:103).
 fn possible(tensor: Matrix3<f64>) -> Matrix3<f64> {
     let mut principal = tensor.symmetric_eigen();

@@ -1,9 +1,9 @@
-//! A torque measurement that has gone through a low-pass of the drive.
+//! A torque measurement behind a low-pass of the drive.
 //!
-//! Law: T ẏ + y = τ with T = 1/(2π f_c), f_c \[Hz\] > 0 the cutoff; y is recorded, in steady state at first. The term is T: for slow motions
-//! y = τ − T τ̇.
+//! Law: T ẏ + y = τ with T = 1/(2π f_c), f_c \[Hz\] > 0 the cutoff; the recording contains y, initially in steady state. The term is T: for
+//! slow motions y = τ − T τ̇.
 //! Source: Franklin, Powell & Workman 1998, Digital Control of Dynamic Systems, §4.3 (first order, ramp-invariant: exact for a signal that
-//! is straight between samples).
+//! is linear between samples).
 
 use std::f64::consts::TAU;
 
@@ -23,14 +23,14 @@ use crate::scene::Scene;
 
 /// Greatest cutoff, Hz.
 const MOST: f64 = 1e6;
-/// Greatest time constant that a diagnosis believes, s: a drive that shows less than 0.8 Hz of its torque shows nothing of it.
+/// Greatest plausible time constant in a diagnosis, s: a drive with a cutoff below 0.8 Hz practically hides its torque.
 const BELIEVED: f64 = 0.2;
 
-/// Time constants about which the law is taken, s, beside small ones: what a slow low-pass leaves of friction that jumps is no multiple of what a fast one
-/// takes from it.
+/// Operating points of the law for long time constants, s: for friction that jumps, the effect of a low-pass is not proportional to its
+/// time constant.
 const SLOW: [f64; 3] = [0.02, 0.06, 0.16];
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "sensor_lowpass",
     title: "low-pass of the torque measurement",
@@ -54,7 +54,7 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Torque, Need::Motion],
     terms: Terms {
         list: |_, _, shape| {
-            /// Well below a period of anything that is recorded, s.
+            /// Well below a period of any recorded signal, s.
             const STEP: f64 = 1e-5;
             let filtered = with(shape, [("cutoff", 1.0 / (TAU * STEP))]);
             vec![Term::new("time_constant", "s", [0.0, BELIEVED], filtered).stepped(STEP)]
@@ -74,13 +74,13 @@ pub static KIND: Kind = Kind {
 #[derive(Clone, Copy, Debug)]
 struct Lag {
     time_constant: f64,
-    /// Input and output before.
+    /// Previous input and output.
     last: Option<(f64, f64)>,
 }
 
 impl Lag {
-    /// The output `step` seconds after the last one, the input having gone straight to `input`: with the slope s,
-    /// y = u − T s + (y₋ − u₋ + T s) e^{−h/T}.
+    /// The output `step` seconds after the last one, for an input that changed linearly to `input`: with the slope s, y = u − T s + (y₋ −
+    /// u₋ + T s) e^{−h/T}.
     fn after(&mut self, input: f64, step: f64) -> f64 {
         let output = match self.last {
             None => input,

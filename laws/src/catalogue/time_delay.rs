@@ -1,8 +1,8 @@
-//! A channel that is late against the others.
+//! A channel with a delay against the others.
 //!
-//! Law: what is recorded at t in the channels that `channel` names is their value at t − d, with d \[s\] ≥ 0. `position` are the motor-side
-//! encoders: as all is predicted from what they read, the other channels then seem early. For small d the change is −d times the
-//! derivative. A zero-order hold makes half a sample by itself.
+//! Law: the channels in `channel` record at t their value at t − d, with d \[s\] ≥ 0. `position` means the motor-side encoders: since the
+//! prediction starts from their readings, the other channels then seem early. For small d the change is −d times the derivative. A
+//! zero-order hold alone makes a delay of half a sample.
 //! Source: Ljung 1999, System Identification, §10.1 (dead time); cubic Hermite interpolation with centred slopes (Catmull & Rom 1974).
 
 use freeplay_arm::export::{Channel, Element};
@@ -20,20 +20,20 @@ use crate::prediction::Prediction;
 use crate::scene::Scene;
 use crate::trajectory::Trajectory;
 
-/// Channels that can be late, in arm files.
+/// Channels that can have a delay, in arm files.
 const CHANNELS: &[&str] = &["torque", "tool", "link", "position"];
 /// Greatest delay, s.
 const MOST: f64 = 0.1;
-/// Greatest delay that is believed of the encoders in the loops of a machine, s: with more, none of these would hold.
+/// Greatest plausible delay of the encoders in the loops of a machine, s: with more, no loop would be stable.
 const IN_LOOP: f64 = 0.015;
-/// Delays about which the law is taken, s, beside small ones: of what jumps, a long delay is no multiple of a short one.
+/// Operating points of the law for long delays, s: for a signal that jumps, the change is not proportional to the delay.
 const LONG: [f64; 3] = [0.01, 0.03, 0.08];
-/// Name of the parameter that says which channels are late.
+/// Name of the parameter that selects the delayed channels.
 const CHANNEL: &str = "channel";
-/// Ticks that the plant remembers.
+/// Ticks that the plant stores.
 const TICKS: usize = 1024;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "time_delay",
     title: "delay of a channel",
@@ -61,7 +61,7 @@ pub static KIND: Kind = Kind {
     needs: &[Need::TorqueOrPose],
     terms: Terms {
         list: |_, _, shape| {
-            /// Well below a period of anything that is recorded.
+            /// Well below a period of any recorded signal.
             const STEP: f64 = 1e-5;
             vec![Term::new("delay", "s", [0.0, most(shape)], with(shape, [("delay", STEP)])).stepped(STEP)]
         },
@@ -81,7 +81,7 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// The greatest delay that is believed of the channels of `shape`, s.
+/// The greatest plausible delay of the channels of `shape`, s.
 fn most(shape: &Table) -> f64 {
     if shape.get(CHANNEL).and_then(Value::as_str) == Some("position") { IN_LOOP } else { MOST }
 }
@@ -135,7 +135,7 @@ impl Effect for TimeDelay {
     }
 }
 
-/// `column` as it is recorded `delay` late; where that is before the stretch, its first value.
+/// `column` with the delay `delay`; before the stretch, its first value.
 fn delayed(motion: &Trajectory, column: &[f64], delay: f64) -> Vec<f64> {
     let mut out = column.to_vec();
     for stretch in &motion.stretches {
@@ -147,7 +147,7 @@ fn delayed(motion: &Trajectory, column: &[f64], delay: f64) -> Vec<f64> {
     out
 }
 
-/// Value of `column` at the point number `at`, by cubic Hermite interpolation; beyond the ends, the end's.
+/// Value of `column` at the point number `at`, by cubic Hermite interpolation; beyond the ends, the value at the end.
 fn interpolated(column: &[f64], at: f64) -> f64 {
     let last = column.len() - 1;
     let place = at.clamp(0.0, last as f64);
@@ -163,7 +163,7 @@ fn interpolated(column: &[f64], at: f64) -> f64 {
     y0 + x * (m0 + x * ((rise - m0 - bend) + x * bend))
 }
 
-/// The plant's memory of what a channel read.
+/// The plant's memory of a channel's readings.
 #[derive(Clone, Debug)]
 struct Late {
     of: TimeDelay,
@@ -174,7 +174,7 @@ struct Late {
 }
 
 impl Late {
-    /// Column `column` `ticks` before the latest, interpolated along the straight line; never before the first.
+    /// Column `column` `ticks` before the latest row, by linear interpolation; never before the first row.
     fn value(&self, column: usize, ticks: f64) -> f64 {
         let ticks = ticks.min((self.seen.min(TICKS) - 1) as f64);
         let row = |back: usize| {

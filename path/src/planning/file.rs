@@ -1,10 +1,10 @@
 //! Reading the rows of a path file.
 //!
-//! CSV with a header; names and values may be padded with blanks, lines beginning with `#` are comments.
-//! - `t,q1,…,qn`: joint path (rad, m). Other columns are not used, so that a recording can be run again.
+//! CSV with a header; names and values may have blanks around them, lines beginning with `#` are comments.
+//! - `t,q1,…,qn`: joint path (rad, m). The reader ignores other columns, so that a recording can be run again.
 //! - `t,x,y,z[,qx,qy,qz,qw]`: path of the tool in the base frame (m), with or without its orientation.
 //!
-//! Times in s, increasing, not necessarily even; the motion begins at the first row, whatever its time.
+//! Times in s, increasing, not necessarily equidistant; the motion begins at the first row, whatever its time.
 
 use std::path::{Path, PathBuf};
 
@@ -12,12 +12,12 @@ use csv::StringRecord;
 
 use crate::planning::file_error::{FEWEST_ROWS, FileError, Place};
 
-/// Most numbers that are held for one path (256 MiB).
+/// Most numbers of one path in memory (256 MiB).
 pub(crate) const MOST_VALUES: usize = 1 << 25;
-/// How far the norm of a quaternion in a file may be from 1.
+/// Tolerance of a quaternion's norm in a file against 1.
 const QUATERNION_TOLERANCE: f64 = 0.01;
 
-/// What the rows describe.
+/// The content of the rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Content {
     /// Columns q1…qn.
@@ -34,7 +34,7 @@ pub(crate) struct Rows {
     pub file: PathBuf,
     pub content: Content,
     pub names: Vec<String>,
-    /// Where the columns stand in the file, from 0; the first is the time's.
+    /// Positions of the columns in the file, from 0; the first is that of the time.
     fields: Vec<usize>,
     pub times: Vec<f64>,
     /// Row-major, one value for each of `names`.
@@ -43,7 +43,7 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Reads `file` for an arm of `dof` joints, to be run `laps` times.
+    /// Reads `file` for an arm of `dof` joints and a motion of `laps` laps.
     pub fn read(file: &Path, dof: usize, laps: u32) -> Result<Rows, FileError> {
         let bytes = freeplay_storage::read_bytes(file, freeplay_storage::DOCUMENT_LIMIT)?;
         let failed = |source| FileError::Read { file: file.to_path_buf(), source };
@@ -66,7 +66,7 @@ impl Rows {
         rows.finish()
     }
 
-    /// Repeats the rows so that they are run `laps` times.
+    /// Repeats the rows for `laps` laps.
     pub fn repeat(&mut self, laps: u32) -> Result<(), FileError> {
         if laps == 1 {
             return Ok(());
@@ -165,8 +165,8 @@ impl Rows {
         }
     }
 
-    /// Normalises the last row's quaternion and gives it the sign nearer to the row before: Q and −Q are the same
-    /// orientation, but a curve between them is not.
+    /// Normalises the last row's quaternion and chooses the sign nearer to the row before: Q and −Q are the same orientation, but a curve
+    /// between them is not constant.
     fn straighten_quaternion(&mut self, line: u64) -> Result<(), FileError> {
         let last_row = self.values.len() - self.names.len();
         let (before, last) = self.values.split_at_mut(last_row);
@@ -209,7 +209,7 @@ impl Rows {
     }
 }
 
-/// Whether `name` is q⟨k⟩ with k > `joints`.
+/// True if `name` is q⟨k⟩ with k > `joints`.
 fn is_joint_beyond(name: &str, joints: usize) -> bool {
     name.strip_prefix('q').and_then(|k| k.parse::<usize>().ok()).is_some_and(|k| k > joints)
 }

@@ -1,4 +1,4 @@
-//! What can be wrong with a path file, and where.
+//! The defects of a path file, with their places.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why a path file could not be read.
+/// Reason why a path file could not be read.
 #[derive(thiserror::Error, Debug)]
 pub enum FileError {
     /// The file cannot be read.
@@ -34,18 +34,18 @@ pub enum FileError {
     Read {
         /// The file.
         file: PathBuf,
-        /// What the reader says.
+        /// The reader's error.
         source: csv::Error,
     },
-    /// A column that is needed is not in the header.
+    /// A required column is not in the header.
     #[error("{place}: column {name} is missing: the header is t,q1…qn or t,x,y,z[,qx,qy,qz,qw]")]
     MissingColumn {
         /// The header.
         place: Place,
-        /// The column that was looked for.
+        /// The required column.
         name: String,
     },
-    /// A column that is needed is in the header twice.
+    /// A required column is in the header twice.
     #[error("{place}: column {name} appears twice: remove one")]
     DuplicateColumn {
         /// The second one.
@@ -73,7 +73,7 @@ pub enum FileError {
         /// Fields of the header.
         expected: usize,
     },
-    /// A field is no finite number.
+    /// A field is not a finite number.
     #[error("{place}: {name} = {text:?} is not a finite number")]
     NotANumber {
         /// The field.
@@ -83,7 +83,7 @@ pub enum FileError {
         /// Its text, cut if it is long.
         text: String,
     },
-    /// Time stands still or runs backwards.
+    /// A time does not increase.
     #[error("{place}: t = {time} s does not come after {previous} s: time has to increase")]
     TimeNotIncreasing {
         /// The field.
@@ -109,7 +109,7 @@ pub enum FileError {
         /// Rows found.
         found: usize,
     },
-    /// More rows than are held in memory.
+    /// More rows than the memory limit permits.
     #[error("{place}: more than {most} rows (over all laps): use fewer rows or laps")]
     TooManyRows {
         /// The first row too many.
@@ -117,7 +117,7 @@ pub enum FileError {
         /// The most rows of this width.
         most: usize,
     },
-    /// Several laps of a file that does not end where it begins.
+    /// Several laps of a file whose last row differs from its first.
     #[error(
         "{place}: {name} ends at {last} but begins at {first}: for several laps the last row repeats the first"
     )]

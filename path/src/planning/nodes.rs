@@ -1,4 +1,4 @@
-//! The nodes of the table: where in time they lie, and the limits they have to keep.
+//! The nodes of the table: their times, and the limits for their values.
 
 use freeplay_arm::Arm;
 
@@ -7,18 +7,18 @@ use crate::planning::file::MOST_VALUES;
 use crate::planning::laps::Laps;
 use crate::planning::table::JointPath;
 
-/// Nodes in a tick.
+/// Nodes per tick.
 const NODES_OF_TICK: f64 = 4.0;
-/// A lap has at least this many intervals, whatever the tick, so that interpolation stays exact to rounding…
+/// A lap has at least this many intervals, for any tick, so that the interpolation is exact to rounding…
 const FEWEST_INTERVALS: f64 = 1000.0;
-/// …and a lap of a minute and more at 1 kHz no more than about this many, to bound the table.
+/// …and a lap of a minute or longer at 1 kHz has at most about this many, to bound the table.
 const MANY_INTERVALS: f64 = 240_000.0;
-/// By how much a limit may be passed before it counts, in its unit.
+/// Tolerance of a limit, in its unit.
 const LIMIT_TOLERANCE: f64 = 1e-9;
-/// Postures closer than this at both ends of a lap make the lap repeat exactly, rad or m.
+/// If the postures at both ends of a lap differ by less, the lap repeats exactly, rad or m.
 const CLOSED: f64 = 1e-9;
 
-/// How densely the nodes lie.
+/// The spacing of the nodes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grid {
     /// Largest distance, s.
@@ -28,13 +28,13 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// For a lap of `lap` s, with ticks of `rate` Hz and at least `fewest` intervals in each smooth piece.
+    /// The spacing for a lap of `lap` s, with ticks of `rate` Hz and at least `fewest` intervals in each smooth piece.
     pub fn new(rate: f64, lap: f64, fewest: f64) -> Grid {
         let quarter_tick = 1.0 / (NODES_OF_TICK * rate);
         Grid { distance: quarter_tick.max(lap / MANY_INTERVALS).min(lap / FEWEST_INTERVALS), fewest }
     }
 
-    /// The times of a smooth piece: both ends, and evenly between them. None for a piece without extent.
+    /// The times of a smooth piece: both ends, and evenly between them. Empty for a piece without extent.
     pub fn times(&self, from: f64, to: f64) -> impl Iterator<Item = f64> + use<> {
         let intervals = ((to - from) / self.distance - 1e-9).ceil().max(self.fewest);
         let last = intervals as usize;
@@ -43,7 +43,7 @@ impl Grid {
     }
 }
 
-/// The nodes so far, each checked against the arm's limits as it comes.
+/// The nodes so far; each new node is checked against the arm's limits.
 pub(crate) struct Nodes<'a> {
     arm: &'a Arm,
     times: Vec<f64>,
@@ -76,14 +76,14 @@ impl<'a> Nodes<'a> {
         self.arm.dof()
     }
 
-    /// Whether the last posture is the first.
+    /// True if the last posture equals the first.
     pub fn closed(&self) -> bool {
         let dof = self.arm.dof();
         let last = self.values.len() - 3 * dof;
         (0..dof).all(|j| (self.values[last + j] - self.values[j]).abs() < CLOSED)
     }
 
-    /// The path through the nodes, which are those of one lap.
+    /// The path through the nodes of one lap.
     pub fn into_path(self, rate: f64, laps: Laps) -> JointPath {
         JointPath::new(self.arm.dof(), rate, laps, self.times, self.values)
     }

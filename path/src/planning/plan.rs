@@ -1,4 +1,4 @@
-//! From a description to the table of the joints' motion.
+//! From a specification to the table of the joints' motion.
 
 use std::path::Path;
 
@@ -16,24 +16,24 @@ use crate::planning::table::JointPath;
 use crate::planning::tool::ToolPath;
 use crate::spec::{PathKind, PathSpec, Size, check_duration};
 
-/// Samples a second through which the sharp square's joint path runs.
+/// Sampling rate of the sharp square's joint path, Hz.
 const SHARP_RATE: f64 = 4000.0;
 /// Most samples of a lap of the sharp square.
 const MOST_SAMPLES: f64 = 240_000.0;
-/// Intervals of a smooth piece of a built-in path, however short.
+/// Least number of intervals of a smooth piece of a built-in path.
 const FEWEST_INTERVALS: f64 = 8.0;
 
 impl JointPath {
     /// Plans the joints' motion along `spec` for ticks of `rate_hz`.
     ///
-    /// Arms of six joints and more follow position and orientation of the tool, arms of three to five its position.
-    /// The branch is that of `spec.start`; without it the one reached from the middle of the joints' ranges, or else
-    /// the one farthest from the limits. Nodes lie at a quarter of a tick, closer for short laps, and at 1/240 000 of
-    /// a lap that is longer than 60 000 ticks. A lap that brings the arm back to its first posture is held once; one
-    /// that does not (arms with joints to spare, endless turns) is planned to the last lap.
+    /// Arms of six joints and more follow position and orientation of the tool, arms of three to five its position. The branch is that of
+    /// `spec.start`; without it, the branch of the solution found from the middle of the joints' ranges, or else the branch farthest from
+    /// the limits. Nodes lie at a quarter of a tick, closer for short laps, and at 1/240 000 of a lap that is longer than 60 000 ticks. The
+    /// table stores a lap once if it brings the arm back to its first posture; otherwise (redundant arms, endless rotation) it contains
+    /// every lap.
     ///
     /// # Errors
-    /// [`PathError`], which names the time, the point, the joint and what to change.
+    /// [`PathError`] with the time, the point, the joint and the remedy.
     pub fn plan(arm: &Arm, spec: &PathSpec, rate_hz: f64) -> Result<JointPath, PathError> {
         if !(rate_hz > 0.0 && rate_hz <= HIGHEST_RATE) {
             return Err(PathError::Rate { value: rate_hz });
@@ -95,8 +95,8 @@ fn tabulate(arm: &Arm, spline: &Spline, grid: Grid, rate: f64, laps: u32) -> Res
     Ok(nodes.into_path(rate, Laps { lap, count: laps }))
 }
 
-/// The sharp square as its definition has it: the cubic spline through the joints' positions at 4 kHz. It rounds the
-/// jumps of the acceleration over a sample or two and overshoots them by a few percent, as a sampled reference does.
+/// The sharp square by its definition: the cubic spline through the joints' positions at 4 kHz. It rounds the jumps of the acceleration
+/// over a sample or two and overshoots them by a few percent, as a sampled reference does.
 fn sampled(arm: &Arm, exact: &JointPath, grid: Grid, rate: f64) -> Result<JointPath, PathError> {
     let laps = exact.laps();
     let samples = (laps.lap * SHARP_RATE).round().clamp(4.0, MOST_SAMPLES);
@@ -114,7 +114,7 @@ fn sampled(arm: &Arm, exact: &JointPath, grid: Grid, rate: f64) -> Result<JointP
     tabulate(arm, &spline, grid, rate, laps.count)
 }
 
-/// A swing of every joint.
+/// A sine motion of every joint.
 fn swing(arm: &Arm, spec: &PathSpec, rate: f64) -> Result<JointPath, PathError> {
     let amplitude = match spec.size {
         Some(Size::One(amplitude)) => Some(amplitude),
@@ -173,7 +173,7 @@ fn follow(
     Ok(nodes.into_path(rate, Laps { lap: laps.duration(), count: 1 }))
 }
 
-/// Follows one lap, which begins at time `offset`.
+/// Follows one lap from time `offset` on.
 fn follow_lap(
     tracker: &mut Tracker<'_>,
     path: &ToolPath,

@@ -12,7 +12,7 @@ pub(crate) struct Point {
     pub acceleration: Vector3<f64>,
 }
 
-/// A closed curve around `centre`, run once in a lap.
+/// A closed curve around `centre`; each lap follows it once.
 #[derive(Clone, Debug)]
 pub(crate) enum Shape {
     /// `centre + (A₁ cos θ, A₂ sin θ, A₃ sin 2θ)`, θ from 0 to 2π by the quintic time law.
@@ -51,8 +51,8 @@ impl Shape {
     }
 }
 
-/// The quintic time law `10 s³ − 15 s⁴ + 6 s⁵` and its first two derivatives: from rest to rest on s ∈ [0, 1],
-/// with zero acceleration at both ends (minimum jerk; Flash & Hogan 1985, eq. 3).
+/// The quintic time law `10 s³ − 15 s⁴ + 6 s⁵` and its first two derivatives: from rest to rest on s ∈ [0, 1], with zero acceleration at
+/// both ends (minimum jerk; Flash & Hogan 1985, eq. 3).
 pub(crate) fn quintic(s: f64) -> [f64; 3] {
     let left = 1.0 - s;
     [s * s * s * (10.0 + s * (6.0 * s - 15.0)), 30.0 * s * s * left * left, 60.0 * s * left * (1.0 - 2.0 * s)]
@@ -95,8 +95,8 @@ fn square(centre: &Vector3<f64>, half_side: f64, blend: f64, piece: usize, t: f6
     }
 }
 
-/// Way along a side and its first two derivatives by the share `f` ∈ [0, 1] of the side's time, for a trapezoidal
-/// speed with acceleration over the share `b`: `f²/2b`, `f − b/2`, `1 − b − (1−f)²/2b`, each over `1 − b`.
+/// Distance along a side and its first two derivatives, as functions of the share `f` ∈ [0, 1] of the side's time, for a trapezoidal speed
+/// with acceleration over the share `b`: `f²/2b`, `f − b/2`, `1 − b − (1−f)²/2b`, each over `1 − b`.
 fn trapezoid(b: f64, piece: usize, f: f64) -> [f64; 3] {
     let scale = 1.0 / (1.0 - b);
     let left = 1.0 - f;

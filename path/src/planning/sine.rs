@@ -1,4 +1,4 @@
-//! A motion for any arm: every joint swings about its middle with its own frequency.
+//! A motion for any arm: every joint performs a sine about the middle of its range with its own frequency.
 //!
 //! Joint i (from 1): `q = m + A w(t) sin(2π i t / T)`. The window `w` rises by the quintic time law in the first
 //! eighth of the lap T and falls in the last, so that each lap goes from rest to rest and laps join smoothly.
@@ -9,27 +9,27 @@ use freeplay_arm::{Joint, JointKind, Limits};
 
 use crate::planning::shape::quintic;
 
-/// Share of a lap in which the window rises, and again falls.
+/// Share of a lap in which the window rises; it falls over the same share.
 const RAMP: f64 = 0.125;
-/// Amplitude of the slowest joint where no limit is nearer, rad.
+/// Amplitude of the slowest joint without a closer limit, rad.
 const SWING: f64 = 0.3;
 /// The same for a prismatic joint, m.
 const STROKE: f64 = 0.05;
-/// Share of a joint's range, velocity and acceleration limits that the default amplitude may use.
+/// Greatest share of a joint's range, velocity and acceleration limits for the default amplitude.
 const SHARE: f64 = 0.5;
 
-/// The swing of one joint.
+/// The sine motion of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Swing {
     middle: f64,
     amplitude: f64,
-    /// Swings in a lap.
+    /// Periods per lap.
     cycles: f64,
     period: f64,
 }
 
 impl Swing {
-    /// The swing of the joint with this index (from 0); `middle` and `amplitude` by default from its limits.
+    /// The sine motion of the joint with this index (from 0); its limits give the default of `middle` and `amplitude`.
     pub fn of(
         joint: &Joint,
         index: usize,
@@ -64,13 +64,13 @@ pub(crate) fn breaks(period: f64) -> Vec<f64> {
     [0.0, RAMP, 1.0 - RAMP, 1.0].map(|s| s * period).to_vec()
 }
 
-/// The middle of a joint's range; 0, or the limit nearest to it, where the range is not bounded on both sides.
+/// The middle of a joint's range; 0, or the limit nearest to it, if the range is not bounded on both sides.
 pub(crate) fn middle_of(limits: &Limits) -> f64 {
     let middle = limits.lower / 2.0 + limits.upper / 2.0;
     if middle.is_finite() { middle } else { 0.0_f64.min(limits.upper).max(limits.lower) }
 }
 
-/// The window and its first two derivatives by the share `s` of the lap.
+/// The window and its first two derivatives, as functions of the share `s` of the lap.
 fn window(s: f64) -> [f64; 3] {
     let (u, sign) = if s < 0.5 { (s / RAMP, 1.0) } else { ((1.0 - s) / RAMP, -1.0) };
     if u >= 1.0 {
@@ -80,7 +80,7 @@ fn window(s: f64) -> [f64; 3] {
     [law, sign * rate / RAMP, rate2 / (RAMP * RAMP)]
 }
 
-/// An amplitude that falls with the frequency and uses at most [`SHARE`] of what the limits allow.
+/// An amplitude that falls with the frequency and uses at most [`SHARE`] of the limits.
 fn modest_amplitude(joint: &Joint, cycles: f64, period: f64) -> f64 {
     // Extremes of the quintic law: its rate is at most 15/8, its second derivative at most 10/√3.
     let (ramp_rate, ramp_rate2) = (1.875 / (RAMP * period), 5.7736 / (RAMP * period).powi(2));

@@ -14,12 +14,12 @@ pub(crate) struct Spline {
     curvature: Vec<f64>,
 }
 
-/// What closes the equations at both ends.
+/// The end conditions of a spline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ends {
-    /// The second derivative vanishes.
+    /// The second derivative is zero.
     Natural,
-    /// The third derivative is continuous at the second and at the last but one knot.
+    /// The third derivative is continuous at the second and at the penultimate knot.
     NotAKnot,
 }
 
@@ -31,7 +31,7 @@ impl Spline {
         let step = |i: usize| times[i + 1] - times[i];
         let mut curvature = vec![0.0; rows * columns];
         let mut upper = vec![0.0; rows];
-        // Thomas elimination; the ends have been eliminated from the first and last row.
+        // Thomas elimination; the first and last row already include the end conditions.
         for i in 1..rows - 1 {
             let (before, after) = (step(i - 1), step(i));
             let (mut below, mut middle, mut above) = (before, 2.0 * (before + after), after);
@@ -94,7 +94,7 @@ impl Spline {
 mod tests {
     use super::{Ends, Spline};
 
-    /// Uneven knots on [0, 2π]: sin has zero second derivative at both ends, so the natural spline is of full order.
+    /// Uneven knots on [0, 2π]: the second derivative of sin is zero at both ends, so that the natural spline has full order.
     fn sine_errors(rows: usize) -> [f64; 3] {
         let span = 2.0 * std::f64::consts::PI;
         let times: Vec<f64> = (0..=rows)

@@ -7,7 +7,7 @@ use crate::planning::shape::{Point, Shape};
 use crate::planning::spline::Spline;
 use crate::spec::{PathKind, PathSpec};
 
-/// Where the tool should be at one instant, in the base frame.
+/// The reference of the tool at one instant, in the base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolSample {
     /// Pose of frame `tool0`, m.
@@ -20,7 +20,7 @@ pub struct ToolSample {
 
 /// A Cartesian path: position and orientation of the tool over time.
 ///
-/// It is made of smooth pieces; where two of them meet the acceleration may jump.
+/// It consists of smooth pieces; where two of them meet the acceleration may jump.
 #[derive(Clone, Debug)]
 pub struct ToolPath {
     curve: Curve,
@@ -40,7 +40,7 @@ enum Curve {
 }
 
 impl ToolPath {
-    /// The path of a built-in Cartesian kind, or nothing if the kind is not one (`file`, `joint_sine`).
+    /// The path of a built-in Cartesian kind; `None` for other kinds (`file`, `joint_sine`).
     ///
     /// `spec` should have passed [`PathSpec::validate`]; with other numbers the samples may not be finite.
     pub fn of(spec: &PathSpec) -> Option<ToolPath> {
@@ -61,7 +61,7 @@ impl ToolPath {
         })
     }
 
-    /// The path through rows of a file: columns x, y, z, and qx, qy, qz, qw if `oriented`. The laps are in the rows.
+    /// The path through rows of a file: columns x, y, z, and qx, qy, qz, qw if `oriented`. The rows contain all laps.
     pub(crate) fn through(spline: Spline, oriented: bool, spec: &PathSpec) -> ToolPath {
         let breaks = spline.times().to_vec();
         let lap = *breaks.last().expect("a spline has knots");
@@ -99,7 +99,7 @@ impl ToolPath {
         self.breaks.len() - 1
     }
 
-    /// The tool at time `t` of a lap, by the formula of smooth piece `piece`: at its ends a one-sided limit.
+    /// The tool at time `t` of a lap, by the formula of smooth piece `piece`; at the ends of the piece this is a one-sided limit.
     pub(crate) fn on_piece(&self, piece: usize, t: f64) -> ToolSample {
         match &self.curve {
             Curve::Shape(shape) => self.with_fixed_rotation(shape.point(piece, t, self.laps.lap)),
@@ -140,8 +140,8 @@ fn spline_point(spline: &Spline, piece: usize, t: f64) -> Point {
     }
 }
 
-/// Position and orientation from splined components. With `c(t)` the splined quaternion and `Q = c / |c|`:
-/// `ω = 2 Im(ċ c*) / |c|²` and `ω̇ = d/dt` of it (from `Q̇ = ½ ω Q`, Diebel 2006, eq. 155).
+/// Position and orientation from splined components. With `c(t)` the splined quaternion and `Q = c / |c|`, `ω = 2 Im(ċ c*) / |c|²`, and
+/// `ω̇` is its time derivative (from `Q̇ = ½ ω Q`, Diebel 2006, eq. 155).
 fn spline_pose(spline: &Spline, piece: usize, t: f64) -> ToolSample {
     let point = spline_point(spline, piece, t);
     let columns = [3, 4, 5, 6].map(|column| spline.evaluate(piece, column, t));
@@ -149,7 +149,7 @@ fn spline_pose(spline: &Spline, piece: usize, t: f64) -> ToolSample {
         .map(|k| nalgebra::Quaternion::new(columns[3][k], columns[0][k], columns[1][k], columns[2][k]));
     let squared = c.norm_squared();
     let omega = (rate * c.conjugate()).imag() * (2.0 / squared);
-    // d/dt(ċ c*) = c̈ c* + ċ ċ*, whose second term is real.
+    // d/dt(ċ c*) = c̈ c* + ċ ċ*; the second term is real.
     let alpha = (rate2 * c.conjugate()).imag() * (2.0 / squared) - omega * (2.0 * c.dot(&rate) / squared);
     ToolSample {
         pose: Isometry3::from_parts(Translation3::from(point.position), UnitQuaternion::from_quaternion(c)),
@@ -166,7 +166,7 @@ mod tests {
     use crate::planning::spline::{Ends, Spline};
     use crate::spec::PathSpec;
 
-    /// Seven rows of a turning, moving tool.
+    /// Seven rows of a tool that turns and moves.
     fn turning() -> ToolPath {
         let times: Vec<f64> = (0..7).map(|k| 0.3 * f64::from(k)).collect();
         let rows = times.iter().flat_map(|&t| {
@@ -177,7 +177,7 @@ mod tests {
         ToolPath::through(spline, true, &PathSpec::default())
     }
 
-    /// Largest difference between the stated angular velocity and acceleration and central differences of step h.
+    /// Largest difference between angular velocity and acceleration of the path and central differences of step h.
     fn error_of_differences(path: &ToolPath, h: f64) -> f64 {
         let angular = |s: &ToolSample| -> Vector3<f64> { s.velocity.fixed_rows::<3>(3).into_owned() };
         let times = (1..30).map(|k| 0.06 * f64::from(k) + 0.013).filter(|t| *t < 1.75);

@@ -1,4 +1,4 @@
-//! The joints' motion: on the Cartesian path everywhere, its derivatives consistent, its branch the expected one.
+//! The joints' motion: it is on the Cartesian path everywhere, its derivatives are consistent, its branch is the expected one.
 
 use crate::common;
 use std::f64::consts::FRAC_PI_2;
@@ -16,7 +16,7 @@ fn at(path: &JointPath, t: f64) -> [DVector<f64>; 3] {
     [q, v, a]
 }
 
-/// Times all over the motion, off the nodes, and close to the kinks of the squares.
+/// Times over the whole motion, off the nodes, and close to the kinks of the squares.
 fn probes(duration: f64) -> Vec<f64> {
     let spread = (0..1500).map(|k| (f64::from(k) + 0.377) / 1500.0 * duration);
     let quarter = duration / 4.0;
@@ -123,7 +123,7 @@ fn a_start_posture_chooses_another_branch_of_the_same_path() {
     let spec = PathSpec::default();
     let usual = JointPath::plan(&arm, &spec, RATE).expect("the path is reachable");
     let q = usual.start().q;
-    // The wrist turned over: joint 4 by half a turn, joint 5 mirrored, joint 6 back by half a turn.
+    // The wrist flipped: joint 4 by half a turn, joint 5 mirrored, joint 6 back by half a turn.
     let start = vec![q[0] + 0.05, q[1] - 0.05, q[2], q[3] + 3.1, -q[4], q[5] - 3.1];
     let turned = JointPath::plan(&arm, &PathSpec { start: Some(start), ..spec.clone() }, RATE);
     let turned = turned.expect("the path is reachable on this branch");
@@ -213,7 +213,7 @@ fn arms_of_three_joints_follow_the_position() {
     let circle = PathSpec { kind: PathKind::Circle, size: Some(Size::One(0.1)), ..PathSpec::default() };
     let cases = [
         ("cylindrical", common::cylindrical(), PathSpec { centre: [0.6, 0.1, 0.3], ..PathSpec::default() }),
-        // The tool cannot leave its plane, so that the Jacobian has rank 2: least squares, with a joint to spare.
+        // The tool cannot leave its plane, so that the Jacobian has rank 2: least squares, with one redundant joint.
         (
             "planar",
             common::planar(),

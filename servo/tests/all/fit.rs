@@ -1,4 +1,5 @@
-//! Fits of simulated recordings: what was put in comes out, inside its intervals; with any number of threads; contact does not bend it.
+//! Fits of simulated recordings: they recover the true values within their intervals, with any number of threads, and contact does not bias
+//! them.
 use freeplay_servo::{
     Commands, Course, Fitted, JointServo, Load, ModelParameter, Problem, Rollout, ServoArm, Sight, State,
     Track, Unknown, lag, servos, sights, unknowns,
@@ -9,7 +10,7 @@ use crate::common::{stamps, two_links};
 /// Step of the encoders, rad.
 const TICK: f64 = 5e-4;
 
-/// Servos that the fit does not know.
+/// The true servos, unknown to the fit.
 fn truth() -> ServoArm {
     let servo = |stiffness: f64, lag: f64, friction: f64| JointServo {
         damping: stiffness * lag,
@@ -23,7 +24,8 @@ fn truth() -> ServoArm {
     ServoArm::new(two_links(9.81), vec![servo(30.0, 0.06, 0.02), servo(15.0, 0.05, 0.03)])
 }
 
-/// A recording of `truth` of `seconds` at 50 Hz, its encoders rounded, the first joint pressed aside by `pressed` rad for two seconds.
+/// A recording of `truth` of `seconds` at 50 Hz with rounded encoders; a contact pushes the first joint aside by `pressed` rad for two
+/// seconds.
 fn recorded(truth: &ServoArm, seconds: usize, pressed: f64) -> Track {
     let times = stamps(50 * seconds, 0.02);
     let wave = |t: f64, phase: f64| {
@@ -57,7 +59,7 @@ fn problem(track: &Track, threads: usize) -> Problem<'_> {
     }
 }
 
-/// Servos to begin a fit to `track` from, half of the lag as delay.
+/// Initial servos for a fit to `track`, half of the lag as delay.
 fn first(track: &Track) -> (ServoArm, Vec<Sight>) {
     let arm = two_links(9.81);
     let seen = sights(&arm, std::slice::from_ref(track));
@@ -89,7 +91,7 @@ fn servos_come_back_from_a_recording() {
             ModelParameter::Stiffness => 0.03,
             ModelParameter::Lag | ModelParameter::Delay => 0.003,
             ModelParameter::Coulomb | ModelParameter::Offset => 0.002,
-            // The truth breaks away in steps of 1 ms, the fit in steps of 5 ms.
+            // The simulated truth breaks away in steps of 1 ms, the fit in steps of 5 ms.
             ModelParameter::Stiction => 0.003,
             ModelParameter::Rotor => 3e-4,
             _ => 0.0,
@@ -138,7 +140,8 @@ fn a_lag_and_a_stiffness_show_before_any_rollout() {
     assert!((lag(&[shifted], 0) - 0.05).abs() < 1e-3);
 }
 
-/// A joint alone, under the load that it had while the other moved as measured, moves as it does in the whole arm: to a tenth of what the load does to it.
+/// A joint alone, under the recorded load from the measured motion of the other, moves as in the whole arm: to a tenth of the load's
+/// effect.
 #[test]
 fn a_joint_alone_moves_as_in_the_arm() {
     let truth = truth();
@@ -157,7 +160,7 @@ fn a_joint_alone_moves_as_in_the_arm() {
     }
 }
 
-/// A payload that the model does not know is told from softer servos by how the droop goes with the pose, though nothing is known of the servos.
+/// The dependence of the droop on the pose distinguishes an unknown payload from softer servos, even with unknown servos.
 #[test]
 fn a_payload_is_told_by_the_course_of_the_droop() {
     let mut loaded = truth();
@@ -191,7 +194,7 @@ fn a_payload_is_told_by_the_course_of_the_droop() {
     assert!(mass > 6.0 * deviation, "told from none");
 }
 
-/// A simulation that leaves all numbers is no explanation: its rows lose without bound, where rows that nobody measured lose nothing.
+/// A diverging simulation explains nothing: the loss of its rows is unbounded, whereas rows without a measurement have no loss.
 #[test]
 fn a_simulation_without_numbers_explains_nothing() {
     let track = recorded(&truth(), 10, 0.0);

@@ -6,7 +6,7 @@ use freeplay_servo::{
 
 use crate::common::{INERTIA, LEVER, MASS, pendulum, stamps, two_links};
 
-/// Positions of the pendulum with `servo` that begins at rest at zero, with commands `command` of time, through `count` stamps `step` apart.
+/// Positions of the pendulum with `servo`, initially at rest at zero, with commands `command` of time, at `count` stamps `step` apart.
 fn motion(
     arm: &Arm,
     servo: JointServo,
@@ -25,12 +25,13 @@ fn motion(
     out
 }
 
-/// The course of `commands` through `stamps` under the loads that the arm makes.
+/// The course of `commands` through `stamps` under the loads of the arm.
 fn along<'a>(commands: &'a [Commands], stamps: &'a [f64]) -> Course<'a> {
     Course { commands, stamps, loads: &[] }
 }
 
-/// A link that hangs by its weight on one flank of a gap, and one whose encoder reads half of the gap where it is at zero: k (c − q) = m g l cos(q − j/2).
+/// A link that its weight presses to one flank of a gap equals one whose encoder reads half of the gap at the joint's zero: k (c − q) = m g
+/// l cos(q − j/2).
 #[test]
 fn a_gap_under_a_weight_is_a_zero_that_is_off_by_half_of_it() {
     let (stiffness, command, gap, gravity) = (8.0, 0.3, 0.1, 9.81);
@@ -87,7 +88,8 @@ fn a_step_is_that_of_mass_spring_and_damper_and_errors_fall_with_the_square_of_t
     }
 }
 
-/// The arm's own terms may stand for ten of the servo's steps: the motion of two heavy links is the same to a hundredth of a step of an encoder of 1 mrad.
+/// The arm's own terms may stay constant over ten steps of the servo: the motion of two heavy links is the same to a hundredth of an
+/// encoder step of 1 mrad.
 #[test]
 fn the_terms_of_the_arm_need_no_steps_as_short_as_those_of_its_servos() {
     let arm = two_links(9.81);
@@ -110,7 +112,7 @@ fn the_terms_of_the_arm_need_no_steps_as_short_as_those_of_its_servos() {
     assert!(rms < 1e-4);
 }
 
-/// A load below the friction is held for ever, to the last bit.
+/// Friction holds a smaller load for ever, to the last bit.
 #[test]
 fn a_joint_held_by_friction_does_not_creep() {
     let arm = pendulum(9.81);
@@ -127,7 +129,7 @@ fn a_joint_held_by_friction_does_not_creep() {
     }
 }
 
-/// A slow ramp: the joint waits until k u passes the friction, then follows by (F + d v)/k.
+/// A slow ramp: the joint waits until k u exceeds the friction, then follows with the error (F + d v)/k.
 #[test]
 fn a_ramp_breaks_away_at_the_friction_and_follows_by_friction_and_damping() {
     let arm = pendulum(0.0);
@@ -142,7 +144,7 @@ fn a_ramp_breaks_away_at_the_friction_and_follows_by_friction_and_damping() {
     assert!((left - expected).abs() < 2e-5, "{left} against {expected}");
 }
 
-/// Delay and hold: nothing moves before a command that comes at 0.1 s has come through, and the delay acts to a fraction of a step.
+/// Delay and hold: nothing moves before a command of 0.1 s takes effect, and the delay is accurate to a fraction of a step.
 #[test]
 fn a_delay_acts_to_a_fraction_of_a_step() {
     let arm = pendulum(0.0);
@@ -157,7 +159,7 @@ fn a_delay_acts_to_a_fraction_of_a_step() {
     assert!((early - 2.0 * middle + late).abs() < 0.1 * (early - late), "{early} {middle} {late}");
 }
 
-/// Limits: the torque limit bounds what is lifted, the speed limit the speed; a dead band leaves the joint off, a stop holds it.
+/// Limits: the torque limit bounds the lifted load, the speed limit the speed; a dead band leaves a position error, a stop holds the joint.
 #[test]
 fn limits_dead_band_and_stop_hold() {
     let lifted = |servo: JointServo| motion(&pendulum(9.81), servo, |_| 0.5, 501, 0.02, 0.01)[500];
@@ -178,7 +180,7 @@ fn limits_dead_band_and_stop_hold() {
     assert!((q[500] + 0.1).abs() < 1e-6, "and lets it go");
 }
 
-/// Without friction and damping the midpoint rule keeps the energy of an oscillator; with them energy only falls.
+/// Without friction and damping the midpoint rule conserves the energy of an oscillator; with them the energy only falls.
 #[test]
 fn energy_is_kept_or_falls() {
     let arm = two_links(0.0);
@@ -207,7 +209,7 @@ fn energy_is_kept_or_falls() {
     assert!(rubbing[498] < 0.1 * rubbing[0]);
 }
 
-/// The solution of three coupled joints is the one that no other set of signs beats.
+/// The solution of three coupled joints is the best over all combinations of signs.
 #[test]
 fn the_solver_finds_what_enumeration_finds() {
     let a = [2.0, 0.8, -0.3, 0.8, 1.5, 0.4, -0.3, 0.4, 1.0];

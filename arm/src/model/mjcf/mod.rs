@@ -1,9 +1,9 @@
-//! MJCF, the format of MuJoCo, as models stand in it → links and joints, of which `urdf_tree` takes the arm.
+//! MJCF, the format of MuJoCo, as found in the field → links and joints, from which `urdf_tree` selects the arm.
 //!
-//! Bodies are links, sites are links without mass, and each joint of a body moves a link of its own. Of `<default>` classes, `<compiler>`,
-//! `<option gravity>`, `<frame>` and actuators counts what an arm has: masses, places, limits, friction, armature. Where a body has no
-//! `<inertial>`, its shapes count by their density or mass. Springs, tendons, equalities between joints other than copies, and contacts are
-//! not used, which a note says.
+//! Bodies are links, sites are links without mass, and each joint of a body moves a link of its own. The reader uses those parts of
+//! `<default>` classes, `<compiler>`, `<option gravity>`, `<frame>` and actuators that an arm has: masses, placements, limits, friction,
+//! armature. For a body without `<inertial>`, the density or mass of its shapes counts. A note says that springs, tendons, equalities
+//! between joints other than copies, and contacts are not used.
 //!
 //! Source: MuJoCo documentation, XML reference.
 
@@ -27,15 +27,15 @@ use crate::arm::Arm;
 use defaults::Defaults;
 use pose::Compiler;
 
-/// Gravity that MuJoCo takes where a file names none, m/s².
+/// MuJoCo's default gravity, m/s².
 const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
-/// Whether the root element of `document` is that of MJCF.
+/// True if the root element of `document` is that of MJCF.
 pub(super) fn is_mjcf(document: &Document<'_>) -> bool {
     document.root_element().has_tag_name("mujoco")
 }
 
-/// The arm of the MJCF `document` that `selection` says.
+/// The arm of the MJCF `document` that `selection` names.
 ///
 /// # Errors
 /// [`ModelError`] with line, column, value and remedy.
@@ -60,12 +60,12 @@ pub(super) fn arm(
     Ok(file)
 }
 
-/// `arm` under `gravity`; the same bits where it is that already.
+/// `arm` under `gravity`; bit by bit the same if `arm` has this gravity already.
 fn under(arm: &Arm, gravity: Vector3<f64>) -> Arm {
     if *arm.gravity() == gravity { arm.clone() } else { arm.with_gravity(gravity) }
 }
 
-/// The model as it is read.
+/// The state of the reader.
 struct Model<'r, 'd, 'i> {
     reader: Reader<'r>,
     defaults: Defaults<'d, 'i>,
@@ -81,7 +81,7 @@ impl<'r, 'd, 'i> Model<'r, 'd, 'i> {
         Ok(Model { reader, defaults, compiler, links: Vec::new(), joints: Vec::new() })
     }
 
-    /// Refuses a file whose bodies stand in other files.
+    /// Refuses a file with bodies in other files.
     fn refuse_parts_of_other_files(&self, root: Node<'_, '_>) -> Result<(), ModelError> {
         let part =
             root.descendants().find(|node| node.has_tag_name("include") || node.has_tag_name("attach"));
@@ -103,7 +103,7 @@ impl<'r, 'd, 'i> Model<'r, 'd, 'i> {
         Ok(gravity.into())
     }
 
-    /// Counts what a file says beyond the arm.
+    /// Counts the parts of a file that an arm does not use.
     fn note_unused(&mut self, root: Node<'_, '_>) {
         for (section, what) in [("tendon", "<tendon>"), ("equality", "<equality>"), ("contact", "<contact>")]
         {

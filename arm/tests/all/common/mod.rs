@@ -1,9 +1,9 @@
-//! What the tests of this crate share: random arms, tolerances that show their margin, an integrator.
+//! Shared code of the tests of this crate: random arms, tolerances with printed margins, an integrator.
 
 use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits};
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 
-/// A small deterministic generator (SplitMix64, Steele, Lea & Flood 2014), so that every run sees the same arms.
+/// A small deterministic generator (SplitMix64, Steele, Lea & Flood 2014), so that every run has the same arms.
 pub struct Random(pub u64);
 
 impl Random {
@@ -31,7 +31,7 @@ impl Random {
         UnitQuaternion::from_axis_angle(&Unit::new_normalize(self.vector()), 3.0 * self.next())
     }
 
-    /// A body that can exist: three point pairs on random axes.
+    /// A possible body: three point pairs on random axes.
     pub fn inertia(&mut self) -> Inertia {
         let mass = 3.0 + 2.9 * self.next();
         let r = self.rotation().to_rotation_matrix();
@@ -42,14 +42,14 @@ impl Random {
         Inertia { mass, com: self.vector() * 0.3, about_com: (about_com + about_com.transpose()) * 0.5 }
     }
 
-    /// A coordinate axis in either sense, as most joints of real arms have it, or any axis.
+    /// A coordinate axis in either sense, as for most joints of real arms, or any axis.
     pub fn axis(&mut self) -> Unit<Vector3<f64>> {
         let any = self.vector();
         let coordinate = any.map(|x| if x.abs() == any.amax() { x.signum() } else { 0.0 });
         Unit::new_normalize(if self.next() < 0.0 { coordinate } else { any })
     }
 
-    /// A joint with a random axis, placement and link; some placements do not turn.
+    /// A joint with a random axis, placement and link; some placements have no rotation.
     pub fn joint(&mut self, number: usize) -> Joint {
         let turn = if self.next() < -0.4 { UnitQuaternion::identity() } else { self.rotation() };
         Joint {
