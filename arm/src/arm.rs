@@ -18,7 +18,7 @@ pub struct Arm {
 }
 
 impl Arm {
-    /// An arm of joints that were checked.
+    /// An arm of checked joints.
     pub(crate) fn unchecked(
         name: &str,
         joints: Vec<Joint>,
@@ -34,15 +34,15 @@ impl Arm {
         Arm { fitness, ..self }
     }
 
-    /// The shortfalls of this arm, handed on to the arms that are made of it.
+    /// The shortfalls of this arm; arms derived from it inherit them.
     pub fn fitness(&self) -> &Fitness {
         &self.fitness
     }
 
-    /// Checks that the arm can be used for `purpose`. Arms of [`Arm::new`] can be used for all; those of a file may lack masses.
+    /// Checks that the arm can be used for `purpose`. Arms of [`Arm::new`] can be used for all purposes; those of a file may lack masses.
     ///
     /// # Errors
-    /// [`Shortfall`]: link, line and what is missing.
+    /// [`Shortfall`] with the link, the line and the missing property.
     pub fn require(&self, purpose: Purpose) -> Result<(), Shortfall> {
         self.fitness.shortfall(purpose).map_or(Ok(()), |shortfall| Err(shortfall.clone()))
     }

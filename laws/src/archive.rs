@@ -1,15 +1,15 @@
-//! The state variables of a simulation as a flat list of 64-bit words: a copy that can be put back to the last bit.
+//! The state variables of a simulation as a flat list of 64-bit words: an exact copy that can be restored to the last bit.
 //!
-//! A type transfers its variables by one function for both directions, so that saving and restoring can't disagree on their order.
+//! A type saves and restores its variables by one function, so that both directions have the same order.
 
-/// A list of words that state variables are saved to or restored from.
+/// A list of words for saving or restoring state variables.
 #[derive(Debug)]
 pub struct Archive<'a>(Direction<'a>);
 
 #[derive(Debug)]
 enum Direction<'a> {
     Save(&'a mut Vec<u64>),
-    /// The words that are left; none once the list was too short.
+    /// The remaining words; `None` once the list was too short.
     Restore(Option<&'a [u64]>),
 }
 
@@ -19,12 +19,12 @@ impl<'a> Archive<'a> {
         Archive(Direction::Save(words))
     }
 
-    /// An archive that sets variables to `words`.
+    /// An archive that restores variables from `words`.
     pub fn restore(words: &'a [u64]) -> Archive<'a> {
         Archive(Direction::Restore(Some(words)))
     }
 
-    /// Whether as many words were restored as the list holds; true of an archive that saves.
+    /// True if all words of the list have been restored; always true for an archive that saves.
     pub fn is_complete(&self) -> bool {
         match &self.0 {
             Direction::Save(_) => true,
@@ -32,7 +32,7 @@ impl<'a> Archive<'a> {
         }
     }
 
-    /// Saves `value`, or returns the word to restore; `value` where the list is too short.
+    /// Saves `value`, or returns the word to restore; returns `value` if the list is too short.
     fn word(&mut self, value: u64) -> u64 {
         match &mut self.0 {
             Direction::Save(words) => {
@@ -52,22 +52,22 @@ impl<'a> Archive<'a> {
         }
     }
 
-    /// Transfers a real number.
+    /// Saves or restores a real number.
     pub fn real(&mut self, value: &mut f64) {
         *value = f64::from_bits(self.word(value.to_bits()));
     }
 
-    /// Transfers real numbers.
+    /// Saves or restores real numbers.
     pub fn reals<'v>(&mut self, values: impl IntoIterator<Item = &'v mut f64>) {
         values.into_iter().for_each(|value| self.real(value));
     }
 
-    /// Transfers a count.
+    /// Saves or restores a count.
     pub fn count(&mut self, value: &mut u64) {
         *value = self.word(*value);
     }
 
-    /// Transfers a flag.
+    /// Saves or restores a flag.
     pub fn flag(&mut self, value: &mut bool) {
         *value = self.word(u64::from(*value)) != 0;
     }

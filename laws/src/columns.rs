@@ -1,8 +1,8 @@
-//! Columns that are zero until something is written to them: most effects show at one joint of many.
+//! Columns that are zero until a value is written: most effects concern one joint of many.
 
 use std::ops::{Index, IndexMut};
 
-/// Numbers `[column][point]`, all zero at first. A column takes room when it is first written to.
+/// Numbers `[column][point]`, initially zero. A column allocates memory when it is first written.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Columns {
     points: usize,
@@ -15,12 +15,12 @@ impl Columns {
         Columns { points, columns: vec![Vec::new(); count] }
     }
 
-    /// The column `index`, if anything was written to it.
+    /// The column `index`, if it has been written.
     pub fn written(&self, index: usize) -> Option<&[f64]> {
         self.columns.get(index).map(Vec::as_slice).filter(|column| !column.is_empty())
     }
 
-    /// The columns that were written to, each with its index.
+    /// The written columns, each with its index.
     pub fn all_written(&self) -> impl Iterator<Item = (usize, &[f64])> {
         self.columns
             .iter()
@@ -29,7 +29,7 @@ impl Columns {
             .map(|(i, c)| (i, c.as_slice()))
     }
 
-    /// Makes `change` of each column that was written to.
+    /// Applies `change` to each written column.
     pub fn change_written(&mut self, change: impl FnMut(&mut Vec<f64>)) {
         self.columns.iter_mut().filter(|column| !column.is_empty()).for_each(change);
     }
@@ -45,14 +45,14 @@ impl Columns {
 impl Index<usize> for Columns {
     type Output = [f64];
 
-    /// The column `index`; empty if nothing was written to it.
+    /// The column `index`; empty if it has not been written.
     fn index(&self, index: usize) -> &[f64] {
         &self.columns[index]
     }
 }
 
 impl IndexMut<usize> for Columns {
-    /// The column `index` to write to.
+    /// The column `index` for writing.
     fn index_mut(&mut self, index: usize) -> &mut [f64] {
         let column = &mut self.columns[index];
         if column.is_empty() {
@@ -63,7 +63,7 @@ impl IndexMut<usize> for Columns {
 }
 
 impl From<Vec<Vec<f64>>> for Columns {
-    /// All columns written, of equal length.
+    /// All columns, as written, of equal length.
     fn from(columns: Vec<Vec<f64>>) -> Columns {
         Columns { points: columns.first().map_or(0, Vec::len), columns }
     }

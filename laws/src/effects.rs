@@ -1,4 +1,4 @@
-//! What the `[[effect]]` tables of an arm file say, as laws.
+//! The laws of the `[[effect]]` tables of an arm file.
 
 use freeplay_arm::{Arm, ArmFile};
 
@@ -21,7 +21,7 @@ impl Effects {
     /// Reads the effects of `file`.
     ///
     /// # Errors
-    /// See [`LawError`]; the first effect that can't be taken is named with its line.
+    /// See [`LawError`]; it names the line of the first invalid effect.
     pub fn of(file: &ArmFile) -> Result<Self, LawError> {
         let mut effects = Self::default();
         for table in &file.effects {
@@ -33,7 +33,8 @@ impl Effects {
     /// Adds `placed`, an effect of `arm`.
     ///
     /// # Errors
-    /// [`LawError::Twice`] for a second effect of the same kind at the same place, but for what happens at a time: that may happen again.
+    /// [`LawError::Twice`] for a second effect of the same kind at the same place; an effect at a time of the recording may occur several
+    /// times.
     pub fn add(&mut self, placed: Placed, arm: &Arm) -> Result<(), LawError> {
         let same = |other: &Placed| {
             other.kind.name == placed.kind.name && other.joint == placed.joint && !placed.kind.happens()
@@ -60,8 +61,7 @@ impl Effects {
         Ok(())
     }
 
-    /// What these effects put into a plant, beside their changes of the arm. What stands between one motor and its link is one
-    /// transmission, in series.
+    /// The contributions of these effects to a plant, besides their changes of the arm. Transmissions of one joint combine in series.
     pub fn injection(&self) -> Injection {
         let mut injection = Injection::default();
         for placed in &self.placed {
@@ -80,7 +80,7 @@ impl Effects {
     /// `arm` with the effects that change it.
     ///
     /// # Errors
-    /// [`LawError::Changed`] if an effect leaves no possible arm.
+    /// [`LawError::Changed`] if an effect makes the arm impossible.
     pub fn changed(&self, arm: &Arm) -> Result<Arm, LawError> {
         changed(arm, &self.placed)
     }

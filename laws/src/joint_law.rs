@@ -1,4 +1,4 @@
-//! Effects that are a torque on one joint as a function of the instant: what most laws of friction are.
+//! Effects that are a torque on one joint as a function of the instant, like most laws of friction.
 
 use std::fmt::Debug;
 
@@ -22,11 +22,11 @@ pub struct Instant {
     pub v: f64,
     /// Sign of the velocity, −1 to 1: see [`DriveFriction::sign`].
     pub sign: f64,
-    /// Torque that the rigid arm takes from the transmission, N·m (N).
+    /// Torque of the rigid arm on the transmission, N·m (N).
     pub load: f64,
 }
 
-/// A torque that a drive has to spend, as a pure function of the instant.
+/// A torque of a drive, as a pure function of the instant.
 pub trait JointLaw: Copy + Debug + Send + Sync + 'static {
     /// The torque, N·m (N); positive where it resists a positive motion.
     fn resisting(&self, at: &Instant) -> f64;
@@ -37,7 +37,7 @@ pub trait JointLaw: Copy + Debug + Send + Sync + 'static {
     }
 }
 
-/// A [`JointLaw`] at its joint: the same numbers in a recording and, opposed, in the plant.
+/// A [`JointLaw`] at its joint: the same numbers in a recording and, with opposite sign, in the plant.
 #[derive(Clone, Copy, Debug)]
 pub struct AtJoint<L> {
     /// Index of the joint.

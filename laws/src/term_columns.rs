@@ -1,4 +1,4 @@
-//! The columns of an effect's terms: by how much each changes what is predicted.
+//! The columns of an effect's terms: the change of the prediction by each term.
 
 use freeplay_arm::EffectTable;
 use toml::Table;
@@ -12,7 +12,7 @@ use crate::predict::Baseline;
 use crate::prediction::Change;
 
 impl Kind {
-    /// The effect of this kind with `parameters`, sitting at `joint` (an index; `None`: on the whole arm) of the scene's arm.
+    /// The effect of this kind with `parameters`, at `joint` (an index; `None`: on the whole arm) of the scene's arm.
     ///
     /// # Errors
     /// See [`LawError`]: parameters that are missing or out of range.
@@ -22,9 +22,9 @@ impl Kind {
         Placed::new(&table, &place.scene.arm)
     }
 
-    /// One column for each term of the effect at `joint` with `shape`: the change of everything that is predicted per unit of the
-    /// term's coefficient, about `baseline`. For small effects the prediction is the baseline's plus Σ coefficient × column; how well,
-    /// [`Baseline::change`] says.
+    /// One column for each term of the effect at `joint` with `shape`: the change of the whole prediction per unit of the term's
+    /// coefficient, about `baseline`. For small effects the prediction is the baseline's plus Σ coefficient × column; for the accuracy see
+    /// [`Baseline::change`].
     ///
     /// # Errors
     /// See [`LawError`].

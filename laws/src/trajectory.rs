@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-/// A motion of all joints over time, as the motor-side encoders read it.
+/// A motion of all joints over time, from the motor-side encoders.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trajectory {
     /// Time, s; evenly spaced within a stretch.
@@ -13,7 +13,7 @@ pub struct Trajectory {
     pub v: Vec<Vec<f64>>,
     /// Acceleration, `[joint][point]`, rad/s² (m/s²).
     pub a: Vec<Vec<f64>>,
-    /// Stretches without gaps, as ranges of points. A law with a memory starts anew in each.
+    /// Stretches without gaps, as ranges of points. A law with state variables restarts in each.
     pub stretches: Vec<Range<usize>>,
 }
 
@@ -23,7 +23,7 @@ impl Trajectory {
         self.t.len()
     }
 
-    /// Whether there are no points.
+    /// True if there are no points.
     pub fn is_empty(&self) -> bool {
         self.t.is_empty()
     }
@@ -34,7 +34,7 @@ impl Trajectory {
         (self.t[stretch.end - 1] - self.t[stretch.start]) / points as f64
     }
 
-    /// The same motion with each position `shift`, `[joint][point]`, further; velocities and accelerations by central differences within
+    /// The same motion with `shift`, `[joint][point]`, added to the positions; velocities and accelerations by central differences within
     /// each stretch.
     #[must_use]
     pub fn shifted(&self, shift: &[Vec<f64>]) -> Trajectory {
@@ -54,7 +54,7 @@ impl Trajectory {
         shifted
     }
 
-    /// Position, velocity and acceleration of all joints at `point` into slices of one number per joint.
+    /// Writes position, velocity and acceleration of all joints at `point` into slices with one number per joint.
     pub fn at(&self, point: usize, q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
         for joint in 0..self.q.len() {
             (q[joint], v[joint], a[joint]) =

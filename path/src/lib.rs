@@ -1,10 +1,10 @@
-//! Reference motions: where the tool or the joints should be, when.
+//! Reference motions of the tool and of the joints over time.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`PathSpec`]: a path as a scenario describes it ([`PathKind`], centre, [`Size`], period, laps…), checked without
-//!   an arm ([`SpecError`]).
-//! - A path file: CSV rows of joint angles or tool positions; what is wrong with one is a [`FileError`] at a [`Place`].
+//! - [`PathSpec`]: the specification of a path in a scenario ([`PathKind`], centre, [`Size`], period, laps…), checked without an arm
+//!   ([`SpecError`]).
+//! - A path file: CSV rows of joint angles or tool positions; a defect is a [`FileError`] at a [`Place`].
 //! - [`ToolPath`]: the tool's path in closed form; a [`ToolSample`] is its pose, velocity and acceleration at an instant.
 //! - [`JointPath`]: the joints' motion along it, tabulated by [`JointPath::plan`] (else a [`PathError`]), evaluated
 //!   anywhere without allocation; a [`Sample`] is its position, velocity and acceleration at an instant.

@@ -1,29 +1,31 @@
-//! How the controller in charge says that it arrived at its answers, counted by name.
+//! Counts of the active controller's answers by their reported status.
 
 use freeplay_shm::CommandStatus;
 use serde::Serialize;
 
-/// Answers of a run by their status; those that never came are not among them.
+/// Answers of a run by their status; missing answers do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct AnswerCounts {
     /// Computed as intended.
     pub ok: u64,
-    /// A quadratic programme had no solution, or its planning none before the run; the answer is the controller's own fallback.
+    /// A quadratic programme had no solution, or the planning for it found none before the run; the answer is the controller's own
+    /// fallback.
     pub qp_failed: u64,
     /// A quadratic programme stopped at its limit of iterations.
     pub qp_limit: u64,
-    /// The controller gave up; the gate took its fallback.
+    /// The controller gave no answer; the gate took its fallback.
     pub no_answer: u64,
-    /// A status that this version does not know; the gate refused the answer.
+    /// A status unknown to this version; the gate refused the answer.
     pub unknown: u64,
-    /// Answers for which a quadratic programme was solved by iteration, since a limit bound; for the others the minimiser of the cost kept them all.
+    /// Answers whose quadratic programme needed iterations, since a limit was active; in the others the unconstrained minimiser kept all
+    /// limits.
     pub iterated: u64,
-    /// Answers of any controller whose times cannot be: none of them is in the latencies.
+    /// Answers of any controller with impossible times, which the latencies exclude.
     pub implausible_times: u64,
 }
 
 impl AnswerCounts {
-    /// Counts an answer whose message says `status` and so many `iterations` of its quadratic programme.
+    /// Counts an answer with the reported `status` and number of `iterations` of its quadratic programme.
     pub fn add(&mut self, status: u32, iterations: u32) {
         self.iterated += u64::from(iterations > 0);
         let count = match CommandStatus::from_code(status) {

@@ -1,4 +1,4 @@
-//! The tool's deviation: true tool position minus where the perfect arm would have it on the desired joints.
+//! The tool's deviation: true tool position minus that of the nominal arm at the desired joint positions.
 
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -14,9 +14,9 @@ pub struct Deviation {
     pub mean: f64,
     /// Standard deviation about the mean.
     pub std: f64,
-    /// Root mean square after the start; not a number where nothing came after it.
+    /// Root mean square after the start; NaN without samples after it.
     pub rms_after_start: f64,
-    /// Greatest magnitude after the start; not a number where nothing came after it.
+    /// Greatest magnitude after the start; NaN without samples after it.
     pub max_after_start: f64,
 }
 
@@ -50,10 +50,10 @@ pub struct DeviationStatistics {
 }
 
 impl DeviationStatistics {
-    /// Until this time the drop of a centred journal dominates; it can't be compensated, s.
+    /// Until this time the drop of a centred journal dominates, which no controller can compensate, s.
     pub const START: f64 = 0.5;
 
-    /// Statistics that count as "after the start" what comes from `start` s on.
+    /// Statistics whose "after the start" begins at `start` s.
     pub fn new(start: f64) -> Self {
         Self { start, all: [Sums::default(); 4], after: [Sums::default(); 4] }
     }

@@ -1,4 +1,4 @@
-//! What a person asks of a plant that runs: handed to the loop through a queue, heard at the start of a tick.
+//! Requests of a user to a running plant: a queue passes them to the loop, which handles them at the start of a tick.
 
 use std::sync::Arc;
 
@@ -9,22 +9,22 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OperatorRequest {
-    /// The controller in this slot is to be in charge, from the first tick on at which its answer passes. Ignored where there is
-    /// no such slot.
+    /// Makes the controller in this slot active, from the first tick at which its answer passes. The plant ignores a slot that does not
+    /// exist.
     Swap {
         /// The slot.
         to: usize,
     },
-    /// The next answer of who is in charge is to be spoiled: its first value becomes NaN before the gate sees it.
+    /// Corrupts the next answer of the active controller: its first value becomes NaN before the gate checks it.
     Spoil,
-    /// From this tick on, the number of marks in the recording is one more.
+    /// Increments the number of marks in the recording from this tick on.
     Mark,
 }
 
-/// So many requests can wait at once.
+/// Capacity of the queue of requests.
 const WAITING: usize = 64;
 
-/// The queue of requests, shared by the loop and by whoever asks.
+/// The queue of requests, shared by the loop and its users.
 #[derive(Clone, Debug)]
 pub struct OperatorRequests(Arc<ArrayQueue<OperatorRequest>>);
 
@@ -35,12 +35,12 @@ impl Default for OperatorRequests {
 }
 
 impl OperatorRequests {
-    /// Asks for `request`; `false` if too many wait already.
+    /// Adds `request` to the queue; `false` if the queue is full.
     pub fn ask(&self, request: OperatorRequest) -> bool {
         self.0.push(request).is_ok()
     }
 
-    /// The request that has waited longest.
+    /// The oldest request.
     pub(crate) fn next(&self) -> Option<OperatorRequest> {
         self.0.pop()
     }

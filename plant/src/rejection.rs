@@ -2,17 +2,17 @@
 
 use serde::Serialize;
 
-/// Why a command did not pass.
+/// Reason of a rejection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rejection {
-    /// None came in time.
+    /// No command arrived in time.
     Missing,
-    /// It echoes another tick than the one it was due for.
+    /// It echoes another tick than the one for which it was due.
     Stale,
-    /// Its magic, layout, run, slot or number of joints is not this run's, its status is unknown, or it is of the wrong kind for the mode.
+    /// Its magic, layout, run, slot or number of joints is not this run's, its status is unknown, or its kind does not fit the mode.
     Malformed,
-    /// The controller itself says that it has no answer.
+    /// The controller itself reports that it has no answer.
     NoAnswer,
     /// A value is NaN or infinite.
     NotFinite,
@@ -20,12 +20,12 @@ pub enum Rejection {
     OutOfRange,
     /// A value changes faster than the joint allows.
     TooFast,
-    /// It is a possible command, but not what the other controllers make of the same state.
+    /// It is a possible command, but the other controllers' commands for the same state contradict it.
     Disagrees,
 }
 
 impl Rejection {
-    /// All reasons, in the order in which they are looked for.
+    /// All reasons, in the order of the checks.
     pub const ALL: [Rejection; 8] = [
         Self::Missing,
         Self::Malformed,

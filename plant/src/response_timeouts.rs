@@ -1,15 +1,15 @@
-//! Whose answers lockstep waits for.
+//! The controllers whose answers lockstep awaits.
 //!
-//! Who lets the patience of lockstep pass once is away. The only controller of a run is not waited for again; of several, one
-//! that is away is waited for again after a while, which doubles each time in vain. Meanwhile its answers do not count, so that
-//! what the plant does depends on ticks and not on how fast who is.
+//! A controller that exceeds the patience of lockstep once is absent. The plant never again waits for the only controller of a run. Of
+//! several controllers, it waits for an absent one again after a while, which doubles after each failure. Meanwhile the answers of an
+//! absent controller do not count, so that the run depends on ticks and not on the speed of processes.
 
-/// Ticks for which a controller that let the patience pass is not waited for, the first time.
+/// Ticks without waiting after a controller has exceeded the patience for the first time.
 const FIRST_ABSENCE: u64 = 50;
 
 #[derive(Clone, Copy, Debug)]
 struct Seat {
-    /// The first tick at which it is waited for.
+    /// The first tick at which the plant waits for it.
     back: u64,
     /// Length of its next absence, ticks.
     absence: u64,
@@ -17,34 +17,34 @@ struct Seat {
 
 const PRESENT: Seat = Seat { back: 0, absence: FIRST_ABSENCE };
 
-/// Who is away until when.
+/// The end of each controller's absence.
 #[derive(Clone, Debug)]
 pub struct ResponseTimeouts {
     seats: Vec<Seat>,
 }
 
 impl ResponseTimeouts {
-    /// All of `slots` slots are present.
+    /// Timeouts for `slots` slots, all present.
     pub fn new(slots: usize) -> Self {
         Self { seats: vec![PRESENT; slots.max(1)] }
     }
 
-    /// Whether `slot` is not waited for at `tick`.
+    /// True if the plant does not wait for `slot` at `tick`.
     pub fn is_away(&self, slot: usize, tick: u64) -> bool {
         tick < self.seats[slot].back
     }
 
-    /// The controller of `slot` has ended.
+    /// Marks the controller of `slot` as ended.
     pub fn left(&mut self, slot: usize) {
         self.seats[slot].back = u64::MAX;
     }
 
-    /// Another process has taken `slot`.
+    /// Marks `slot` as present: another process has taken it.
     pub fn renew(&mut self, slot: usize) {
         self.seats[slot] = PRESENT;
     }
 
-    /// At the end of `tick`, whether the answer of `slot` `came`; one of `several`, it is given another chance.
+    /// At the end of `tick`, records whether the answer of `slot` `came`; one of `several` controllers gets another chance.
     pub fn note(&mut self, slot: usize, tick: u64, came: bool, several: bool) {
         if came {
             self.seats[slot] = PRESENT;

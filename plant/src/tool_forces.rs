@@ -4,7 +4,7 @@ use freeplay_arm::{Arm, Drive, Workspace, jacobian};
 use freeplay_laws::ToolForce;
 use nalgebra::{DMatrix, Vector3};
 
-/// The forces and what they come to in the current sub-step.
+/// The forces, and their resultant in the current sub-step.
 #[derive(Debug)]
 pub(crate) struct ToolForces {
     forces: Vec<ToolForce>,
@@ -29,7 +29,7 @@ impl ToolForces {
         self.forces.extend(forces);
     }
 
-    /// Adds what acts at the time `t`, s, to the torques in `drive`, with the arm at `q`.
+    /// Adds the forces at the time `t`, s, to the torques in `drive`, with the arm at `q`.
     pub fn push(&mut self, t: f64, arm: &Arm, ws: &mut Workspace, q: &[f64], drive: &mut [Drive]) {
         if self.forces.is_empty() {
             return;
@@ -60,7 +60,7 @@ impl ToolForces {
         if self.forces.is_empty() { 0.0 } else { self.pushed.iter().zip(v).map(|(f, v)| f * v).sum() }
     }
 
-    /// What the base carries of the force `carried` by the first joint, in its link's frame, once the tool's share is taken off, N.
+    /// The force on the base: `carried`, the force across the first joint in its link's frame, minus the tool's share, N.
     pub fn without(&self, carried: Vector3<f64>, ws: &Workspace) -> Vector3<f64> {
         if self.now == Vector3::zeros() {
             return carried;

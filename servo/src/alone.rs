@@ -1,4 +1,4 @@
-//! Each joint of a track alone, under the load of one joint while the others move as they were measured.
+//! Each joint of a track alone, under the load from the measured motion of the others.
 
 use freeplay_arm::{Arm, Workspace, crba, rnea};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -7,8 +7,8 @@ use crate::load::Load;
 use crate::track::{REACH, Track};
 
 impl Track {
-    /// Each joint of `arm` as a track of its own, under the load that it had while all moved as measured. One joint is simulated without the others then, at a fraction of the cost,
-    /// and what is wrong of their servos does not reach it.
+    /// Each joint of `arm` as a track of its own, under the load from the measured motion of all joints. A rollout then simulates one joint
+    /// without the others, at a fraction of the cost, and errors of the other servos do not affect it.
     pub fn each_alone(&self, arm: &Arm) -> Vec<Track> {
         let (rows, joints) = (self.stamps.len(), self.measured.len());
         let motions: Vec<Vec<[f64; 3]>> = (0..joints).map(|joint| self.motion(joint)).collect();
@@ -35,7 +35,8 @@ impl Track {
         loads.into_iter().enumerate().map(alone).collect()
     }
 
-    /// Position, velocity and acceleration of `joint` in each row: a parabola through the rows about it. Where it was not measured, its command at rest.
+    /// Position, velocity and acceleration of `joint` in each row: a parabola through the rows about it. Without a measurement, its command
+    /// at rest.
     fn motion(&self, joint: usize) -> Vec<[f64; 3]> {
         let (rows, q) = (self.stamps.len(), &self.measured[joint]);
         let of_row = |row: usize| {
@@ -49,7 +50,7 @@ impl Track {
     }
 }
 
-/// Value, slope and curvature at zero of the parabola of least squares through `points`; `None` where there are fewer than three.
+/// Value, slope and curvature at zero of the least-squares parabola through `points`; `None` for fewer than three points.
 fn parabola(points: &[(f64, f64)]) -> Option<[f64; 3]> {
     if points.len() < 3 {
         return None;

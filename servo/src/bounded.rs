@@ -1,14 +1,14 @@
-//! The least of a quadratic with lower bounds.
+//! The minimum of a quadratic function with lower bounds.
 
 use nalgebra::{DMatrix, DVector};
 
-/// The step d that makes gᵀd + ½ dᵀH d least with d ≥ `least` (all of them ≤ 0), H positive definite: coordinates at their bounds are held there, and let
-/// go again where the slope points inwards (Nocedal & Wright 2006, Numerical Optimization, §16.5).
+/// The step d that minimises gᵀd + ½ dᵀH d subject to d ≥ `least` (all of them ≤ 0), H positive definite: the active-set method holds
+/// coordinates at their bounds, and releases them where the gradient points inwards (Nocedal & Wright 2006, Numerical Optimization, §16.5).
 pub fn descend(hessian: &DMatrix<f64>, gradient: &DVector<f64>, least: &[f64]) -> DVector<f64> {
     let n = least.len();
     let mut held = vec![false; n];
     let mut d: DVector<f64> = DVector::zeros(n);
-    // Each pass changes the held set; sets do not return in exact arithmetic, and rounding is caught by the count.
+    // Each pass changes the held set; sets do not return in exact arithmetic, and the count bounds the effect of rounding.
     for _ in 0..4 * n + 4 {
         let target = free_minimum(hessian, gradient, least, &held);
         let blocked = (0..n).filter(|&i| !held[i] && target[i] < least[i]);
@@ -60,8 +60,8 @@ mod tests {
 
     use super::descend;
 
-    /// Of H = [[1, .9], [.9, 1]] and the slope −b with b = (7.3, 6), bounds of 2 above: with both signs turned they are lower bounds, and
-    /// the optimum is at (2, 2), where clamping one after the other without letting go would end at (2, −2) or beyond the bound.
+    /// Of H = [[1, .9], [.9, 1]] and the gradient −b with b = (7.3, 6), upper bounds of 2: with both signs reversed they are lower bounds.
+    /// The optimum is at (2, 2); clamping one coordinate after the other without release would end at (2, −2) or beyond the bound.
     #[test]
     fn a_coordinate_at_its_bound_is_let_go_again() {
         let h = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
@@ -71,7 +71,7 @@ mod tests {
         assert!((&h * &free - DVector::from_vec(vec![-0.5, 0.3])).amax() < 1e-12);
     }
 
-    /// The optimum fulfils its conditions: no slope where it is free, a slope inwards nowhere.
+    /// The optimum satisfies its conditions: zero gradient in free coordinates, no inward descent at a bound.
     #[test]
     fn the_conditions_of_an_optimum_hold() {
         let h = DMatrix::from_fn(4, 4, |i, j| if i == j { 2.0 } else { 0.9 - 0.1 * (i + j) as f64 });

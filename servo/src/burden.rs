@@ -1,5 +1,5 @@
-//! The burden of an arm beside what its file says: a payload on its last link, links of other masses, a base that leans,
-//! zeros of encoders, gaps of gears. The laws are the catalogue's.
+//! The burden of an arm in addition to its file: a payload on its last link, links of other masses, a tilted base, zeros of encoders, gaps
+//! of gears. The laws are those of the catalogue.
 
 use freeplay_arm::{Arm, ArmFile, EffectTable, JointKind};
 use freeplay_laws::{ArmParts, Effects, LawError};
@@ -12,14 +12,14 @@ use crate::model_parameter::ModelParameter;
 #[derive(Clone, Debug)]
 pub struct Burden {
     bare: Arm,
-    /// The numbers of each joint, in the order of [`ModelParameter::OF_ARM_AT_JOINT`].
+    /// The parameters of each joint, in the order of [`ModelParameter::OF_ARM_AT_JOINT`].
     joints: Vec<[f64; ModelParameter::OF_ARM_AT_JOINT.len()]>,
-    /// The numbers of the whole arm, in the order of [`ModelParameter::OF_WHOLE_ARM`].
+    /// The parameters of the whole arm, in the order of [`ModelParameter::OF_WHOLE_ARM`].
     whole: [f64; ModelParameter::OF_WHOLE_ARM.len()],
 }
 
 impl Burden {
-    /// No burden of `arm`.
+    /// A zero burden of `arm`.
     pub fn none(arm: &Arm) -> Burden {
         Burden {
             bare: arm.clone(),
@@ -28,21 +28,21 @@ impl Burden {
         }
     }
 
-    /// The number `parameter` of `joint`, or of the whole arm; zero of what is a servo's.
+    /// The value of `parameter` for `joint`, or for the whole arm; zero for a parameter of a servo.
     pub fn of(&self, joint: usize, parameter: ModelParameter) -> f64 {
         let place = |all: &[ModelParameter]| all.iter().position(|one| *one == parameter);
         let of_joint = place(&ModelParameter::OF_ARM_AT_JOINT).map(|at| self.joints[joint][at]);
         of_joint.or(place(&ModelParameter::OF_WHOLE_ARM).map(|at| self.whole[at])).unwrap_or(0.0)
     }
 
-    /// Gives it the value `x`.
+    /// Sets that value to `x`.
     pub fn set(&mut self, joint: usize, parameter: ModelParameter, x: f64) {
         let own = ModelParameter::OF_ARM_AT_JOINT.iter().zip(&mut self.joints[joint]);
         let whole = ModelParameter::OF_WHOLE_ARM.iter().zip(&mut self.whole);
         own.chain(whole).filter(|(one, _)| **one == parameter).for_each(|(_, number)| *number = x);
     }
 
-    /// Its effects, as an arm file has them.
+    /// The burden as effects of an arm file.
     pub fn tables(&self) -> Vec<EffectTable> {
         let table = |kind: &str, joint: Option<String>, parameters: Table| EffectTable {
             kind: kind.to_owned(),
@@ -61,7 +61,7 @@ impl Burden {
             };
             add("link_mass", *log, &[("scale", Value::Float(log.exp()))]);
             add("encoder_offset", *zero, &[("offset", Value::Float(*zero))]);
-            // The link lies on the flank that its load presses on.
+            // The link lies on the flank to which its load presses it.
             add("backlash", *gap, &[("gap", Value::Float(*gap)), ("course", Value::from("rest"))]);
         }
         if payload != 0.0 {
@@ -82,7 +82,7 @@ impl Burden {
         tables
     }
 
-    /// The arm under it; `None` if there can't be one.
+    /// The arm with this burden; `None` if it is impossible.
     pub fn arm(&self) -> Option<Arm> {
         let file = ArmFile { arm: self.bare.clone(), effects: self.tables(), ignored: Vec::new() };
         let arm = Effects::of(&file).ok()?.changed(&self.bare).ok()?;
@@ -91,10 +91,10 @@ impl Burden {
     }
 }
 
-/// `arm` as encoders see it that read `zeros`, rad (m), where its joints are at zero.
+/// `arm` in encoder coordinates; the encoders read `zeros`, rad (m), at the zeros of its joints.
 ///
 /// # Errors
-/// [`LawError::Changed`] if there can be no such arm.
+/// [`LawError::Changed`] if the result is impossible.
 pub(crate) fn with_zeros(arm: &Arm, zeros: &[f64]) -> Result<Arm, LawError> {
     if zeros.iter().all(|zero| *zero == 0.0) {
         return Ok(arm.clone());

@@ -9,24 +9,25 @@ use crate::model_parameter::ModelParameter;
 /// An arm and the servo of each of its joints.
 #[derive(Clone, Debug)]
 pub struct ServoArm {
-    /// The rigid arm, under its burden.
+    /// The rigid arm with its burden.
     pub arm: Arm,
-    /// One servo a joint.
+    /// One servo per joint.
     pub joints: Vec<JointServo>,
-    /// Whole angle between the flanks of each joint's gear, behind its encoder, rad (m). The link lies on the flank that its load presses on.
+    /// Full gap between the flanks of each joint's gear, behind its encoder, rad (m). The link lies on the flank to which its load presses
+    /// it.
     pub gaps: Vec<f64>,
-    /// What the arm carries beside what its file says; `None` where that was never asked.
+    /// The burden in addition to the arm file; `None` before the first parameter of it is set.
     pub burden: Option<Box<Burden>>,
 }
 
 impl ServoArm {
-    /// An arm with the servo of each of its joints, as its file has it.
+    /// An arm with the servo of each of its joints.
     pub fn new(arm: Arm, joints: Vec<JointServo>) -> ServoArm {
         let gaps = vec![0.0; joints.len()];
         ServoArm { arm, joints, gaps, burden: None }
     }
 
-    /// Gives the burden's number `parameter` of `joint`, or of the whole arm, the value `x`. The arm stays as it is where there can be none under that.
+    /// Sets the burden's `parameter` of `joint`, or of the whole arm, to `x`. The arm stays unchanged if the result would be impossible.
     pub(crate) fn bear(&mut self, joint: usize, parameter: ModelParameter, x: f64) {
         let mut burden = self.burden.take().unwrap_or_else(|| Box::new(Burden::none(&self.arm)));
         let before = burden.of(joint, parameter);

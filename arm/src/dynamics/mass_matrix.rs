@@ -9,9 +9,9 @@ use crate::kinematics::place_links;
 use crate::spatial::{Symmetric3, Wrench};
 use crate::workspace::Workspace;
 
-/// The full symmetric n×n mass matrix `m` at `q` (kg·m², kg·m or kg by the kinds of the two joints), by the
-/// composite-rigid-body algorithm (Walker & Orin 1982; Featherstone 2008, §6.2): column i is what all joints have to give so
-/// that everything beyond joint i, as one rigid body, is accelerated by joint i alone.
+/// The full symmetric n×n mass matrix `m` at `q` (kg·m², kg·m or kg by the kinds of the two joints), by the composite-rigid-body algorithm
+/// (Walker & Orin 1982; Featherstone 2008, §6.2): column i contains the torques of all joints for a unit acceleration of joint i alone,
+/// with everything beyond joint i as one rigid body.
 ///
 /// # Panics
 /// If the length of `q`, the size of `m` or the workspace does not fit the arm.
@@ -20,7 +20,8 @@ pub fn crba(arm: &Arm, ws: &mut Workspace, q: &[f64], m: &mut DMatrix<f64>) {
     fill(arm, ws, m);
 }
 
-/// Computes the mass matrix `m` at `q`, as [`crba`] does, and the bias torques `h` at `q` and `v`, as [`bias`] does. The links are placed once for both.
+/// Computes the mass matrix `m` at `q`, as [`crba`] does, and the bias torques `h` at `q` and `v`, as [`bias`] does. Both share one
+/// computation of the link poses.
 ///
 /// # Panics
 /// If the length of a slice, the size of `m` or the workspace does not fit the arm.
@@ -63,7 +64,7 @@ fn fill(arm: &Arm, ws: &mut Workspace, m: &mut DMatrix<f64>) {
     }
 }
 
-/// Mass, first moment and inertia of each link with all that it carries, about the link's origin, after `place_links`.
+/// Mass, first moment and inertia of each link with all links beyond, about the link's origin, after `place_links`.
 pub(crate) fn compose_inertias(arm: &Arm, ws: &mut Workspace) {
     let mut mass = 0.0;
     let mut first_moment = Vector3::zeros();

@@ -1,8 +1,8 @@
-//! XML as it is written: elements with attributes, indented.
+//! A writer of XML: elements with attributes, indented.
 
 use std::fmt::Write;
 
-/// A text of elements that grows from its beginning to its end.
+/// A text of elements, written from its beginning to its end.
 #[derive(Debug)]
 pub(super) struct Xml {
     text: String,
@@ -19,27 +19,27 @@ impl Xml {
     pub fn comment<'a>(&mut self, lines: impl IntoIterator<Item = &'a str>) {
         self.text.push_str("<!--\n");
         for line in lines {
-            // A comment must not hold two hyphens in a row, nor characters that XML does not have.
+            // XML does not permit two hyphens in a row in a comment, nor control characters.
             let line: String = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
             self.text.extend(["  ", &line.replace("--", "- -"), "\n"]);
         }
         self.text.push_str("-->\n");
     }
 
-    /// An element without content.
+    /// Writes an element without content.
     pub fn empty(&mut self, tag: &str, attributes: &[(&str, String)]) {
         self.begin(tag, attributes);
         self.text.push_str("/>\n");
     }
 
-    /// The beginning of an element with content.
+    /// Starts an element with content.
     pub fn start(&mut self, tag: &'static str, attributes: &[(&str, String)]) {
         self.begin(tag, attributes);
         self.text.push_str(">\n");
         self.open.push(tag);
     }
 
-    /// The end of the element that was begun last.
+    /// Ends the innermost open element.
     pub fn end(&mut self) {
         if let Some(tag) = self.open.pop() {
             let indent = "  ".repeat(self.open.len());
@@ -47,7 +47,7 @@ impl Xml {
         }
     }
 
-    /// The whole text, with every element ended.
+    /// The whole text, with all elements ended.
     pub fn finish(mut self) -> String {
         while !self.open.is_empty() {
             self.end();
@@ -86,7 +86,7 @@ pub(super) fn numbers(values: &[f64]) -> String {
     let mut text = String::new();
     for value in values {
         let separator = if text.is_empty() { "" } else { " " };
-        // Zero has no sign in a file; the shortest digits that read back to the same number.
+        // Zero has no sign in a file; the digits are the shortest that read back to the same number.
         let value = if *value == 0.0 { 0.0 } else { *value };
         let _ = match value != 0.0 && !(1e-5..1e7).contains(&value.abs()) {
             true => write!(text, "{separator}{value:e}"),

@@ -1,15 +1,15 @@
-//! Numbers and small geometry that both file formats share.
+//! Numbers and small geometry, common to both file formats.
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
-/// Excess over the triangle inequality of an inertia tensor that is worth a note; below it is rounding.
+/// Least excess over the triangle inequality of an inertia tensor for a note; a smaller excess is rounding.
 pub(crate) const IMPOSSIBLE: f64 = 1e-2;
 
 /// The note on such a tensor.
 pub(crate) const NO_REAL_BODY: &str =
     "no real body has this inertia (triangle inequality); used as it stands";
 
-/// Why a number could not be read: the remedy to print after the value.
+/// Parses a number; the error is the remedy to print after the value.
 pub(crate) fn parse_number(token: &str) -> Result<f64, String> {
     match token.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
@@ -44,13 +44,13 @@ pub(crate) fn direction(axis: [f64; 3]) -> Option<Unit<Vector3<f64>>> {
     if (vector.norm_squared() - 1.0).abs() < 4.0 * f64::EPSILON {
         return Some(Unit::new_unchecked(vector));
     }
-    // Scaling by the largest component first keeps tiny and huge axes from under- and overflowing.
+    // Scaling by the largest component first avoids underflow and overflow for tiny and huge axes.
     let scaled = vector / vector.amax();
     let unit = scaled / scaled.norm();
     if unit.iter().all(|x| x.is_finite()) { Some(Unit::new_unchecked(unit)) } else { None }
 }
 
-/// A pose from a position (m) and roll, pitch, yaw about fixed x, y, z (rad), as URDF has them.
+/// A pose from a position (m) and roll, pitch, yaw about fixed x, y, z (rad), as in URDF.
 pub(crate) fn pose(xyz: [f64; 3], rpy: [f64; 3]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(xyz[0], xyz[1], xyz[2]), rotation(rpy))
 }

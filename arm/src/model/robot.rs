@@ -1,4 +1,4 @@
-//! The links and joints of a robot as its file has them, and the tree that they make up.
+//! The links and joints of a robot from its file, and their tree.
 
 use std::collections::HashSet;
 
@@ -12,9 +12,9 @@ use super::urdf_xml::Source;
 /// A `<link>`.
 pub(super) struct Link {
     pub name: String,
-    /// `None` where the file has no `<inertial>`; an error counts where the link moves.
+    /// `None` without `<inertial>`; an error counts only if the link moves.
     pub inertial: Option<Result<Inertial, ModelError>>,
-    /// The link has a shape; a link without one is only a frame.
+    /// True if the link has a shape; a link without one is only a frame.
     pub has_shape: bool,
     /// Byte offset in the text.
     pub at: usize,
@@ -30,13 +30,13 @@ pub(super) struct Joint {
     pub placement: Result<Isometry3<f64>, ModelError>,
     /// An error counts where the joint is one of the arm.
     pub details: Result<Details, ModelError>,
-    /// Notes for the user, given where the joint belongs to the arm.
+    /// Notes for the user, if the joint belongs to the arm.
     pub notes: Vec<String>,
     /// Byte offset in the text.
     pub at: usize,
 }
 
-/// Everything of a `<robot>` that an arm needs.
+/// The parts of a `<robot>` that an arm needs.
 pub(super) struct Robot<'a> {
     pub name: String,
     pub links: Vec<Link>,
@@ -45,15 +45,15 @@ pub(super) struct Robot<'a> {
     pub source: Source<'a>,
 }
 
-/// The links in an order in which parents come before children.
+/// The links in an order with parents before children.
 pub(super) struct Tree {
     /// Link indices, roots first.
     pub order: Vec<usize>,
-    /// Joint that each link hangs on, `None` for a root.
+    /// Parent joint of each link, `None` for a root.
     pub parent_joint: Vec<Option<usize>>,
 }
 
-/// Checks that the links make up trees.
+/// Checks that the links form trees.
 pub(super) fn tree(robot: &Robot<'_>) -> Result<Tree, ModelError> {
     let mut parent_joint: Vec<Option<usize>> = vec![None; robot.links.len()];
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); robot.links.len()];

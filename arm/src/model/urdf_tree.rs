@@ -1,4 +1,4 @@
-//! The tree of URDF links → the arm: the tree is checked, the arm chosen and the rest folded into it.
+//! The tree of URDF links → the arm: checks the tree, selects the arm and folds the other links into it.
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -44,13 +44,13 @@ pub(super) fn arm(mut robot: Robot<'_>, selection: &Selection) -> Result<ArmFile
     Ok(ArmFile { arm, effects: Vec::new(), ignored })
 }
 
-/// The first use that `arm` is not fit for and what its file lacks for it, in words; `None` if it is fit for all.
+/// The first use for which `arm` is not suitable, with the missing property, in words; `None` if it is suitable for all.
 pub(super) fn lacking(arm: &Arm) -> Option<String> {
     let lacks = |purpose| arm.require(purpose).err();
     lacks(Purpose::Torque).or_else(|| lacks(Purpose::Simulation)).map(|shortfall| shortfall.to_string())
 }
 
-/// The error in `slot`, which gets `blank`.
+/// Returns the error in `slot`, and replaces it by `blank`.
 fn demand<T>(slot: &mut Result<T, ModelError>, blank: T) -> Result<(), ModelError> {
     if slot.is_ok() {
         return Ok(());
@@ -58,7 +58,7 @@ fn demand<T>(slot: &mut Result<T, ModelError>, blank: T) -> Result<(), ModelErro
     std::mem::replace(slot, Ok(blank)).map(drop)
 }
 
-/// Refuses what is wrong with the joints from the root to the end of `chain`, and passes over what is wrong with others.
+/// Returns the first error of the joints from the root to the end of `chain`, and ignores errors of others.
 fn demand_joints(robot: &mut Robot<'_>, tree: &Tree, chain: &Chain) -> Result<(), ModelError> {
     let (mut link, mut path) = (chain.end, Vec::new());
     while let Some(index) = tree.parent_joint[link] {
@@ -77,7 +77,7 @@ fn demand_joints(robot: &mut Robot<'_>, tree: &Tree, chain: &Chain) -> Result<()
     Ok(())
 }
 
-/// Refuses what is wrong with the links that the arm moves; of others it is a note.
+/// Returns the first error of the links that the arm moves; an error of another link becomes a note.
 fn demand_links(robot: &mut Robot<'_>, fold: &Fold<'_>) -> Result<(), ModelError> {
     let mut unmoved = Vec::new();
     for (link, seat) in robot.links.iter_mut().zip(&fold.seats) {
@@ -109,7 +109,7 @@ fn demand_links(robot: &mut Robot<'_>, fold: &Fold<'_>) -> Result<(), ModelError
     riding.try_for_each(|joint| demand(&mut joint.placement, Isometry3::identity()))
 }
 
-/// Why torques of the arm can't be worked out.
+/// Reason why torques of the arm cannot be computed.
 fn shortfall(robot: &Robot<'_>, fold: &Fold<'_>) -> Option<Shortfall> {
     let moved = || {
         let links = robot.links.iter().zip(&fold.seats).filter(|(_, seat)| seat.on.is_some());

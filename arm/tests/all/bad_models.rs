@@ -1,4 +1,4 @@
-//! What is wrong with a model file is said with place, value and remedy.
+//! Errors of model files contain place, value and remedy.
 
 use freeplay_arm::{
     Arm, ArmError, Inertia, Joint, JointFriction, JointKind, Limits, ModelError, Purpose, load, parse_toml,
@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Matrix3, Unit, UnitQuaternion, Vector3};
 
 const BODY: &str = r#"<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>"#;
 
-/// A robot of one joint: what stands in the joint, and what in the moved link.
+/// A robot of one joint: the content of the joint, and that of the moved link.
 fn robot(joint: &str, link: &str) -> String {
     format!(
         "<robot name=\"r\">\n<link name=\"base\"/>\n<link name=\"arm\">{link}</link>\n\
@@ -16,7 +16,7 @@ fn robot(joint: &str, link: &str) -> String {
     )
 }
 
-/// A robot of two joints, the second one with `parent` and `child`, and one more element.
+/// A robot of two joints, the second one with `parent` and `child`, and one additional element.
 fn tree(parent: &str, child: &str, more: &str) -> String {
     format!(
         "<robot>\n<link name=\"a\"/><link name=\"b\">{BODY}</link><link name=\"c\">{BODY}</link>\n\
@@ -63,7 +63,7 @@ fn bad_numbers_in_urdf() {
     refused(&robot("<limit lower=\"2\" upper=\"1\"/>", BODY), &["x.urdf:5:15:", "`2`", "above upper", "`1`"]);
 }
 
-/// A missing number is an error only in the use that needs it, with link and line; uses that don't need it go on.
+/// A missing number is an error only in a use that needs it, with link and line; other uses continue.
 #[test]
 fn masses_are_asked_for_where_they_are_used() {
     let inertial = |ixx: &str| {
@@ -211,7 +211,7 @@ fn files_that_cannot_be_read() {
     check(&write("c.toml", b"urdf = \"bad.urdf\""), "bad.urdf:1:1:");
 }
 
-/// An arm file of one joint, with `joint` replacing or adding lines and `more` behind it.
+/// An arm file of one joint, with `joint` replacing or adding lines and `more` after it.
 fn arm_file(joint: &str, more: &str) -> String {
     format!(
         "[[joint]]\nname = \"j\"\ntype = \"revolute\"\naxis = [0, 0, 1]\nmass = 1\ncom = [1, 0, 0]\n{joint}\n{more}\n"
@@ -326,7 +326,8 @@ fn arms_that_cannot_be() {
     assert_eq!(error, ArmError::NoSuchJoint { index: 1, dof: 1 });
 }
 
-/// A joint is refused only where nothing resists it: neither a massless link, nor inertia on the axis, nor a distal joint in line.
+/// The check refuses a joint only if nothing resists it: neither a massless link, nor inertia on the axis, nor a distal joint in line is
+/// enough.
 #[test]
 fn joints_that_move_no_inertia_are_named() {
     let massless = |name: &str| Joint { inertia: Inertia::zero(), ..joint(name) };

@@ -1,4 +1,4 @@
-//! No text makes the readers panic or hang, and whatever they accept can be written and read again.
+//! No text makes the readers panic or hang, and every accepted file can be written and read again.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -6,7 +6,7 @@ use freeplay_arm::{ArmFile, ModelError, Workspace, bias, paper_arm, parse_toml, 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 
-/// Inputs of each property.
+/// Inputs per property.
 const CASES: u32 = 4000;
 
 const URDF: &str = r#"<?xml version="1.0"?><robot name="r"><!-- c --><link name="base"/><link name="arm"><inertial>
@@ -36,7 +36,7 @@ joint = "j"
 gap = 1e-3
 "#;
 
-/// Pieces that a mutation may put anywhere.
+/// Pieces that a mutation may insert anywhere.
 const PIECES: [&str; 24] = [
     "-1",
     "0",
@@ -64,7 +64,7 @@ const PIECES: [&str; 24] = [
     "\n",
 ];
 
-/// Runs `check` on [`CASES`] inputs from a fixed seed, and prints how many were accepted.
+/// Runs `check` on [`CASES`] inputs from a fixed seed, and prints the number of accepted ones.
 fn fuzz<S: Strategy<Value = String>>(what: &str, strategy: S, check: impl Fn(&str) -> bool) {
     let config = Config { cases: CASES, failure_persistence: None, ..Config::default() };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &[42; 32]));
@@ -77,7 +77,7 @@ fn fuzz<S: Strategy<Value = String>>(what: &str, strategy: S, check: impl Fn(&st
     println!("{what}: {CASES} inputs, {} accepted", accepted.into_inner());
 }
 
-/// A valid text with one or two changes: a piece put in, a stretch cut out or repeated, or a character replaced.
+/// A valid text with one or two changes: an inserted piece, a deleted or repeated stretch, or a replaced character.
 fn mutated(valid: &'static str) -> impl Strategy<Value = String> {
     let change = (0..4_u8, any::<prop::sample::Index>(), 0..20_usize, prop::sample::select(PIECES.to_vec()));
     prop::collection::vec(change, 1..=2).prop_map(move |changes| {
@@ -99,7 +99,7 @@ fn mutated(valid: &'static str) -> impl Strategy<Value = String> {
     })
 }
 
-/// A valid text with up to three of its numbers replaced by any other, of any size.
+/// A valid text with up to three of its numbers replaced by any others, of any size.
 fn renumbered(valid: &'static str) -> impl Strategy<Value = String> {
     let numbers: Vec<(usize, &str)> = valid
         .split(|c: char| !(c.is_ascii_digit() || ".-e".contains(c)))
@@ -119,7 +119,7 @@ fn renumbered(valid: &'static str) -> impl Strategy<Value = String> {
     })
 }
 
-/// Whether the text was accepted; an accepted arm computes and reads back from its own writing, a refused text has a message.
+/// True if the text was accepted. An accepted arm computes and survives a round trip; a refused text has a message.
 fn survives(result: Result<ArmFile, ModelError>) -> bool {
     match result {
         Ok(file) => {

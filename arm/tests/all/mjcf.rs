@@ -1,4 +1,4 @@
-//! MJCF as models of others have it: classes, degrees, frames, anchors, shapes, and what is refused.
+//! MJCF as found in the field: classes, degrees, frames, anchors, shapes, and refused files.
 
 use crate::common::{Random, distance};
 use freeplay_arm::{
@@ -9,7 +9,7 @@ fn read(text: &str) -> ArmFile {
     parse_urdf(text, "arm.xml").unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The same arm in plain words and with everything that MJCF allows people to say otherwise.
+/// The same arm in plain form and with the alternative forms that MJCF permits.
 const PLAIN: &str = r#"<mujoco model="two"><compiler angle="radian"/><option gravity="0 1 -9"/><worldbody>
 <body name="upper" pos="0.1 0 0.5" quat="0.7071067811865476 0 0.7071067811865476 0">
   <joint name="shoulder" axis="0 1 0" range="-1.5707963267948966 1.0471975511965976" armature="0.2" damping="3" frictionloss="1"/>
@@ -71,7 +71,7 @@ fn classes_degrees_and_frames_mean_what_plain_words_mean() {
     }
 }
 
-/// A pendulum whose joint is anchored off its body's frame, and reads 30° where the model stands.
+/// A pendulum whose joint is anchored off its body's frame, and reads 30° in the model's initial position.
 #[test]
 fn anchors_and_references_place_the_joint() {
     let text = r#"<mujoco><worldbody><body name="rod" pos="0 0 1">
@@ -79,21 +79,21 @@ fn anchors_and_references_place_the_joint() {
         <inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.01"/></body></worldbody></mujoco>"#;
     let arm = read(text).arm;
     let tau = |q: f64| torques(&arm, [&[q], &[0.0], &[0.0]])[0];
-    // The mass hangs 0.5 m below the pin, straight down where the joint reads 30°.
+    // The mass hangs 0.5 m below the pin, straight down at the joint's reading of 30°.
     let hanging = 30.0_f64.to_radians();
     assert!(tau(hanging).abs() < 1e-14);
     let turned = tau(hanging + 0.4);
     assert!((turned - 2.0 * 9.81 * 0.5 * 0.4_f64.sin()).abs() < 1e-12, "{turned}");
     let inertia = torques(&arm, [&[hanging], &[0.0], &[1.0]])[0];
     assert!((inertia - (0.1 + 2.0 * 0.25)).abs() < 1e-14, "{inertia}");
-    // The body's frame is a tip of its own, wherever the joint's anchor is.
+    // The body's frame is a tip of its own, independent of the joint's anchor.
     let tip = Selection { tip: Some("rod".to_owned()), joints: Vec::new() };
     let arm = parse_urdf_selected(text, "arm.xml", &tip).unwrap().arm;
     let tool = forward_kinematics(&arm, &mut Workspace::new(&arm), &[hanging]).translation.vector;
     assert!((tool - nalgebra::Vector3::new(0.0, 0.0, 1.0)).norm() < 1e-15, "{tool}");
 }
 
-/// A body without `<inertial>` weighs what its shapes weigh: moments by integrating on a fine grid.
+/// A body without `<inertial>` has the mass of its shapes: moments by integration on a fine grid.
 #[test]
 fn shapes_weigh_by_their_density() {
     let shapes = [
@@ -233,7 +233,7 @@ fn what_can_not_be_is_refused_with_its_place() {
     }
 }
 
-/// A nesting that would break a reader that calls itself.
+/// A nesting that would overflow the stack of a recursive reader.
 #[test]
 fn a_file_of_many_bodies_in_each_other_is_read_or_refused() {
     let deep = 3000;

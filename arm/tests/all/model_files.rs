@@ -1,4 +1,4 @@
-//! Model files: URDF as found in the field, arm files, and what is written reads back.
+//! Model files: URDF as found in the field, arm files, and round trips through both.
 
 use crate::common::{Random, close, distance, size};
 use freeplay_arm::{
@@ -30,7 +30,7 @@ fn read_back(file: &ArmFile) -> ArmFile {
     parse_toml(&text, "written.toml".as_ref()).unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
-/// What has to survive writing and reading, besides the bits of the dynamics.
+/// The contents that must survive a round trip, besides the bits of the dynamics.
 fn assert_same(a: &ArmFile, b: &ArmFile) {
     assert_eq!(fingerprint(&a.arm), fingerprint(&b.arm));
     assert_eq!(a.arm.name(), b.arm.name());
@@ -59,12 +59,12 @@ fn arms_of_real_recordings_load_and_survive_writing() {
         assert_same(&file, &read_back(&file));
         let lost = round_trip_loss(&file.arm);
         println!("  aba(rnea(a)) - a: {lost:.1e} of the largest");
-        // The last link of the KR 300 is 168 kg with 1e-9 kg·m² about its axis: 17 kg·m² have to cancel down to that.
+        // The last link of the KR 300 has 168 kg and 1e-9 kg·m² about its axis: 17 kg·m² cancel down to this.
         assert!(lost < if path.contains("kr300") { 1e-4 } else { 1e-12 });
     }
 }
 
-/// Largest error of the accelerations that forward dynamics gives back, over the largest acceleration.
+/// Largest error of the accelerations from forward dynamics in a round trip, over the largest acceleration.
 fn round_trip_loss(arm: &Arm) -> f64 {
     let mut random = Random(9);
     let mut ws = Workspace::new(arm);
@@ -76,7 +76,7 @@ fn round_trip_loss(arm: &Arm) -> f64 {
     distance(&back, &a) / size(&a)
 }
 
-/// The KUKA LWR 4+: its base stands on a box, by a joint with two origins of which the first counts.
+/// The KUKA LWR 4+: its base stands on a box, by a joint with two origins; the first one counts.
 #[test]
 fn fixed_joints_below_the_first_moving_one_fold_into_the_base() {
     let Some(folder) = freeplay_skip::recordings() else { return };
@@ -91,14 +91,14 @@ fn fixed_joints_below_the_first_moving_one_fold_into_the_base() {
     assert_eq!(arm.joints()[0].friction.coulomb, 0.5);
     assert_eq!(arm.joints()[6].limits.effort, 38.0);
     assert!(file.ignored.iter().any(|note| note.contains("2 <origin>")), "{:?}", file.ignored);
-    // A vertical axis bears no weight.
+    // A vertical axis carries no weight.
     let mut tau = vec![0.0; 7];
     gravity_torque(arm, &mut ws, &[0.5; 7], &mut tau);
     assert!(size(&tau) > 0.1);
     close("torque about the vertical", tau[0].abs(), 1e-12);
 }
 
-/// A robot with all that the field offers: any order, fixed links before, between and behind, a gripper, a mimic joint, comments.
+/// A robot with all variants found in the field: any order, fixed links before, between and behind, a gripper, a mimic joint, comments.
 const FIELD: &str = r#"<?xml version="1.0"?>
 <!-- made by hand -->
 <robot name="field" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -142,7 +142,7 @@ fn the_chain_to_tool0_carries_everything_fixed_to_it() {
     assert_eq!((lift.limits.effort, lift.limits.velocity), (f64::INFINITY, f64::INFINITY));
     assert_eq!(arm.tool().translation.vector, Vector3::new(0.0, 0.0, 0.15));
 
-    // The first link: 2 kg at (0.1, 0, 0) turned by 90°, and the bracket's 1 kg at (0.3, 0, 0), also turned.
+    // The first link: 2 kg at (0.1, 0, 0) rotated by 90°, and the bracket's 1 kg at (0.3, 0, 0), also rotated.
     close("mass", (turn.inertia.mass - 3.0).abs(), 1e-15);
     close("centre of mass", (turn.inertia.com - Vector3::new(0.5 / 3.0, 0.0, 0.0)).norm(), 1e-15);
     let apart = 2.0 * 1.0 / 3.0 * 0.2 * 0.2;

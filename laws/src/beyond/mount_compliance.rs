@@ -1,9 +1,9 @@
-//! A mount that gives: the whole arm rocks with its base.
+//! An elastic mount: the whole arm rocks with its base.
 //!
-//! Law: the base turns about its x and y axes by θ = (c_x M_x, c_y M_y) \[rad\], M \[N·m\] being the moment of the arm's weight and inertia
-//! forces about the origin of the base frame and c \[rad/(N·m)\] the compliances; the tool moves by θ × p, p \[m\] being its place, and
-//! the joints meet gravity and inertia forces turned by −θ. The terms are the compliances. Departure: the mount follows the load at once, so that its own
-//! swinging is left out.
+//! Law: the base turns about its x and y axes by θ = (c_x M_x, c_y M_y) \[rad\]. M \[N·m\] is the moment of the arm's weight and inertia
+//! forces about the origin of the base frame, and c \[rad/(N·m)\] are the compliances. The tool moves by θ × p, p \[m\] being its position,
+//! and gravity and inertia forces on the joints rotate by −θ. The terms are the compliances. Departure: the mount follows the load at once,
+//! so that the law neglects its own oscillation.
 //! Source: Abele, Weigold & Rothenbücher 2007, CIRP Annals 56(1):387 (compliance of industrial robots, base included).
 
 use freeplay_arm::{Arm, Workspace};
@@ -15,7 +15,7 @@ use crate::parameter::Parameter;
 use crate::place::Site;
 use crate::sag::{Sag, SagLaw, Sagging, pressure};
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "mount_compliance",
     title: "a mount that gives",

@@ -1,7 +1,7 @@
-//! A drive that gives no more than so much torque.
+//! A drive with a torque limit.
 //!
-//! Law: |τ| ≤ L, with the limit L \[N·m\] > 0. A recording shows the limit where the model asks for more; `share` \[1\] of the torque beyond
-//! it is lost, 1 for a hard limit, less where the current measurement saturates softly. In the plant the limit is hard.
+//! Law: |τ| ≤ L, with the limit L \[N·m\] > 0. A recording shows the limit where the model requires more; the share `share` \[1\] of the
+//! torque beyond it is lost, 1 for a hard limit, less where the current measurement saturates softly. In the plant the limit is hard.
 //! Source: Khalil 2002, Nonlinear Systems, §1.2.7.
 
 use freeplay_arm::export::Element;
@@ -18,7 +18,7 @@ use crate::place::{Place, Site};
 use crate::prediction::Prediction;
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "actuator_saturation",
     title: "limit of the drive",
@@ -59,13 +59,14 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// Least share beyond the limit that a limit of the drive takes away: what gives way softly is another law.
+/// Least share of the torque beyond the limit that a drive's limit removes: a softer reduction is another law.
 const SOFTEST: f64 = 0.5;
 
-/// Greatest share while the limit is that of a coarse list: at one that is too high more than all would be taken away.
+/// Greatest share while the limit is a value of a coarse grid: with a grid value that is too high, the fit would remove more than
+/// everything beyond it.
 const OVER: f64 = 1.5;
 
-/// Shares of the greatest torque that the motion asks for.
+/// The limits of the search: shares of the greatest torque of the motion.
 fn limits(place: &Place) -> Vec<Table> {
     let (Some(index), Some(joint)) = (place.joint, place.joint()) else { return Vec::new() };
     let (motion, friction) = (&place.scene.motion, DriveFriction::nominal(joint.friction));

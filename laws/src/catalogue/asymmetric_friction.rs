@@ -1,8 +1,8 @@
 //! Coulomb friction that differs between the two directions of a joint.
 //!
-//! Law: τ = F₊ for q̇ > 0 and −F₋ for q̇ < 0, with F₊ and F₋ \[N·m\] both against the motion and extra to what the arm file names. This is
-//! Coulomb friction (F₊ + F₋)/2 with the offset (F₊ − F₋)/2: no motion tells them apart. A joint at rest takes any torque from −F₋ to F₊; the
-//! law passes through the middle, as it does with the two.
+//! Law: τ = F₊ for q̇ > 0 and −F₋ for q̇ < 0, with F₊ and F₋ \[N·m\] both against the motion and in addition to the arm file's friction.
+//! This equals Coulomb friction (F₊ + F₋)/2 with the offset (F₊ − F₋)/2: no motion distinguishes the two. A joint at rest has any torque
+//! from −F₋ to F₊; the law passes through the middle, as the sum of the two does.
 //! Source: Armstrong-Hélouvry 1991, Control of Machines with Friction, §2.
 
 use freeplay_arm::export::Element;

@@ -1,9 +1,9 @@
-//! A base that does not stand level.
+//! A base that is not level.
 //!
-//! Law: the base is turned against the level frame by R = R_y(pitch) R_x(roll), so that gravity in the base frame is Rᵀ g. A tracker that
-//! was aligned with the base sees the tool as before; one that stands level sees it at R p, see `tracker`. \[rad\], a positive roll turns
-//! y towards z, a positive pitch z towards x.
-//! Source: Khalil & Dombre 2002, §9.4 (base parameters under a turned gravity). The two terms are linear for small angles.
+//! Law: the base is rotated against the level frame by R = R_y(pitch) R_x(roll), so that gravity in the base frame is Rᵀ g. A tracker
+//! aligned with the base measures the same tool position as before; a level tracker measures R p, see `tracker`. \[rad\], a positive roll
+//! turns y towards z, a positive pitch z towards x.
+//! Source: Khalil & Dombre 2002, §9.4 (base parameters under a rotated gravity). The two terms are linear for small angles.
 
 use freeplay_arm::export::Element;
 use nalgebra::{Isometry3, UnitQuaternion};
@@ -18,12 +18,12 @@ use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::place::Site;
 
-/// Where the tracker stands, in arm files.
+/// The frame of the tracker, in arm files.
 const TRACKERS: &[&str] = &["base", "level"];
 /// Largest angle, rad.
 const MOST: f64 = 1.6;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "base_tilt",
     title: "tilt of the base",
@@ -90,7 +90,7 @@ impl Effect for BaseTilt {
         if !self.level {
             parts.gravity = self.turn.inverse() * parts.gravity;
         } else if let Some(first) = parts.joints.first_mut() {
-            // The base frame of the arm becomes the level one, and the first joint turns with the base.
+            // The base frame of the arm becomes the level one, and the first joint rotates with the base.
             first.placement =
                 Isometry3::from_parts(nalgebra::Translation3::identity(), self.turn) * first.placement;
         }

@@ -1,9 +1,9 @@
 //! Coulomb friction of a joint's drive, beyond the nominal.
 //!
-//! Law: τ = F sign(q̇), with F \[N·m\] extra to what the arm file names; it may be negative where the file names too much, down to
-//! what it names. τ is what the drive spends: positive for a positive velocity.
+//! Law: τ = F sign(q̇), with F \[N·m\] in addition to the arm file's friction; it may be negative, down to minus the file's value, if the
+//! file has too much. The drive spends τ: positive for a positive velocity.
 //! Source: Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.1.
-//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as the nominal friction's is.
+//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as that of the nominal friction is.
 
 use freeplay_arm::EffectTable;
 use freeplay_arm::export::Element;
@@ -16,7 +16,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "coulomb_friction",
     title: "Coulomb friction",
@@ -54,7 +54,7 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// The effect that holds the joint called `joint` against a torque of `torque`, N·m (N), beyond what its nominal friction holds.
+/// The effect that holds the joint called `joint` against a torque of `torque`, N·m (N), in addition to its nominal friction.
 pub fn holding(joint: &str, torque: f64) -> EffectTable {
     let parameters = with(&toml::Table::new(), [(KIND.parameters[0].name, torque)]);
     EffectTable { kind: KIND.name.to_owned(), joint: Some(joint.to_owned()), parameters, line: 0 }

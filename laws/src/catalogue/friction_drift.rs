@@ -1,7 +1,7 @@
-//! Friction that fades as the machine warms up.
+//! Friction that falls as the machine warms up.
 //!
-//! Law: F(t) = F (1 + α e^{−(t − t₀)/T}), with F the joint's friction by the arm file, viscous and Coulomb; α \[1\] > −1 the excess at the
-//! start t₀ \[s\], T \[s\] the time constant. τ is what the drive spends beyond F.
+//! Law: F(t) = F (1 + α e^{−(t − t₀)/T}), with F the joint's friction in the arm file, viscous and Coulomb; α \[1\] > −1 the excess at the
+//! start t₀ \[s\], T \[s\] the time constant. The drive spends τ beyond F.
 //! Source: Bittencourt, Wernholt, Sander-Tavallaey & Brogårdh 2010, IROS, §IV (friction against temperature); first-order warming.
 
 use toml::Table;
@@ -18,7 +18,7 @@ use crate::parameter::Parameter;
 use crate::place::{Place, Site};
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "friction_drift",
     title: "friction that changes with time",
@@ -64,8 +64,8 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// From a twentieth of the recording to all of it; beyond, the drift is a change of slope only. Recordings that begin late in their own
-/// time count from their beginning.
+/// From a twentieth of the recording to all of it; beyond, the drift is only a change of slope. The time of a recording counts from its
+/// beginning.
 fn time_constants(place: &Place) -> Vec<Table> {
     let t = &place.scene.motion.t;
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return Vec::new() };

@@ -1,9 +1,9 @@
-//! A joint whose gear, belt or shaft gives under load.
+//! A joint whose gear, belt or shaft is elastic.
 //!
-//! Law: τ_L = k (θ − q) + d (θ̇ − q̇), with the motor at θ \[rad\], the link at q, the stiffness k \[N·m/rad\] > 0 and the damping
-//! d \[N·m·s/rad\] ≥ 0. In a recording the link rings on that spring (`resonance`) under the torque τ_L of the *model*, slowly loaded
-//! q_link = θ − τ_L/k. The term is the compliance 1/k; it is linear where the joint is stiff, else it is taken about the stiffness found. The
-//! shape is the loss d/k \[s\].
+//! Law: τ_L = k (θ − q) + d (θ̇ − q̇), with the motor at θ \[rad\], the link at q, the stiffness k \[N·m/rad\] > 0 and the damping d
+//! \[N·m·s/rad\] ≥ 0. In a recording the link oscillates on that spring (`resonance`) under the torque τ_L of the *model*; for slow loads
+//! q_link = θ − τ_L/k. The term is the compliance 1/k. It is linear for a stiff joint; otherwise the diagnosis linearises about the
+//! stiffness found. The shape is the loss d/k \[s\].
 //! Source: Spong 1987, J. Dyn. Sys. Meas. Control 109:310, Eqs. 3–4.
 
 use freeplay_arm::export::Element;
@@ -20,12 +20,12 @@ use crate::place::Site;
 use crate::resonance::Resonance;
 use crate::scene::Scene;
 
-/// Least compliance that is one, rad/(N·m).
+/// A smaller compliance counts as this, rad/(N·m).
 const LEAST: f64 = 1e-12;
-/// Losses from which a search starts, s: 3 and 30 % of the critical damping at 10 Hz.
+/// Initial losses of a search, s: 3 and 30 % of the critical damping at 10 Hz.
 const LOSSES: [f64; 2] = [1e-3, 1e-2];
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "joint_elasticity",
     title: "elasticity",

@@ -1,7 +1,7 @@
-//! A link that is longer or shorter than the model says.
+//! A link whose length differs from the model.
 //!
-//! Law: the way from the joint to the next one (from the last joint: to the tool) is longer by the offset Δ \[m\] in the direction that
-//! `along` names: along the way itself, or along x, y or z of the link's frame. Masses stay where they are in their own links.
+//! Law: the vector from the joint to the next one (from the last joint: to the tool) is longer by the offset Δ \[m\] in the direction
+//! `along`: along the vector itself, or along x, y or z of the link's frame. Masses keep their positions in their own links.
 //! Source: Denavit & Hartenberg 1955; Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §3.
 
 use freeplay_arm::export::Element;
@@ -23,7 +23,7 @@ const DIRECTIONS: &[&str] = &["way", "x", "y", "z"];
 /// Greatest offset, m.
 const MOST: f64 = 10.0;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "link_length",
     title: "length of the link",
@@ -90,7 +90,7 @@ impl Effect for LinkLength {
             Some(next) => &mut next.placement,
             None => &mut parts.tool,
         };
-        // Two joints in one place are moved apart along the z of the link, as the d of Denavit and Hartenberg is.
+        // Two joints at one point move apart along the z of the link, like the d of Denavit and Hartenberg.
         let way = &mut way.translation.vector;
         let along = self.along.or_else(|| way.try_normalize(1e-9)).unwrap_or_else(Vector3::z);
         *way += along * self.offset;

@@ -1,9 +1,9 @@
-//! The position servo of a joint: what makes the measured position of the commanded one.
+//! The position servo of a joint: from the commanded to the measured position.
 //!
-//! Law: τ = k e′ − d q̇, clipped to the torque limit; e = r − q, e′ = e less the dead band. The set-point r is the command, rounded down to
-//! `resolution`, shifted by `offset` and never faster than the speed limit. Friction is that of the nominal model and of the effects
-//! `coulomb_friction`, `viscous_friction` and `stribeck_friction`. The crate `freeplay-servo` integrates the law along recorded commands, the plant
-//! in its mode `servo`.
+//! Law: τ = k e′ − d q̇, clipped to the torque limit; e = r − q, e′ = e outside of the dead band less its half width, and zero inside. The
+//! set-point r is the command, rounded down to `resolution`, shifted by `offset` and never faster than the speed limit. Friction is that of
+//! the nominal model and of the effects `coulomb_friction`, `viscous_friction` and `stribeck_friction`. The crate `freeplay-servo`
+//! integrates the law along recorded commands, the plant in its mode `servo`.
 //! Source: Åström & Murray 2008, Feedback Systems, §10.
 
 use freeplay_arm::export::Element;
@@ -16,7 +16,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "servo",
     title: "position servo",

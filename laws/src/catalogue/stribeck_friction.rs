@@ -1,7 +1,7 @@
-//! The Stribeck bump: friction that is higher near standstill than at speed.
+//! The Stribeck effect: friction that is higher near standstill than at speed.
 //!
-//! Law: τ = F e^{−(q̇/v_s)²} sign(q̇), with F \[N·m\] ≥ 0 extra to the Coulomb friction and v_s \[rad/s\] > 0. τ is what the drive
-//! spends: positive for a positive velocity. Samples slower than about 3 v_s are needed.
+//! Law: τ = F e^{−(q̇/v_s)²} sign(q̇), with F \[N·m\] ≥ 0 in addition to the Coulomb friction and v_s \[rad/s\] > 0. The drive spends τ:
+//! positive for a positive velocity. The identification needs samples slower than about 3 v_s.
 //! Source: Stribeck 1902, Z. VDI 46:1341; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, Eq. 5 with δ = 2.
 //! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`].
 
@@ -14,7 +14,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::{Place, Site};
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "stribeck_friction",
     title: "Stribeck friction",
@@ -63,9 +63,10 @@ impl JointLaw for Stribeck {
     }
 }
 
-/// Speeds v_s that the motion can show: enough samples slower than 3 v_s, and enough faster than that. Each is 1.5 times the last.
+/// Stribeck velocities v_s that the motion can identify: with enough samples slower than 3 v_s, and enough faster than that. Each is 1.5
+/// times the last.
 fn stribeck_velocities(place: &Place) -> Vec<Table> {
-    /// Samples that an average can rest on.
+    /// Samples that an average needs.
     const SAMPLES: usize = 8;
     let speeds = place.speeds();
     let moving = &speeds[speeds.partition_point(|speed| *speed <= 1e-9)..];

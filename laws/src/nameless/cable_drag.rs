@@ -1,9 +1,9 @@
-//! A cable that hangs between a hook and the tool: it weighs, and it pulls the more the farther the tool is.
+//! A cable between a hook and the tool: its weight loads the tool, and its tension grows with the distance.
 //!
-//! Law: on the tool acts F = ½ m g + k (|r| − l)⁺ r/|r| \[N\], r = hook − tool \[m\], with m \[kg\] the cable's mass, of which the tool carries
-//! half, l \[m\] the length beyond which it is taut, and k \[N/m\] its stiffness. The drives spend τ = −Jᵀ F.
-//! Source: Irvine 1981, Cable Structures, §2.3 (half the weight at each end of a shallow sag). Departure: the sag's own horizontal pull
-//! goes over into the taut spring at one length; moments on the tool are left out.
+//! Law: the tool receives the force F = ½ m g + k (|r| − l)⁺ r/|r| \[N\], r = hook − tool \[m\]. m \[kg\] is the cable's mass, of which the
+//! tool carries half, l \[m\] the length beyond which it is taut, and k \[N/m\] its stiffness. The drives spend τ = −Jᵀ F.
+//! Source: Irvine 1981, Cable Structures, §2.3 (half the weight at each end of a shallow sag). Departure: the horizontal tension of the sag
+//! is replaced by the taut spring beyond one length; the law neglects moments on the tool.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian};
 use nalgebra::{DMatrix, Vector3};
@@ -18,7 +18,7 @@ use crate::parameter::Parameter;
 use crate::place::Site;
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "cable_drag",
     title: "a cable on the tool",
@@ -90,7 +90,7 @@ impl Effect for CableDrag {
     }
 }
 
-/// The cable as the drives feel it.
+/// The load of the cable on the drives.
 #[derive(Clone, Debug)]
 struct Pull {
     of: CableDrag,

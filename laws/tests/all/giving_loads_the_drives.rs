@@ -1,4 +1,5 @@
-//! What gives under the arm's weight loads the drives: at rest by the derivative of its energy, V = −½ Σ load · deflection, by each joint's position.
+//! Deflections under the arm's weight load the drives: at rest by the derivative of the elastic energy, V = −½ Σ load · deflection, by each
+//! joint's position.
 use freeplay_arm::{Arm, Workspace, joint_reaction, rnea};
 use nalgebra::Vector3;
 
@@ -12,7 +13,7 @@ fn at_rest(arm: &Arm, q: &[f64]) -> Workspace {
     ws
 }
 
-/// Force and moment with which what `joint` carries presses on it, base frame.
+/// Force and moment that the links beyond exert on `joint`, base frame.
 fn pressure(ws: &Workspace, joint: usize) -> (Vector3<f64>, Vector3<f64>) {
     let (force, moment) = joint_reaction(ws, joint);
     let rotation = ws.link_pose(joint).rotation;
@@ -30,7 +31,7 @@ fn slopes(q: &[f64], energy: impl Fn(&[f64]) -> f64) -> Vec<f64> {
     (0..q.len()).map(|joint| (at(joint, STEP) - at(joint, -STEP)) / (2.0 * STEP)).collect()
 }
 
-/// At ten poses of the six axes of the paper, `kind` asks each drive for what `energy` falls by.
+/// At ten poses of the six axes of the paper's arm, the torque of `kind` in each drive equals the negative gradient of `energy`.
 fn asks_for_the_slope(kind: &str, joint: Option<usize>, text: &str, energy: impl Fn(&Arm, &[f64]) -> f64) {
     let arm = freeplay_arm::paper_arm().arm;
     let mut greatest = 0.0_f64;
@@ -63,7 +64,8 @@ fn a_mount_that_gives() {
     });
 }
 
-/// A cantilever's energy by Castigliano: with Q(x) the moment in it, V = −∫ Q²/(2EI) dx, by Simpson's rule, which is exact on either side of the weight.
+/// A cantilever's energy by Castigliano: with the moment Q(x) in it, V = −∫ Q²/(2EI) dx, by Simpson's rule, which is exact on either side
+/// of the weight.
 #[test]
 fn a_link_that_bends() {
     let k = 1e5;
@@ -77,7 +79,7 @@ fn a_link_that_bends() {
             let (force, moment) = pressure(&ws, bending + 1);
             let weight = pressure(&ws, bending).0 - force;
             let place = (here.rotation * arm.joints()[bending].inertia.com).dot(&along).clamp(0.0, length);
-            // The moment across the link at x that the end and, nearer than its centre of mass, the link itself press with.
+            // The moment across the link at x from the load at the end and, up to its centre of mass, from the link itself.
             let square = |x: f64| {
                 let own = weight * (place - x).max(0.0);
                 let pressed = moment + along.cross(&(force * (length - x) + own));

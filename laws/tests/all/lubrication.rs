@@ -1,4 +1,4 @@
-//! The film of oil against the reference numbers of the fact sheet and against itself.
+//! The oil film against the reference numbers of the fact sheet, and for consistency.
 use crate::common;
 use freeplay_arm::JointKind::Revolute;
 use freeplay_laws::{Film, Trajectory};
@@ -30,11 +30,11 @@ fn forces_agree_with_the_reference() {
     close("continuous at standstill", above, below, 1e-8);
 }
 
-/// Steady turning: F_t = 12π μ w ε (R/c)² R L/B.
+/// Steady rotation: F_t = 12π μ w ε (R/c)² R L/B.
 #[test]
 fn steady_tangential_force_is_exact() {
     for (eps, expected) in [(0.2, 30.17764), (0.5, 77.38877), (0.8, 152.31964)] {
-        // The reference is the full Sommerfeld film, pressed and drawn; this one is pressed only: half.
+        // The reference is the full Sommerfeld film, with positive and negative pressure; this film has the positive pressure only: half.
         let [_, tangential] = film().force(eps, 0.0, 0.5 * eps * 20.0);
         close(&format!("F_t at ε = {eps}"), 2.0 * tangential, expected, 1e-4);
     }
@@ -55,7 +55,7 @@ fn rates_invert_forces() {
     assert!(worst < 1e-6);
 }
 
-/// A film only takes energy from a journal that moves in a bearing at rest.
+/// A film only takes energy from a journal that moves in a stationary bearing.
 #[test]
 fn the_film_dissipates() {
     for i in 0..200 {
@@ -68,7 +68,7 @@ fn the_film_dissipates() {
     }
 }
 
-/// Under a steady load the journal of a turning joint comes to rest where the film carries the load by itself.
+/// Under a steady load the journal of a turning joint comes to rest where the film alone carries the load.
 #[test]
 fn a_turning_journal_finds_its_equilibrium() {
     let (force, turning) = ([3.0, -20.0], 15.0);
@@ -77,11 +77,11 @@ fn a_turning_journal_finds_its_equilibrium() {
     println!("rests at {offset:?} m");
     close("force along 1", x, force[0], 1e-3);
     close("force along 2", z, force[1], 1e-3);
-    // The journal goes to the side that is loaded, and ahead in the sense of rotation.
+    // The journal moves to the loaded side, and ahead in the sense of rotation.
     assert!(offset[0].hypot(offset[1]) < 2e-4 && offset[1] > 0.0);
 }
 
-/// Half the step, nearly the same place: the integration is converged.
+/// Half the step gives nearly the same position: the integration has converged.
 #[test]
 fn the_drift_is_converged() {
     let film = film();
@@ -92,7 +92,7 @@ fn the_drift_is_converged() {
     assert!(off < 1e-6);
 }
 
-/// With thin oil the journal is at the wall under the load, as in a dry joint; with thick oil it hardly leaves the place.
+/// With thin oil the load presses the journal to the wall, as in a dry joint; with thick oil the journal hardly moves.
 #[test]
 fn thin_oil_is_a_dry_joint() {
     let arm = one_link(Revolute, 2.0);

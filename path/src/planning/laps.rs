@@ -1,24 +1,24 @@
 //! From the time of the motion to the time within a lap.
 
-/// Times closer than this to a kink or to the seam of two laps count as on it, s. It absorbs the rounding of
-/// `tick × period` and is far below any tick.
+/// Times closer than this to a kink or to the seam of two laps count as on it, s. It covers the rounding of `tick × period` and is far
+/// below any tick.
 pub(crate) const SNAP: f64 = 1e-9;
 
-/// A lap of `lap` seconds, run `count` times.
+/// A lap of `lap` seconds, `count` times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Laps {
     pub lap: f64,
     pub count: u32,
 }
 
-/// Where a time lies.
+/// Position of a time in the motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Phase {
-    /// Before t = 0 (or not a number): the motion stands at its first point.
+    /// Before t = 0 (or NaN): the motion rests at its first point.
     Before,
     /// Within a lap, at this time since its beginning, s; the seam belongs to the lap that begins.
     Running(f64),
-    /// After the last lap: the motion stands at its last point.
+    /// After the last lap: the motion rests at its last point.
     After,
 }
 

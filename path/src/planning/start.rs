@@ -1,4 +1,4 @@
-//! The first posture of a Cartesian path: which branch the arm is on.
+//! The first posture of a Cartesian path, which determines the arm's branch.
 
 use freeplay_arm::{
     Arm, IkError, IkReport, IkTask, Workspace, inverse_kinematics, inverse_kinematics_global,
@@ -9,14 +9,14 @@ use crate::planning::error::PathError;
 use crate::planning::path_tracking::JOINTS_FOR_POSE;
 use crate::planning::sine::middle_of;
 
-/// A posture, and how inverse kinematics came to it.
+/// A posture, with the report of the inverse kinematics.
 type Solution = (Vec<f64>, IkReport);
 
-/// Finds the posture in which the path begins; always the same one for the same arm and path.
+/// Finds the posture in which the path begins; the result is the same for the same arm and path.
 ///
-/// From `start` if it is given: the branch is its own. Otherwise, of the solutions reached from the middle of the
-/// joints' ranges and from the model's zero posture (for an arm that is modelled bent: elbow up), the one farther from
-/// the limits; if both lead out of the limits or nowhere, the one that a search over the whole range finds.
+/// From `start` if given: the result is on its branch. Otherwise the function compares the solutions from the middle of the joints' ranges
+/// and from the model's zero posture (for an arm modelled bent: elbow up), and takes the one farther from the limits. If both violate the
+/// limits or fail, it searches over the whole range.
 pub(crate) fn start_posture(
     arm: &Arm,
     target: &Isometry3<f64>,
@@ -29,11 +29,11 @@ pub(crate) fn start_posture(
     found.map(|(posture, _)| posture).map_err(|error| refusal(arm, &error, 0.0, target))
 }
 
-/// Why the tool does not come to `target` from `posture`, at `time` of the motion.
+/// The reason why the tool does not reach `target` from `posture`, at `time` of the motion.
 pub(crate) fn explain(arm: &Arm, posture: &[f64], time: f64, target: &Isometry3<f64>) -> PathError {
     match reach(arm, target, posture) {
         Err(error) => refusal(arm, &error, time, target),
-        // The point can be reached, but not by going on from here.
+        // The point is reachable, but not by continuing from here.
         Ok(_) => PathError::Singular { time, position: target.translation.vector.into() },
     }
 }
@@ -43,7 +43,7 @@ fn from_usual_seeds(arm: &Arm, target: &Isometry3<f64>) -> Option<Solution> {
     let zero = vec![0.0; arm.dof()];
     let found = [middle, zero].map(|seed| reach(arm, target, &seed).ok());
     found.into_iter().flatten().reduce(|one, other| {
-        // A hair's breadth is no reason to prefer one solution: rounding must not decide.
+        // A tiny difference of margins must not decide: it may be rounding.
         if other.1.limit_margin > one.1.limit_margin + 1e-9 { other } else { one }
     })
 }

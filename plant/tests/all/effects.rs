@@ -1,4 +1,4 @@
-//! What effects do to the plant, against closed forms and conservation.
+//! Effects in the plant, against closed forms and conservation.
 
 use crate::common::{chain, close, near, rod};
 use freeplay_arm::{Arm, Joint};
@@ -6,7 +6,7 @@ use freeplay_laws::{Injection, ToolForce, Transmission};
 use freeplay_plant::{Input, Motion, ROTOR_SHARE, System, SystemError};
 use nalgebra::Vector3;
 
-/// A motion of every joint alike.
+/// The same motion for every joint.
 struct Moved<F: Fn(f64) -> [f64; 3]>(F);
 
 impl<F: Fn(f64) -> [f64; 3]> Motion for Moved<F> {
@@ -30,7 +30,7 @@ fn parted(arm: &Arm, law: Transmission, substeps: u32) -> System {
     System::with_effects(arm, injection, &[vec![0.0; arm.dof()]], 1e-3, substeps).expect("fine steps")
 }
 
-/// Ticks under the motor torque `torque`, or along `motion` where there is one; `look` sees the system after each.
+/// Steps ticks under the motor torque `torque`, or along `motion` if given; calls `look` after each.
 fn play(
     system: &mut System,
     torque: f64,
@@ -48,7 +48,7 @@ fn play(
     }
 }
 
-/// Mean angular frequency of a list of samples around their mean, by its upward zero crossings, rad/s.
+/// Mean angular frequency of samples around their mean, from the upward zero crossings, rad/s.
 fn frequency(samples: &[f64], period: f64) -> f64 {
     let mean = samples.iter().sum::<f64>() / samples.len() as f64;
     let crossings: Vec<f64> = samples
@@ -101,7 +101,7 @@ fn a_link_does_not_feel_its_motor_within_the_gap() {
     let arm = one_rod(0.05, 0.0);
     let mut system = parted(&arm, Transmission { stiffness: 1e4, damping: 5.0, gap }, 50);
     system.start(&[0.0], &[0.0]);
-    // The link rests in the middle of the gap; at 0.01 rad/s the motor takes gap/2/0.01 = 0.2 s to its flank.
+    // The link rests in the centre of the gap; at 0.01 rad/s the motor takes gap/2/0.01 = 0.2 s to its flank.
     let slow = Moved(|t| [0.01 * t, 0.01, 0.0]);
     let mut moved = None;
     play(&mut system, 0.0, Some(&slow), 400, |system| {
@@ -117,7 +117,7 @@ fn a_link_does_not_feel_its_motor_within_the_gap() {
 
 #[test]
 fn a_stiff_transmission_gives_back_the_rigid_arm() {
-    // Two rods; no rotor inertia is named, so that each motor takes its share from its link.
+    // Two rods without a rotor inertia in the model, so that each motor takes its share from its link.
     let arm = chain(vec![rod("one", 1.0, 1.0, 0.0), rod("two", 1.0, 1.0, 1.0)], 9.81);
     let fall = |stiffness: Option<f64>| {
         let law = |stiffness| Transmission { stiffness, damping: 1e-3 * stiffness, gap: 0.0 };
@@ -147,7 +147,7 @@ fn the_rotor_takes_its_share_from_the_link() {
     near("default rotor", unnamed.rotor_inertia(0).expect("a motor"), ROTOR_SHARE * INERTIA, 1e-5);
     let named = parted(&one_rod(0.07, 0.0), soft, 50);
     assert_eq!(named.rotor_inertia(0), Some(0.07));
-    // Named: on top of the link. Unnamed: out of it. Either way the whole turns as one.
+    // A rotor inertia of the model adds to the link; without one it comes out of the link. In both cases all parts turn as one.
     for (mut system, whole) in [(unnamed, INERTIA), (named, INERTIA + 0.07)] {
         system.start(&[0.0], &[0.0]);
         play(&mut system, 1.0, None, 500, |_| ());
@@ -199,7 +199,7 @@ fn a_force_on_the_tool_shows_in_its_window_alone() {
     system.start(&[0.0], &[0.0]);
     let mut torques = Vec::new();
     play(&mut system, 0.0, Some(&Moved(|_| [0.0; 3])), 300, |system| torques.push(system.motor_torque()[0]));
-    // Down at 1 m along x turns forwards about y; the motor holds against it.
+    // A force downwards at 1 m along x turns the link forwards about y; the motor holds against it.
     for (tick, torque) in torques.iter().enumerate() {
         let expected = if (100..200).contains(&tick) { -20.0 } else { 0.0 };
         assert!((torque - expected).abs() < 1e-9, "tick {tick}: {torque} instead of {expected}");

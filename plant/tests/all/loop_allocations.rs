@@ -1,5 +1,5 @@
-//! The plant's loop allocates nothing of its own: iceoryx2's one block a published message apart (48 bytes, counted in
-//! `shm`), a longer run allocates exactly as often as a shorter one.
+//! The plant's loop itself allocates nothing: apart from iceoryx2's one block per published message (48 bytes, counted in `shm`), a longer
+//! run allocates exactly as often as a shorter one.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -12,7 +12,7 @@ use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{ControllerSet, Ending, PlannedSwap, Plant, PlantConfig, ReflexSpec, SensorsSpec};
 use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, PlantLink, RunFolder, State};
 
-/// Effects that are asked in the sub-steps and in the sensors.
+/// Effects with laws in the sub-steps and in the sensors.
 fn effects_of_all_stages() -> Vec<EffectTable> {
     let table = |kind: &str, name: &str, value: f64, joint: &str| EffectTable {
         kind: kind.to_owned(),
@@ -27,9 +27,9 @@ fn effects_of_all_stages() -> Vec<EffectTable> {
     ]
 }
 
-/// Plays `ticks` ticks against a controller in another thread; how often the plant's thread allocated, and the records.
+/// Runs `ticks` ticks against a controller in another thread; returns the number of allocations of the plant's thread, and the records.
 ///
-/// Of several `controllers`, another is in charge every ten ticks.
+/// With several `controllers`, another one becomes active every ten ticks.
 fn play(ticks: u64, controllers: usize) -> (u64, usize) {
     let root = RunFolder::create().expect("a run");
     let address = root.address().clone();
@@ -114,7 +114,8 @@ fn a_longer_run_allocates_no_more_than_the_transport_does() {
         let (short, long) = (play(50, controllers), play(550, controllers));
         println!("{controllers} controllers: 50 ticks: {} allocations, 550 ticks: {}", short.0, long.0);
         assert_eq!((short.1, long.1), (50, 550), "every tick is recorded");
-        // How often the start looks for controllers, and so allocates, differs by a few; what the loop did every 25th tick would show.
+        // The number of checks for controllers at the start, which allocate, differs by a few; an allocation in every 25th tick would
+        // exceed this.
         let start_differs = 20;
         assert!(
             long.0 - short.0 <= 500 + start_differs,

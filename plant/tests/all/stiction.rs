@@ -1,4 +1,5 @@
-//! Dry friction of the plant's joints, against closed forms: what slides stops where Coulomb's law has it, and what sticks does not move.
+//! Dry friction of the plant's joints, against closed forms: sliding joints stop as Coulomb's law predicts, and sticking joints do not
+//! move.
 
 use freeplay_arm::{Arm, EffectTable, Joint, JointFriction};
 use freeplay_laws::{Injection, Placed};
@@ -17,7 +18,7 @@ fn system(arm: &Arm, injection: Injection, posture: &[f64]) -> System {
     System::with_effects(arm, injection, &[posture.to_vec()], 1e-3, 50).expect("fine steps")
 }
 
-/// Ticks under the motor torques `torque`; `look` sees the system after each.
+/// Steps ticks under the motor torques `torque`; calls `look` after each.
 fn push(system: &mut System, torque: &[f64], ticks: u32, mut look: impl FnMut(&System)) {
     let driven = vec![false; torque.len()];
     let motion = Braking::new(vec![1.0; torque.len()]);
@@ -27,7 +28,7 @@ fn push(system: &mut System, torque: &[f64], ticks: u32, mut look: impl FnMut(&S
     }
 }
 
-/// I v₀/F until it stands, I v₀²/(2F) on the way; both to a sub-step of 20 µs.
+/// The joint stops after the time I v₀/F and the distance I v₀²/(2F); both to a sub-step of 20 µs.
 #[test]
 fn a_sliding_joint_stops_where_coulomb_has_it() {
     let arm = chain(vec![with_coulomb(rod("elbow", 1.0, 1.0, 0.0), 2.0)], 0.0);
@@ -41,8 +42,8 @@ fn a_sliding_joint_stops_where_coulomb_has_it() {
     close("speed after 1 s", system.joint(0)[1], 0.0, 1e-12);
 }
 
-/// A joint of 10⁻⁴ kg·m² with 10 N·m of friction, which stops 2 rad/s within a sub-step, and a heavy one: under gravity and a torque of the motor
-/// that rises to just below its friction neither moves, however long.
+/// A joint of 10⁻⁴ kg·m² with 10 N·m of friction, which stops 2 rad/s within a sub-step, and a heavy one: under gravity and a motor torque
+/// that rises to just below its friction neither moves, for any time.
 #[test]
 fn a_joint_that_sticks_does_not_creep() {
     let light = with_coulomb(Joint { rotor_inertia: 1e-4, ..rod("light", 1e-3, 0.01, 1.0) }, 10.0);
@@ -66,7 +67,7 @@ fn a_joint_that_sticks_does_not_creep() {
     assert!(system.joint(1)[0] > 1.0, "what is beyond friction moves it");
 }
 
-/// Three rods on one chain, which all stick: their inertias are coupled, and none sets another in motion.
+/// Three rods in one chain, all sticking: their inertias are coupled, and none sets another in motion.
 #[test]
 fn joints_that_stick_together_come_to_rest() {
     let rods = [(3.0, 0.0), (2.0, 1.0), (1.0, 1.0)];
@@ -81,7 +82,8 @@ fn joints_that_stick_together_come_to_rest() {
     }
 }
 
-/// The shaft of two joints with dry friction turns when both turn the same way, and holds them; where they turn against each other it stands still.
+/// The shaft of two joints with dry friction turns when both turn the same way, and brakes them; when they turn against each other it
+/// stands still.
 #[test]
 fn a_coupling_that_sticks_holds_both_joints() {
     let arm = chain(vec![rod("one", 1.0, 1.0, 0.0), rod("two", 1.0, 1.0, 1.0)], 0.0);

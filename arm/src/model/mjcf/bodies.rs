@@ -1,4 +1,4 @@
-//! `<worldbody>`: bodies, frames and sites as links that joints hold together.
+//! `<worldbody>`: bodies, frames and sites as links with joints between them.
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 use roxmltree::Node;
@@ -9,10 +9,10 @@ use super::super::urdf_joint::{Details, Motion};
 use super::super::urdf_xml::children;
 use super::Model;
 
-/// Elements of a body or a frame that are still to be read.
+/// Pending elements of a body or a frame.
 struct Inside<'d, 'i> {
     node: Node<'d, 'i>,
-    /// The link that they are fixed to, and their frame in its frame.
+    /// The link to which they are fixed, and the pose of their frame in its frame.
     link: usize,
     pose: Isometry3<f64>,
     childclass: Option<&'d str>,
@@ -32,7 +32,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         open.reverse();
         while let Some(inside) = open.pop() {
             let mut found = self.contents(&inside)?;
-            // The last is read first.
+            // The stack returns the last element first.
             found.reverse();
             open.append(&mut found);
         }
@@ -46,7 +46,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         self.links.len() - 1
     }
 
-    /// Reads the sites and bodies in `inside`; what is in these is still to be read.
+    /// Reads the sites and bodies in `inside`; returns their contents, which are still pending.
     fn contents(&mut self, inside: &Inside<'d, 'i>) -> Result<Vec<Inside<'d, 'i>>, ModelError> {
         let mut found = Vec::new();
         for node in inside.node.children().filter(Node::is_element) {
@@ -76,7 +76,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         Ok(())
     }
 
-    /// Holds two links together.
+    /// Adds a fixed joint between two links.
     fn fix(&mut self, node: Node<'_, '_>, name: &str, [parent, child]: [usize; 2], pose: Isometry3<f64>) {
         self.joints.push(Joint {
             name: name.to_owned(),
@@ -90,7 +90,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         });
     }
 
-    /// Adds the links and joints of the body `node`, and returns what is inside of it.
+    /// Adds the links and joints of the body `node`, and returns its contents.
     fn body(&mut self, node: Node<'d, 'i>, around: &Inside<'d, 'i>) -> Result<Inside<'d, 'i>, ModelError> {
         let name = node.attribute("name").map_or_else(|| format!("body_{}", self.links.len()), str::to_owned);
         let owner = format!("body `{name}`");
@@ -110,7 +110,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
             link = child;
             frame = Isometry3::from(Translation3::from(-anchor));
         }
-        // The link behind the last joint is the body itself where both frames are one.
+        // The link behind the last joint is the body itself if both frames are the same.
         if joints.is_empty() || frame != Isometry3::identity() {
             let child = self.link(&name, node);
             self.fix(node, &name, [link, child], frame);
@@ -123,7 +123,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         Ok(Inside { node, link, pose: frame, childclass })
     }
 
-    /// The place of a joint in its body.
+    /// The position of a joint in its body.
     fn anchor(
         &self,
         joint: Node<'d, 'i>,

@@ -1,4 +1,4 @@
-//! `<compiler>`, and the places and orientations that depend on it.
+//! `<compiler>`, and the positions and orientations that depend on it.
 
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 use roxmltree::Node;
@@ -7,20 +7,20 @@ use super::super::error::{ModelError, shortened};
 use super::super::numbers::direction;
 use super::super::urdf_xml::{Reader, children};
 
-/// The units and conventions of the numbers in a file, as its `<compiler>` sets them.
+/// The units and conventions of the numbers in a file, from its `<compiler>`.
 pub(super) struct Compiler {
     /// One unit of an angle, rad.
     pub angle: f64,
-    /// Axes of Euler angles in their order; capitals turn about fixed axes.
+    /// Axes of Euler angles in their order; capitals mean fixed axes.
     euler: String,
-    /// Whether a range alone makes a limit.
+    /// True if a range alone makes a limit.
     pub autolimits: bool,
-    /// Whether shapes count in place of an `<inertial>`: always (`true`), never (`false`), or where there is none.
+    /// Use of shapes instead of an `<inertial>`: always (`true`), never (`false`), or if there is none (`None`).
     pub inertia_from_shapes: Option<bool>,
 }
 
 impl Compiler {
-    /// Of the file with this root element; what is said later counts.
+    /// The compiler settings of the file with this root element; later elements override earlier ones.
     pub fn of(root: Node<'_, '_>, reader: &mut Reader<'_>) -> Result<Compiler, ModelError> {
         let last = |name: &str| {
             children(root, "compiler").filter_map(|compiler| compiler.attribute_node(name)).last()
@@ -56,7 +56,7 @@ impl Compiler {
         })
     }
 
-    /// The pose that `node` says by `pos` and one of the ways to say an orientation.
+    /// The pose that `node` gives by `pos` and one of the attributes for an orientation.
     pub fn pose(
         &self,
         reader: &Reader<'_>,
@@ -83,7 +83,7 @@ impl Compiler {
             let quaternion = Quaternion::new(w, x, y, z);
             let norm = quaternion.norm();
             return match norm > 0.0 && norm.is_finite() {
-                // A quaternion that was written with all its digits stays as it is.
+                // A quaternion written with all its digits stays unchanged.
                 true if (norm - 1.0).abs() < 1e-15 => Ok(UnitQuaternion::new_unchecked(quaternion)),
                 true => Ok(UnitQuaternion::new_normalize(quaternion)),
                 false => Err(unusable("quat", "write four numbers that are not all zero")),
@@ -131,7 +131,7 @@ fn axes(x: Vector3<f64>, y: Vector3<f64>) -> Option<UnitQuaternion<f64>> {
     Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix)))
 }
 
-/// The shortest turn that brings z along `z`.
+/// The smallest rotation that turns z to `z`.
 pub(super) fn from_z(z: &Unit<Vector3<f64>>) -> UnitQuaternion<f64> {
     UnitQuaternion::rotation_between_axis(&Vector3::z_axis(), z)
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))

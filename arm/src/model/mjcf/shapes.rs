@@ -1,6 +1,6 @@
-//! `<geom>`: the inertia of shapes of an even density.
+//! `<geom>`: the inertia of shapes of uniform density.
 //!
-//! Source: the moments of solids by integration, as in any handbook; a capsule is a cylinder with two half balls.
+//! Source: the moments of solids by integration, as in any handbook; a capsule is a cylinder with two hemispheres.
 
 use std::f64::consts::PI;
 
@@ -14,7 +14,7 @@ use super::Model;
 use super::pose::from_z;
 use crate::joint::Inertia;
 
-/// Density of shapes that name none, kg/m³.
+/// Default density of shapes, kg/m³.
 const DENSITY: f64 = 1000.0;
 
 /// A shape about its own centre.
@@ -26,7 +26,7 @@ struct Solid {
 }
 
 impl Solid {
-    /// The solid of this `kind` with these sizes; `None` for one that has no inertia of its own here, such as a mesh.
+    /// The solid of this `kind` with these sizes; `None` for a kind without an inertia here, such as a mesh.
     fn of(kind: &str, size: &[f64]) -> Option<Solid> {
         let (volume, moments) = match (kind, size) {
             ("sphere", [r, ..]) => (4.0 / 3.0 * PI * r.powi(3), Vector3::repeat(0.4 * r * r)),
@@ -52,7 +52,7 @@ impl Solid {
 fn capsule(r: f64, half: f64) -> Solid {
     let (rod, balls) = (2.0 * PI * r * r * half, 4.0 / 3.0 * PI * r.powi(3));
     let volume = rod + balls;
-    // Half a ball has its centre 3r/8 from its plane; both halves together are a ball about that plane.
+    // The centre of a hemisphere is 3r/8 from its plane; both hemispheres together are a sphere about that plane.
     let of_balls = 0.4 * r * r + half * half + 0.75 * half * r;
     let across = rod * (0.25 * r * r + half * half / 3.0) + balls * of_balls;
     let along = rod * 0.5 * r * r + balls * 0.4 * r * r;
@@ -60,7 +60,7 @@ fn capsule(r: f64, half: f64) -> Solid {
 }
 
 impl<'d, 'i> Model<'_, 'd, 'i> {
-    /// The inertia of all shapes of the body `node` called `name`; `None` where none counts.
+    /// The inertia of all shapes of the body `node` called `name`; `None` if no shape counts.
     pub(super) fn shapes(
         &mut self,
         node: Node<'d, 'i>,
@@ -124,7 +124,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
                 let [ax, ay, az, bx, by, bz] =
                     self.reader.numbers(said, "fromto", owner)?.unwrap_or_default();
                 let (a, b) = (Vector3::new(ax, ay, az), Vector3::new(bx, by, bz));
-                // MuJoCo's z goes from the second end to the first; the two are alike.
+                // MuJoCo's z points from the second end to the first; the shape is symmetric.
                 let half = 0.5 * (a - b).norm();
                 match kind {
                     "box" | "ellipsoid" if !size.is_empty() => size = vec![size[0], size[0], half],

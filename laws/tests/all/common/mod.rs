@@ -1,4 +1,4 @@
-//! An arm that moves, effects on it, and numbers compared with a margin.
+//! A moving arm, effects on it, and comparisons that print their margin.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use freeplay_laws::{Change, Placed, Prediction, Trajectory, predict};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use toml::Table;
 
-/// Says how far `actual` is from `expected` against `tolerance`, and fails beyond it.
+/// Prints the error of `actual` against `expected` and the `tolerance`, and fails beyond it.
 pub fn close(what: &str, actual: f64, expected: f64, tolerance: f64) {
     let off = (actual - expected).abs();
     println!("{what}: {actual:.9e}, expected {expected:.9e}: off by {off:.1e} of {tolerance:.1e}");
@@ -22,7 +22,7 @@ pub fn arm() -> Arm {
     Arm::new("test", joints, *arm.tool(), *arm.gravity()).unwrap()
 }
 
-/// One link of `mass`, kg, whose centre is 0.5 m out on x, turning about y (gravity pulls it down) or sliding along x.
+/// One link of `mass`, kg, with its centre 0.5 m along x, turning about y (gravity pulls it down) or sliding along x.
 pub fn one_link(kind: JointKind, mass: f64) -> Arm {
     let inertia = Inertia { mass, com: Vector3::new(0.5, 0.0, 0.0), about_com: Matrix3::identity() * 0.1 };
     let axis = match kind {
@@ -43,7 +43,7 @@ pub fn one_link(kind: JointKind, mass: f64) -> Arm {
         .unwrap()
 }
 
-/// Two sines a joint, of different frequencies, sampled at `rate` Hz for `duration` s.
+/// Two sines per joint, of different frequencies, sampled at `rate` Hz for `duration` s.
 pub fn motion(dof: usize, rate: f64, duration: f64) -> Trajectory {
     let points = (rate * duration) as usize;
     let t: Vec<f64> = (0..points).map(|i| i as f64 / rate).collect();
@@ -70,7 +70,7 @@ pub fn motion(dof: usize, rate: f64, duration: f64) -> Trajectory {
     }
 }
 
-/// A motion of one joint with these positions and velocities at 1 Hz, unaccelerated.
+/// A motion of one joint with these positions and velocities at 1 Hz, without acceleration.
 pub fn samples(q: &[f64], v: &[f64]) -> Trajectory {
     let t = (0..q.len()).map(|i| i as f64).collect();
     let (q, v, a) = (vec![q.to_vec()], vec![v.to_vec()], vec![vec![0.0; q.len()]]);
@@ -82,7 +82,7 @@ pub fn raw(column: &[f64]) -> Vec<f64> {
     column.to_vec()
 }
 
-/// The effect that `text`, a TOML table of parameters, makes of `kind` at `joint`.
+/// The effect of `kind` at `joint` with the parameters of the TOML table `text`.
 pub fn effect(arm: &Arm, kind: &str, joint: Option<usize>, text: &str) -> Placed {
     placed(arm, kind, joint, toml::from_str(text).unwrap())
 }
@@ -93,14 +93,14 @@ pub fn placed(arm: &Arm, kind: &str, joint: Option<usize>, parameters: Table) ->
     Placed::new(&EffectTable { kind: kind.into(), joint, parameters, line: 1 }, arm).unwrap()
 }
 
-/// `change` with every column at its length.
+/// `change` with every column at full length.
 pub fn whole(arm: &Arm, motion: &Trajectory, change: &Change) -> Prediction {
     let mut whole = Prediction::blank(arm.dof(), motion.len());
     whole.add(change);
     whole
 }
 
-/// What `effects` add to the prediction of `arm` alone.
+/// The difference that `effects` make in the prediction of `arm`.
 pub fn added(arm: &Arm, effects: &[Placed], motion: &Trajectory) -> Prediction {
     let mut with = predict(arm, effects, motion, &raw).unwrap();
     with.subtract(&predict(arm, &[], motion, &raw).unwrap());
@@ -112,7 +112,7 @@ pub fn file(arm: &Arm, table: EffectTable) -> ArmFile {
     ArmFile { arm: arm.clone(), effects: vec![table], ignored: Vec::new() }
 }
 
-/// Greatest amount in a column.
+/// Greatest magnitude in a column.
 pub fn greatest<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
     values.into_iter().fold(0.0, |most, value| most.max(value.abs()))
 }
