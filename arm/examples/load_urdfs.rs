@@ -1,6 +1,6 @@
-//! A table of all URDFs below a folder: which load, what their arm is and what it can be used for, or why not.
+//! Prints a table of all URDFs below a folder: the result of loading, the arm and its purposes, or the error.
 //!
-//! `cargo run -p freeplay-arm --example load_urdfs -- FOLDER`; with `--notes` it prints what the files are noted for, too.
+//! `cargo run -p freeplay-arm --example load_urdfs -- FOLDER`; with `--notes` it prints the notes on the files, too.
 
 use std::path::{Path, PathBuf};
 

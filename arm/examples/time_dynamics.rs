@@ -1,4 +1,4 @@
-//! Times of the dynamics for the arm with eight joints, in batches so that the clock does not count.
+//! Computation times of the dynamics for the arm with eight joints, in batches so that reading the clock does not count.
 //!
 //! `cargo run --release -p freeplay-arm --example time_dynamics`
 

@@ -1,4 +1,4 @@
-//! Numbers in sentences: what a person reads, not what a program reads back.
+//! Numbers in sentences, for readers, not for programs.
 
 /// `value` with at most four significant digits, without zeros at its end.
 pub(crate) fn brief(value: f64) -> String {

@@ -30,7 +30,7 @@ pub(crate) fn chain(joints: &[Joint]) -> Result<(), ArmError> {
     Ok(())
 }
 
-/// The joint that a value belongs to; `None` for the arm.
+/// The joint of a value; `None` for the arm.
 type Of<'a> = Option<&'a str>;
 
 fn value(of: Of<'_>, quantity: &str, value: impl ToString, must: &'static str) -> ArmError {
@@ -106,8 +106,8 @@ fn inertia(of: Of<'_>, joint: &Joint) -> Result<(), ArmError> {
     }
 }
 
-/// An inertia felt by a joint that is zero in general position is zero everywhere (it is an analytic function of q), so a
-/// few positions decide.
+/// An effective inertia of a joint that is zero in general position is zero everywhere (it is an analytic function of q), so that a few
+/// positions suffice.
 pub(crate) fn every_joint_moves_inertia(arm: &Arm) -> Result<(), ArmError> {
     let mut ws = Workspace::new(arm);
     let mut felt = vec![0.0_f64; arm.dof()];
@@ -117,7 +117,7 @@ pub(crate) fn every_joint_moves_inertia(arm: &Arm) -> Result<(), ArmError> {
     }
     compose_inertias(arm, &mut ws);
     for ((joint, &felt), link) in arm.joints().iter().zip(&felt).zip(&ws.links).rev() {
-        // Against the same load as one rigid body: below this ratio only rounding is left.
+        // Against the inertia of the same load as one rigid body: a smaller ratio is rounding.
         let rigid = match joint.kind {
             JointKind::Revolute => link.inertia.trace(),
             JointKind::Prismatic => link.mass,

@@ -5,7 +5,7 @@ use std::fmt;
 /// A place in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// The file, or what stands for it.
+    /// The file, or a name that represents it.
     pub origin: Box<str>,
     /// Line, from 1.
     pub line: usize,
@@ -24,7 +24,7 @@ impl Place {
         let before = &text.as_bytes()[..offset.min(text.len())];
         let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
         let start = before.iter().rposition(|&b| b == b'\n').map_or(0, |p| p + 1);
-        // Count characters by their first bytes.
+        // Counts characters by their first bytes.
         let column = before[start..].iter().filter(|&&b| b & 0xC0 != 0x80).count() + 1;
         Place { origin: origin.into(), line, column }
     }

@@ -1,7 +1,7 @@
-//! How long predictions take: `cargo run --release -p freeplay-laws --example timing`.
+//! Computation time of predictions: `cargo run --release -p freeplay-laws --example timing`.
 //!
-//! The paper's six-axis arm on 4000 points; medians of the time of one prediction, of what one more effect changes, and of all columns of
-//! each kind at one joint. No figure here is asserted anywhere.
+//! The paper's six-axis arm on 4000 points; medians of the time of one prediction, of the change by one more effect, and of all columns of
+//! each kind at one joint. No test asserts these figures.
 
 use std::f64::consts::TAU;
 use std::hint::black_box;
@@ -14,7 +14,7 @@ const POINTS: usize = 4000;
 const RATE: f64 = 250.0;
 const JOINT: usize = 2;
 
-/// A sine a joint.
+/// One sine per joint.
 fn motion() -> Trajectory {
     let t: Vec<f64> = (0..POINTS).map(|i| i as f64 / RATE).collect();
     let wave = |joint: usize, order: i32| {

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::law_error::LawError;
 
-/// The parts of an arm, to be changed and put together again.
+/// The parts of an arm, for changes and reassembly.
 #[derive(Clone, Debug)]
 pub struct ArmParts {
     /// The joints from the base outwards, each with the link it moves.
@@ -14,7 +14,7 @@ pub struct ArmParts {
     pub tool: Isometry3<f64>,
     /// Gravity in the base frame, m/s².
     pub gravity: Vector3<f64>,
-    /// What the arm lacks that they are of.
+    /// The shortfalls of the original arm.
     fitness: Fitness,
 }
 
@@ -29,15 +29,15 @@ impl ArmParts {
         }
     }
 
-    /// Whether they are the parts of `arm`, unchanged.
+    /// True if they are the parts of `arm`, unchanged.
     pub fn are_of(&self, arm: &Arm) -> bool {
         self.joints == arm.joints() && self.tool == *arm.tool() && self.gravity == *arm.gravity()
     }
 
-    /// The arm called `name` that these parts make.
+    /// The arm called `name` made of these parts.
     ///
     /// # Errors
-    /// [`LawError::Changed`]: no such arm can exist.
+    /// [`LawError::Changed`] if the arm is impossible.
     pub fn into_arm(self, name: &str) -> Result<Arm, LawError> {
         Arm::derived(name, self.joints, self.tool, self.gravity, &self.fitness).map_err(LawError::Changed)
     }

@@ -1,4 +1,4 @@
-//! The kinds of effects as text for people: `docs/effects.md`.
+//! The documentation of all kinds of effects: `docs/effects.md`.
 
 use crate::beyond::BEYOND_CATALOGUE;
 use crate::catalogue::{CATALOGUE, COMMANDED};
@@ -6,10 +6,10 @@ use crate::kind::Kind;
 use crate::parameter::{Absent, Parameter, Range, Role};
 use crate::place::Site;
 
-/// What makes it.
+/// The command that generates it.
 const MADE_BY: &str = "cargo run -p freeplay-laws --example effects";
 
-/// `docs/effects.md`.
+/// The text of `docs/effects.md`.
 pub fn manual() -> String {
     let mut text = format!(
         "<!-- Made by `{MADE_BY}` from the laws themselves. -->\n\n\
@@ -89,7 +89,7 @@ fn row(parameter: &Parameter) -> String {
     format!("| `{name}` | {meaning} | {unit} | {values} | {absent} |")
 }
 
-/// What it means that a file is silent, in words; a value that is taken then is written as `figure` says.
+/// The default of a parameter in words; `figure` formats a default value.
 fn said<T>(absent: &Absent<T>, figure: impl Fn(&T) -> String) -> String {
     match absent {
         Absent::Refused => "refused".to_owned(),
@@ -98,7 +98,7 @@ fn said<T>(absent: &Absent<T>, figure: impl Fn(&T) -> String) -> String {
     }
 }
 
-/// A number as people write it.
+/// A number in decimal or scientific notation.
 fn figure(value: f64) -> String {
     if value == 0.0 || (1e-3..1e5).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }

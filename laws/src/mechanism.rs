@@ -1,4 +1,4 @@
-//! An arm file as a mechanism: its effects in the elements that the formats of other tools share.
+//! An arm file as a mechanism: its effects as elements that are common to the formats of other tools.
 
 use freeplay_arm::ArmFile;
 use freeplay_arm::export::{Mechanism, Named};
@@ -9,7 +9,7 @@ use crate::{Effects, Kind, LawError, Parameter, Placed, Range};
 /// The mechanism of `file`: the arm with the effects that change it, and the elements of the others.
 ///
 /// # Errors
-/// See [`LawError`]: an effect that can't be taken, or that leaves no possible arm.
+/// See [`LawError`]: an effect that is invalid, or that makes the arm impossible.
 pub fn mechanism(file: &ArmFile) -> Result<Mechanism, LawError> {
     let effects = Effects::of(file)?;
     let arm = effects.changed(&file.arm)?;
@@ -27,12 +27,12 @@ pub fn mechanism(file: &ArmFile) -> Result<Mechanism, LawError> {
     Ok(mechanism)
 }
 
-/// The line for an effect of `kind` of which a file says nothing, and `why`.
+/// The line for an effect of `kind` that a file omits, with the reason `why`.
 fn nothing(name: &str, kind: &Kind, why: &str) -> String {
     format!("{name}: {} ({why})", kind.equation)
 }
 
-/// Why no format of other tools has words for the effects of `kind`.
+/// The reason why no format of other tools can express the effects of `kind`.
 fn reason(kind: &Kind) -> &'static str {
     let is_of_time = |parameter: &Parameter| {
         matches!(parameter.range, Range::Number { unit: "s", .. })

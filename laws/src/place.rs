@@ -1,8 +1,8 @@
-//! The places where an effect may sit: a part of an arm, and a place of a scene.
+//! The places where an effect may occur: a part of an arm, and a place in a scene.
 
 use crate::scene::Scene;
 
-/// Where an effect can sit.
+/// The part of an arm on which an effect can occur.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Site {
     /// On any joint, or the link that it moves.
@@ -13,7 +13,7 @@ pub enum Site {
     Arm,
 }
 
-/// A place at which an effect may sit, in a scene.
+/// A place at which an effect may occur, in a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
     /// The arm, its motion and its load.
@@ -28,7 +28,7 @@ impl Place<'_> {
         self.joint.map(|joint| &self.scene.arm.joints()[joint])
     }
 
-    /// The speeds of the joint there, rad/s (m/s), ascending; none for the arm as a whole.
+    /// The speeds of the joint there, rad/s (m/s), ascending; empty for the arm as a whole.
     pub fn speeds(&self) -> Vec<f64> {
         let column = self.joint.map(|joint| self.scene.motion.v[joint].as_slice()).unwrap_or_default();
         let mut speeds: Vec<f64> = column.iter().map(|v| v.abs()).collect();

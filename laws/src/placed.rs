@@ -13,11 +13,11 @@ use crate::lookup::{kind, kinds};
 pub struct Placed {
     /// Its entry in the catalogue.
     pub kind: &'static Kind,
-    /// Index of the joint it sits at; `None` for an effect of the whole arm.
+    /// Index of its joint; `None` for an effect of the whole arm.
     pub joint: Option<usize>,
     /// The law with its parameters.
     pub effect: Box<dyn Effect>,
-    /// Line of its table in the arm file; 0 if it does not come from one.
+    /// Line of its table in the arm file; 0 without a file.
     pub line: usize,
 }
 

@@ -1,4 +1,4 @@
-//! The usual ways in which an effect is a sum of terms.
+//! The usual decompositions of an effect into terms.
 
 use toml::Table;
 
@@ -8,16 +8,16 @@ use crate::parameter::{Parameter, Range, Role};
 use crate::place::Place;
 
 impl Terms {
-    /// The parameters of [`Role::Linear`] are themselves the coefficients, and the effect is proportional to each.
+    /// The parameters of [`Role::Linear`] are the coefficients themselves, and the effect is proportional to each.
     pub const PLAIN: Terms = Terms { list: plain_terms, compose: plain_compose };
 
-    /// The same for a sum of which any part may be missing: none is negative.
+    /// The same for a sum with optional parts: no part is negative.
     pub const PARTS: Terms = Terms {
         list: |kind, place, shape| plain_terms(kind, place, shape).into_iter().map(Term::held).collect(),
         compose: plain_compose,
     };
 
-    /// The same for an extra to what the arm file names: the sum must not be negative. Read from the joint's friction.
+    /// The same for an extra in addition to the arm file: the sum with the joint's friction must not be negative.
     pub const EXTRA_COULOMB: Terms = Terms {
         list: |kind, place, shape| {
             let named = place.joint().map_or(0.0, |joint| joint.friction.coulomb);
@@ -54,7 +54,7 @@ fn linear(kind: &Kind) -> impl Iterator<Item = (&'static Parameter, [f64; 2])> +
 fn plain_terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let unit = |name: &str| kind.unit(name, place.joint());
     let term = |(index, (parameter, range)): (usize, (&'static Parameter, [f64; 2]))| {
-        // The largest power of ten up to 1 that the range allows.
+        // The largest power of ten up to 1 in the range.
         let step = 10_f64.powf(range[1].min(1.0).log10().floor());
         let coefficients: Vec<f64> =
             (0..linear(kind).count()).map(|i| if i == index { step } else { 0.0 }).collect();

@@ -4,15 +4,15 @@
 //! steps. Each link has a usual latency, the median of the run so far. The rule:
 //!
 //! 1. **Where.** The link with the greatest excess over its usual latency is responsible. Without an answer this is the state or the
-//! controller: the time until the deadline counts as the controller's, or as the state's if the controller was kept from running and
-//! answered a later tick. If the plant itself is a period late, the excesses of its links since it was last in time add up. An excess of
-//! less than [`LEAST`] of a period does not count; without a greater one, the cause is unknown.
+//!    controller: the time until the deadline counts as the controller's, or as the state's if the controller was kept from running and
+//!    answered a later tick. If the plant itself is a period late, the excesses of its links since it was last in time add up. An excess of
+//!    less than [`LEAST`] of a period does not count; without a greater one, the cause is unknown.
 //! 2. **Why.** The first of these that accounts for half of the link's excess: the thread of the link waited for a core (`schedstat`:
-//! scheduler); its page faults ([`MAJOR_NS`], [`MINOR_NS`] each: page fault); the hypervisor took time from this machine (`/proc/stat`), or
-//! step and computing both took more than [`SLOW`] times their usual latency (machine).
+//!    scheduler); its page faults ([`MAJOR_NS`], [`MINOR_NS`] each: page fault); the hypervisor took time from this machine (`/proc/stat`), or
+//!    step and computing both took more than [`SLOW`] times their usual latency (machine).
 //! 3. **Else** the link itself is the cause. A late wake-up is the clock's, and so is a state that waited for a controller that was kept
-//! from running. Travelling is the transport's, stepping is the plant's. Computing is the machine's if the controller was kept from running
-//! meanwhile, the quadratic programme's if that took half of the excess and more iterations than usual, else the controller's.
+//!    from running. Travelling is the transport's, stepping is the plant's. Computing is the machine's if the controller was kept from running
+//!    meanwhile, the quadratic programme's if that took half of the excess and more iterations than usual, else the controller's.
 //!
 //! A miss without an answer that follows another such miss has the cause of that one: it is the same stall.
 

@@ -4,9 +4,9 @@
 //! At the end of a tick each controller's own [`Gate`] checks its answer. Then, in this order:
 //!
 //! 1. a swap that is planned for this tick takes place if the new controller's answer passes, else at the first later tick at which it
-//! passes;
+//!    passes;
 //! 2. if the answer of the active controller does not pass, the standby with the longest faultless record takes over with its answer to the
-//! same tick: no command is held;
+//!    same tick: no command is held;
 //! 3. if no standby has a valid answer, the gate of the active controller falls back: hold, then brake.
 //!
 //! A position command, with its blend, must be reachable from the measured joints; otherwise the manager refuses the hand-over as too fast.

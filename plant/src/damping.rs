@@ -1,14 +1,14 @@
-//! Whether the nominal damping of the joints can be integrated.
+//! The check that the nominal damping of the joints can be integrated.
 //!
-//! A joint of inertia I and damping c loses its speed with the time constant I/c. A sub-step h takes c h/I of it at once: the motion
-//! grows without end where that is above 2, and the share of a transmission's flanks is the bound here, too.
+//! A joint of inertia I and damping c loses its speed with the time constant I/c. A sub-step h removes the share c h/I of the speed at
+//! once: the integration is unstable above 2. The bound for a transmission's flanks applies here, too.
 
 use freeplay_arm::{Arm, JointKind};
 
 use crate::SystemError;
 use crate::rotor::{GREATEST_LOSS, least_inertias, mobility, with_rotors};
 
-/// Refuses a damping that is too much for the sub-steps, for a motion of `arm` with `rotors` through `postures`.
+/// Refuses a damping that is too high for the sub-steps, for a motion of `arm` with `rotors` through `postures`.
 ///
 /// # Errors
 /// [`SystemError::DampingTooStiff`]

@@ -1,4 +1,4 @@
-//! Fits the servos of an arm to recordings and shows how far full-length simulations of others are off.
+//! Fits the servos of an arm to recordings and prints the errors of full-length simulations of other recordings.
 //!
 //! `cargo run --release -p freeplay-servo --example fit -- ARM TRAIN... -- TEST...`
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
@@ -65,7 +65,7 @@ fn main() {
         let track = track(&read(Path::new(name), None).unwrap());
         let rows = 0..track.stamps.len();
         let residual = track.residual(&fitted.model, &mut rollout, &rows);
-        // The fastest of several runs is the one that the machine disturbed least.
+        // The fastest of several runs is the least disturbed by other processes.
         let timed = |_| {
             let began = Instant::now();
             let again = track.residual(&fitted.model, &mut rollout, &rows);

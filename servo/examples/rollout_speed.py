@@ -1,9 +1,9 @@
-"""Processor time of a rollout of an arm on servos, and of MuJoCo's steps of the same arm along the same commands, by turns.
+"""Processor time of a rollout of an arm on servos, and of MuJoCo's steps of the same arm along the same commands, alternately.
 
     cargo build --release -p freeplay-servo --example rollout_speed
     python servo/examples/rollout_speed.py target/release/examples/rollout_speed
 
-Five joints with gravity, dry friction and servos, 20 s of commands at 50 Hz. Both start in the same state. How far positions are off is against rollouts in steps of 0.1 ms.
+Five joints with gravity, dry friction and servos, 20 s of commands at 50 Hz. Both start in the same state. Position errors are differences from rollouts in steps of 0.1 ms.
 """
 
 from __future__ import annotations

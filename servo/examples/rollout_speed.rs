@@ -1,7 +1,8 @@
-//! Simulates an arm on servos along made commands, for the processor time that a rollout takes: `rollout_speed.py` beside it measures it, and MuJoCo's steps of the same arm.
+//! Simulates an arm on servos along generated commands, to measure the processor time of a rollout: `rollout_speed.py` beside it measures
+//! the time, and that of MuJoCo's steps of the same arm.
 //!
-//! `rollout_speed ARM COMMANDS COUNT STEP`: `COMMANDS` is a CSV of stamps and one command a joint; the motion along them is simulated `COUNT` times in steps of at most `STEP` s,
-//! and its positions are printed, one line a stamp.
+//! `rollout_speed ARM COMMANDS COUNT STEP`: `COMMANDS` is a CSV of stamps and one command per joint. The example simulates the motion along
+//! them `COUNT` times in steps of at most `STEP` s, and prints its positions, one line per stamp.
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 
 use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};

@@ -1,11 +1,11 @@
-//! The same work on many items, on all cores, with a result that does not depend on their number.
+//! The same work on many items, on several threads, with a result that does not depend on their number.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// `of` each index below `count`, in order, worked out by `threads` threads.
+/// Computes `of` for each index below `count` on `threads` threads; returns the results in order.
 pub fn each<T: Send>(count: usize, threads: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
-    // Relaxed: the indices are only shared out; results are handed over by joining the threads.
+    // Relaxed: the counter only distributes the indices; joining the threads synchronises the results.
     let work = || {
         std::iter::from_fn(|| Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < count))
             .map(|index| (index, of(index)))

@@ -7,8 +7,8 @@ use crate::joint::JointKind;
 use crate::kinematics::{place_links, turn_links};
 use crate::workspace::Workspace;
 
-/// Kinetic energy ½ vᵀ M(q) v, J, summed link by link and so independent of the mass matrix:
-/// ½ m u² + u·(ω × h) + ½ ω·J ω for a link whose origin moves with u, and ½ I v² for its rotor.
+/// Kinetic energy ½ vᵀ M(q) v, J, as a sum over the links, independent of the mass matrix: ½ m u² + u·(ω × h) + ½ ω·J ω for a link whose
+/// origin moves at u, and ½ I v² for its rotor.
 ///
 /// # Panics
 /// If the length of `q` or `v` or the workspace does not fit the arm.

@@ -1,4 +1,4 @@
-//! Tendons of MJCF: friction behind a gap, radial play, shafts that two joints share.
+//! Tendons of MJCF: friction behind a gap, radial play, shafts shared by two joints.
 
 use super::mjcf_writer::{Marks, Writer};
 use super::xml::{number, numbers};
@@ -39,7 +39,7 @@ pub(super) fn write(writer: &mut Writer, marks: &Marks) {
     writer.xml.end();
 }
 
-/// A tendon whose length is the sum of joint positions times factors.
+/// A tendon whose length is a weighted sum of joint positions.
 fn fixed(writer: &mut Writer, name: &str, attributes: &[(&'static str, String)], joints: &[(&str, f64)]) {
     let mut named = vec![("name", writer.names.take(name))];
     named.extend_from_slice(attributes);

@@ -1,4 +1,4 @@
-//! An MJCF document as it grows, and the names that its tendons refer to.
+//! An MJCF document under construction, and the names that its tendons refer to.
 
 use std::collections::BTreeMap;
 
@@ -6,14 +6,14 @@ use super::names::Names;
 use super::parts::Parts;
 use super::xml::Xml;
 
-/// The document as it grows.
+/// The document under construction.
 pub(super) struct Writer<'a> {
     pub xml: Xml,
     pub names: Names,
     pub parts: &'a Parts,
 }
 
-/// Names that were given while the bodies were written, by joint.
+/// Names assigned to gears and bearings of the bodies, by joint.
 #[derive(Debug, Default)]
 pub(super) struct Marks {
     pub gears: BTreeMap<usize, String>,

@@ -1,4 +1,4 @@
-//! Names that a file gives what the model does not name.
+//! Unique names for elements of a file that the model does not name.
 
 use std::collections::HashSet;
 
@@ -12,7 +12,7 @@ impl Names {
         Names(kept.into_iter().map(str::to_owned).collect())
     }
 
-    /// `wanted`, or with as many `_` behind as make it unused.
+    /// Returns `wanted`, with as many `_` appended as make it unused.
     pub fn take(&mut self, wanted: &str) -> String {
         let mut name = wanted.to_owned();
         while !self.0.insert(name.clone()) {

@@ -1,11 +1,11 @@
-//! Rotations as formats write them.
+//! Rotations in the conventions of the formats.
 
 use nalgebra::UnitQuaternion;
 
 /// Roll, pitch and yaw about fixed x, y and z, rad: R = R_z(yaw) R_y(pitch) R_x(roll).
 ///
-/// The pitch comes from two elements by the arc tangent, and the roll from what is left once yaw and pitch are taken away, so that the three
-/// give back the rotation to rounding also where roll and yaw turn about one axis (Shoemake 1994, Graphics Gems IV, III.5).
+/// The pitch comes from two elements by the arc tangent, and the roll from the rotation without yaw and pitch, so that the three reproduce
+/// the rotation to rounding even if roll and yaw turn about one axis (Shoemake 1994, Graphics Gems IV, III.5).
 pub(super) fn roll_pitch_yaw(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
     let matrix = rotation.to_rotation_matrix();
     let r = matrix.matrix();

@@ -1,6 +1,6 @@
-//! Names in sentences, and names of one joint in two files.
+//! Names in sentences, and matching of joint names in two files.
 
-/// Names that a sentence lists at most.
+/// Most names that a sentence lists.
 const MOST: usize = 4;
 
 /// `` `a`, `b` and 3 more ``.
@@ -17,8 +17,8 @@ pub(super) fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
-/// For each of `names` the joint of `joints` that it means: the one called so, else the only one whose name is the same but for a prefix
-/// that ends in `_` or `/`, as drivers put before or leave out of the names of a model.
+/// For each of `names` the matching joint of `joints`: the one with that name, else the only one whose name differs only by a prefix that
+/// ends in `_` or `/`, since drivers add or omit such prefixes.
 pub fn match_joints<'a>(
     names: &[String],
     joints: impl Iterator<Item = &'a str> + Clone,

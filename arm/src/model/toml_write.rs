@@ -8,8 +8,8 @@ use super::numbers::rotation;
 use super::{ArmFile, EffectTable};
 use crate::joint::{Joint, JointKind, Limits};
 
-/// The text of an arm file that [`crate::load`] reads back to the same arm, bit by bit, and the same effects. All joints are
-/// written inline, whatever the file they came from; what was ignored stands at the top as comments.
+/// The text of an arm file from which [`crate::load`] reads the same arm, bit by bit, and the same effects. All joints are inline, whatever
+/// their original file; comments at the top list the ignored parts.
 pub fn to_toml(file: &ArmFile) -> String {
     let mut text = String::new();
     for note in &file.ignored {
@@ -91,7 +91,7 @@ fn write_limits(text: &mut String, limits: &Limits) {
     }
 }
 
-/// Position and turn; the turn as roll, pitch, yaw where these read back to the same bits, else as a quaternion.
+/// Position and rotation; the rotation as roll, pitch, yaw if these read back to the same bits, else as a quaternion.
 fn frame_entries(frame: &Isometry3<f64>) -> Vec<String> {
     let mut entries = vec![format!("xyz = {:?}", frame.translation.vector.as_slice())];
     let (roll, pitch, yaw) = frame.rotation.euler_angles();

@@ -9,14 +9,14 @@ use super::urdf_xml::Reader;
 use crate::fitness::Shortfall;
 use crate::joint::Inertia;
 
-/// An inertia of mass so near its centre is none, m: the radius of an atom.
+/// Smallest radius of gyration of a possible inertia, m: the radius of an atom.
 const SMALLEST: f64 = 1e-10;
 
 /// The mass of a link.
 pub(super) struct Inertial {
-    /// In the link frame; without its tensor where that can't be.
+    /// In the link frame; without its tensor if that is impossible.
     pub inertia: Inertia,
-    /// Why the tensor can't be.
+    /// The reason why the tensor is impossible.
     pub impossible: Option<Shortfall>,
     /// Notes on the mass for the user.
     pub notes: Vec<String>,
@@ -79,7 +79,7 @@ impl Reader<'_> {
         Ok(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz))
     }
 
-    /// Why the tensor of `body`, the inertia of `link` in `node`, can't be.
+    /// The reason why the tensor of `body`, the inertia of `link` in `node`, is impossible.
     pub fn impossible(&self, node: Node<'_, '_>, link: &str, body: &Inertia) -> Option<Shortfall> {
         let problem = body.tensor_problem()?;
         let m = &body.about_com;

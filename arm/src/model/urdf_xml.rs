@@ -1,4 +1,4 @@
-//! Elements and attributes of a URDF file, with errors that know their place.
+//! Elements and attributes of a URDF file, with errors that contain their place.
 
 use roxmltree::{Attribute, Node};
 
@@ -11,12 +11,12 @@ use crate::place::Place;
 pub(super) struct Source<'a> {
     pub origin: &'a str,
     pub text: &'a str,
-    /// Byte offset at which the parser was given something that is not in the text, and its length.
+    /// Byte offset of the text inserted for the parser, and its length.
     pub inserted: (usize, usize),
 }
 
 impl Source<'_> {
-    /// The place of the byte that the parser has at `offset`.
+    /// The place in the original text of the parser's byte `offset`.
     pub fn place(&self, offset: usize) -> Place {
         let (at, length) = self.inserted;
         let offset = if offset > at { offset.saturating_sub(length).max(at) } else { offset };
@@ -24,14 +24,14 @@ impl Source<'_> {
     }
 }
 
-/// Reads elements and collects what is worth knowing about them.
+/// Reads elements and collects notes on them.
 pub(super) struct Reader<'a> {
     pub source: Source<'a>,
     pub notes: Vec<String>,
 }
 
 impl Reader<'_> {
-    /// The first child called `tag`, as the ROS parser takes it; further ones are noted.
+    /// The first child called `tag`, like the ROS parser; further ones become a note.
     pub fn first<'d, 'i>(&mut self, node: Node<'d, 'i>, tag: &str, owner: &str) -> Option<Node<'d, 'i>> {
         let count = children(node, tag).count();
         if count > 1 {

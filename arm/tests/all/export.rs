@@ -1,4 +1,4 @@
-//! Arms that are written as URDF or MJCF and read again are the same arms.
+//! Arms survive a round trip through URDF and MJCF.
 
 use crate::common::{Random, distance};
 use freeplay_arm::export::{Channel, Element, Exported, Mechanism, Named, to_mjcf, to_urdf};
@@ -14,7 +14,7 @@ fn with(arm: Arm, elements: &[Element]) -> Mechanism {
     Mechanism { elements: named.collect(), ..plain(arm) }
 }
 
-/// Random arms of one to eight joints that turn and slide, under gravity of 9.81 m/s² from any side.
+/// Random arms of one to eight revolute and prismatic joints, under gravity of 9.81 m/s² from any direction.
 fn arms() -> impl Iterator<Item = Arm> {
     let mut random = Random(41);
     (0..60).map(move |number| {
@@ -40,7 +40,7 @@ fn difference(a: &Arm, b: &Arm, random: &mut Random) -> f64 {
     worst
 }
 
-/// The rotors of `arm` taken away: URDF has none.
+/// `arm` without its rotors: URDF has none.
 fn without_rotors(arm: &Arm) -> Arm {
     let joints = arm.joints().iter().map(|joint| Joint { rotor_inertia: 0.0, ..joint.clone() }).collect();
     Arm::new(arm.name(), joints, *arm.tool(), *arm.gravity()).unwrap()
@@ -115,7 +115,7 @@ fn friction_limits_and_zeros_are_in_both_formats() {
         assert_eq!([joints[0].friction.coulomb, joints[1].friction.viscous], [4.0, 0.7]);
         assert_eq!([joints[0].limits.effort, joints[2].limits.effort], [90.0, 55.0]);
         assert_eq!([joints[1].limits.lower, joints[1].limits.upper], [-2.0, 1.5]);
-        // Where the encoder reads 0.25, the joint is at its zero.
+        // At the encoder's reading of 0.25, the joint is at its zero.
         let at = |arm: &Arm, q: f64| forward_kinematics(arm, &mut Workspace::new(arm), &[0.3, q, 0.1]);
         let apart = at(&arm, 0.0).inverse() * at(&back, 0.25);
         assert!(apart.translation.vector.norm() < 1e-14 && apart.rotation.angle() < 1e-7, "{apart}");

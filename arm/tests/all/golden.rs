@@ -118,7 +118,7 @@ fn weight_and_reach_at_zero_are_those_of_the_fact_sheet() {
     close("weight", (force - Vector3::new(0.0, 0.0, 127.68 * 9.81)).norm(), 1e-9);
 }
 
-/// What the clearance sees: with the motors holding their motion, only link 4; with free motors, less.
+/// The effective mass at the clearance: with prescribed motors, only link 4; with free motors, less.
 #[test]
 fn effective_mass_at_the_clearance_is_that_of_the_fact_sheet() {
     let arm = arm8().with_gravity(Vector3::zeros());

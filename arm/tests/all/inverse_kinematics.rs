@@ -1,4 +1,4 @@
-//! Inverse kinematics: round trips, the branch of the seed, and honest refusals.
+//! Inverse kinematics: round trips, the branch of the seed, and reported failures.
 
 use std::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use freeplay_arm::{
 };
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
-/// How far the tool at `q` is from `target`, m and rad together.
+/// Distance of the tool at `q` from `target`, m and rad together.
 fn miss(arm: &Arm, ws: &mut Workspace, q: &[f64], target: &Isometry3<f64>, task: IkTask) -> f64 {
     let tool = forward_kinematics(arm, ws, q);
     let position = (tool.translation.vector - target.translation.vector).norm();
@@ -100,7 +100,7 @@ fn redundant_and_small_arms_reach_random_targets() {
             let target = forward_kinematics(&arm, &mut ws, &q);
             let seed: Vec<f64> = q.iter().map(|q| q + 0.05 * random.next()).collect();
             let mut out = vec![0.0; dof];
-            // A random arm of three joints can be singular at the target; then it says so.
+            // A random arm of three joints can be singular at the target; the error then reports it.
             match inverse_kinematics(&arm, &mut ws, &target, &seed, &mut out, task) {
                 Ok(report) => {
                     solved += 1;
@@ -171,7 +171,7 @@ fn what_cannot_be_solved_is_refused_with_the_reason() {
     let error = inverse_kinematics(&arm, &mut ws, &not_a_number, &seed, &mut out, IkTask::Pose).unwrap_err();
     assert_eq!(error, IkError::NotFinite);
 
-    // Numbers that overflow on the way end in a refusal, not in a panic or a hang.
+    // Numbers that overflow on the way lead to an error, not to a panic or a hang.
     let absurd = Isometry3::translation(1e308, -1e308, 1e308);
     assert!(inverse_kinematics(&arm, &mut ws, &absurd, &seed, &mut out, IkTask::Pose).is_err());
     let slides = Random(8).arm(5);
@@ -179,7 +179,7 @@ fn what_cannot_be_solved_is_refused_with_the_reason() {
     assert!(inverse_kinematics(&slides, &mut ws, &absurd, &[1.7e308; 5], &mut out, IkTask::Pose).is_err());
 }
 
-/// With the wrist stretched the pose is still reached; the report says that it is singular there.
+/// With the wrist stretched the solver still reaches the pose; the report says that it is singular there.
 #[test]
 fn a_singular_pose_is_reached_and_reported() {
     let arm = paper_arm().arm;

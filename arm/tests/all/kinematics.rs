@@ -1,10 +1,10 @@
-//! Kinematics against its own finite differences, and the link poses against the chain of placements.
+//! Kinematics against finite differences, and the link poses against the chain of placements.
 
 use crate::common::{Random, close, size};
 use freeplay_arm::{Arm, JointKind, Workspace, forward_kinematics, jacobian, tool_bias_acceleration};
 use nalgebra::{DMatrix, DVector, Isometry3, Translation3, Unit, UnitQuaternion, Vector3, Vector6};
 
-/// The pose of the tool by multiplying poses joint after joint: another way than that of the crate.
+/// The pose of the tool as a product of poses joint after joint: an algorithm independent of the crate's.
 fn chained(arm: &Arm, q: &[f64]) -> Isometry3<f64> {
     let mut pose = Isometry3::identity();
     for (joint, &q) in arm.joints().iter().zip(q) {
@@ -23,7 +23,7 @@ fn chained(arm: &Arm, q: &[f64]) -> Isometry3<f64> {
     pose * arm.tool()
 }
 
-/// How `to` is reached from `from`: displacement and rotation vector, world axes.
+/// The motion from `from` to `to`: displacement and rotation vector, world axes.
 fn twist(from: &Isometry3<f64>, to: &Isometry3<f64>) -> Vector6<f64> {
     let linear = to.translation.vector - from.translation.vector;
     let angular = (to.rotation * from.rotation.inverse()).scaled_axis();
@@ -48,7 +48,7 @@ fn tool_pose_is_the_product_of_the_poses_along_the_chain() {
     close("tool pose", worst, 1e-14);
 }
 
-/// An axis next to a coordinate axis, closer than rounding shows in its largest component, is still not that axis.
+/// An axis next to a coordinate axis, closer than the rounding of its largest component, is still not that axis.
 #[test]
 fn an_axis_near_a_coordinate_axis_keeps_its_tilt() {
     let mut random = Random(77);

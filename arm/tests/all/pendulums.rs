@@ -53,7 +53,7 @@ fn double_pendulum_follows_the_reference() {
     }
 }
 
-/// IFToMM benchmark A01: released horizontally; period and bottom speed in closed form, and no energy lost in 10 s.
+/// IFToMM benchmark A01: released horizontally; period and speed at the bottom in closed form, and no energy loss in 10 s.
 #[test]
 fn simple_pendulum_keeps_period_speed_and_energy() {
     let arm = pendulum(1);
@@ -69,7 +69,7 @@ fn simple_pendulum_keeps_period_speed_and_energy() {
         let before = q[0];
         rk4(&mut q, &mut v, dt, |q, v, a| aba(&arm, &mut ws, q, v, &[0.0], a));
         if before > 0.0 && q[0] <= 0.0 {
-            // At the bottom the speed is stationary, so the passage is linear to third order.
+            // At the bottom the speed is stationary, so that the position is linear in time to third order.
             crossings.push((f64::from(step) + before / (before - q[0])) * dt);
         }
         fastest = fastest.max(v[0].abs());

@@ -1,5 +1,5 @@
-//! Laws beyond the catalogue: machines do these things, too, but the catalogue has no name for them. A diagnosis compares the catalogue
-//! with them, so that it does not call them by the name of what they look like. One file each, one line here.
+//! Laws beyond the catalogue: they occur on machines, too, but the catalogue does not contain them. A diagnosis compares the catalogue with
+//! them, so that it does not attribute their effects to a similar kind of the catalogue. One file per law, one line for it here.
 
 use crate::kind::Kind;
 

@@ -14,7 +14,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "asymmetric_friction",
     title: "friction that depends on the direction",

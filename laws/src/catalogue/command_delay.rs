@@ -1,6 +1,6 @@
 //! A delay between a command's stamp and its effect on what the encoder reports.
 //!
-//! Law: the servo answers at t the command of t − d. A joint whose encoder is read later than the command acts has d < 0.
+//! Law: the servo answers at t the command of t − d. A joint whose encoder samples later than the command acts has d < 0.
 //! Source: Åström & Murray 2008, Feedback Systems, §9 (time delays).
 
 use freeplay_arm::export::Element;
@@ -13,7 +13,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "command_delay",
     title: "delay of commands",

@@ -1,5 +1,5 @@
-//! What the effects share that show in commanded against measured positions alone: nothing of them is in a torque or a pose for
-//! the measured motion, and the motion itself is integrated elsewhere, by the crate `freeplay-servo`.
+//! Common parts of the effects that appear only in commanded against measured positions. They have no effect on torques or poses for the
+//! measured motion; the crate `freeplay-servo` integrates the motion itself.
 
 use toml::Table;
 
@@ -8,15 +8,15 @@ use crate::injection::Injection;
 use crate::kind::Terms;
 use crate::place::Place;
 
-/// No column of torque or pose is made of them.
+/// They have no columns in torques or poses.
 pub const NO_TERMS: Terms = Terms { list: |_, _, _| Vec::new(), compose: |_, shape, _| shape.clone() };
 
-/// They are not searched for in torques and poses.
+/// The search in torques and poses skips them.
 pub fn no_shape(_: &Place) -> Vec<Table> {
     Vec::new()
 }
 
-/// An effect of which torques and poses for a given motion know nothing.
+/// An effect without influence on torques and poses for a given motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Unseen;
 

@@ -1,7 +1,7 @@
-//! Contact of the arm with something that the model does not know, such as a table, for a time.
+//! Temporary contact of the arm with an object that the model lacks, such as a table.
 //!
-//! Law: a force f \[N\] acts on the tool from t = start to end \[s\], with the tool near `point`; the joints rest off their commands
-//! by what their servos give: k (r − q) = g − Jᵀ f. It belongs to a recording, not to the machine.
+//! Law: a force f \[N\] acts on the tool from t = start to end \[s\], with the tool near `point`; the joints rest at a distance from their
+//! commands that depends on the stiffness of their servos: k (r − q) = g − Jᵀ f. It belongs to a recording, not to the machine.
 //! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces Jᵀ f).
 
 use super::commanded::{NO_TERMS, Unseen, no_shape};
@@ -10,7 +10,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "contact",
     title: "contact",

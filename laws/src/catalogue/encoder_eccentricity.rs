@@ -1,4 +1,4 @@
-//! An encoder disc that does not run true.
+//! An eccentric encoder disc.
 //!
 //! Law: the encoder reads r = q + a sin(q + φ), with the amplitude a \[rad\] ≥ 0 and the phase φ \[rad\] at q = 0; the joint is at q.
 //! Source: Mancini 1998; Hagiwara et al. 1992, IEEE Trans. Instrum. Meas. 41:40: one period in one turn of the disc.
@@ -17,7 +17,7 @@ use crate::parameter::Parameter;
 use crate::place::Site;
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "encoder_eccentricity",
     title: "eccentricity of the encoder",
@@ -58,7 +58,7 @@ struct EncoderEccentricity {
 }
 
 impl EncoderEccentricity {
-    /// The position at which the encoder reads `reading`, by iteration: the error shrinks by the amplitude each time.
+    /// The position for the encoder's `reading`, by iteration: each iteration multiplies the error by the amplitude.
     fn position(&self, reading: f64) -> f64 {
         (0..20).fold(reading, |q, _| reading - self.amplitude * (q + self.phase).sin())
     }

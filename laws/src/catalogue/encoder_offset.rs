@@ -1,6 +1,6 @@
-//! A zero of a joint's encoder that is off.
+//! A wrong zero of a joint's encoder.
 //!
-//! Law: q_true = q − q₀ with the offset q₀ \[rad\]: the encoder reads q₀ where the joint is at zero.
+//! Law: q_true = q − q₀ with the offset q₀ \[rad\]: the encoder reads q₀ at the zero of the joint.
 //! Source: Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §2.
 
 use freeplay_arm::export::Element;
@@ -16,10 +16,10 @@ use crate::parameter::Parameter;
 use crate::place::Site;
 use crate::scene::Scene;
 
-/// Farther off than this, no encoder's zero is taken for, rad (m): the arm would not have come up.
+/// Greatest plausible offset of an encoder's zero, rad (m): with a greater one the arm would not have come up.
 pub const MOST: f64 = 0.3;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "encoder_offset",
     title: "encoder zero offset",

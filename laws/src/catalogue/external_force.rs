@@ -1,6 +1,7 @@
-//! A force on the tool that the model does not know, for a time: a collision, a cable that catches, a process.
+//! A temporary force on the tool that the model lacks: a collision, a cable that catches, a process.
 //!
-//! Law: a force f \[N\] in the base frame acts *on* the tool from t = start to end \[s\]; the drives spend τ = −Jᵀ f. Moments are left out.
+//! Law: a force f \[N\] in the base frame acts *on* the tool from t = start to end \[s\]; the drives spend τ = −Jᵀ f. The law neglects
+//! moments.
 //! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces Jᵀ f).
 
 use nalgebra::Vector3;
@@ -16,7 +17,7 @@ use crate::parameter::Parameter;
 use crate::place::{Place, Site};
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "external_force",
     title: "force on the tool",
@@ -64,7 +65,7 @@ fn table(shape: &Table, force: [f64; 3]) -> Table {
     table
 }
 
-/// The first half, the middle and the second half of the motion; shorter ones are where something shows.
+/// The first half, the middle and the second half of the motion; the diagnosis adds shorter windows where the data support them.
 pub(super) fn windows(place: &Place) -> Vec<Table> {
     let t = &place.scene.motion.t;
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return Vec::new() };

@@ -1,4 +1,4 @@
-//! A torque on one joint that the model does not know, for a time: a hand on a link, a cable that catches, a brake that drags.
+//! A temporary torque on one joint that the model lacks: a hand on a link, a cable that catches, a brake that drags.
 //!
 //! Law: a torque T \[N·m\] acts *on* the joint from t = start to end \[s\], positive in its positive direction; the drive spends τ = −T.
 //! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces), with the force on one coordinate.
@@ -10,7 +10,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "external_torque",
     title: "torque on a joint",

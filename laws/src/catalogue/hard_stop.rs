@@ -1,6 +1,6 @@
 //! A stop that a joint can't pass.
 //!
-//! Law: lower ≤ q ≤ upper; at the stop the joint rests, whatever the servo wants. Without a bounce.
+//! Law: lower ≤ q ≤ upper; at the stop the joint rests against any torque of the servo. No bounce.
 //! Source: Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, §3.
 
 use freeplay_arm::export::Element;
@@ -13,7 +13,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "hard_stop",
     title: "hard stop",
@@ -50,7 +50,7 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// Torques and poses for a given motion know nothing of it.
+/// It has no influence on torques and poses for a given motion.
 #[derive(Clone, Copy, Debug)]
 struct HardStop {
     joint: usize,

@@ -1,8 +1,8 @@
-//! A spring across a joint: a hose pack, a cable loop, a balancing spring or gas cylinder about its working point.
+//! A spring across a joint: a hose pack, a cable loop, a balancing spring or gas cylinder about its operating point.
 //!
-//! Law: τ = k (q − q₀), with k \[N·m/rad\] ≥ 0 and the rest position q₀ \[rad\]. τ is what the drive spends: positive beyond the rest.
+//! Law: τ = k (q − q₀), with k \[N·m/rad\] ≥ 0 and the rest position q₀ \[rad\]. The drive spends τ: positive beyond the rest position.
 //! Source: Hooke 1678; as a model of hose packs and counterbalances in identification: Swevers, Verdonck & De Schutter 2007, §3.
-//! The terms are k and the moment m = −k q₀, in which the effect is linear.
+//! The terms are k and the moment m = −k q₀; the effect is linear in both.
 
 use freeplay_arm::export::Element;
 
@@ -14,7 +14,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "joint_spring",
     title: "spring",

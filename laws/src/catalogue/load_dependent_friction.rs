@@ -1,7 +1,7 @@
-//! Friction of a transmission that grows with the load it carries.
+//! Friction of a transmission that grows with its load.
 //!
-//! Law: τ = μ |τ_L| sign(q̇), with μ \[1\] ≥ 0 and τ_L \[N·m\] the torque that the *model's* rigid arm takes from the transmission; the
-//! measured torque holds the friction itself and must not be used. τ is what the drive spends: positive for a positive velocity.
+//! Law: τ = μ |τ_L| sign(q̇), with μ \[1\] ≥ 0 and τ_L \[N·m\] the torque of the *model's* rigid arm on the transmission; the measured
+//! torque contains the friction itself and must not be used. The drive spends τ: positive for a positive velocity.
 //! Source: Bittencourt & Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134:051013, Eq. 9.
 
 use crate::joint_law::{AtJoint, Instant, JointLaw};
@@ -10,7 +10,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "load_dependent_friction",
     title: "friction that grows with the load",

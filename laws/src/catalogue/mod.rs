@@ -1,4 +1,4 @@
-//! The catalogue of effects: one file each, one line here.
+//! The catalogue of effects: one file per effect, one line for it here.
 
 use crate::kind::Kind;
 
@@ -42,7 +42,7 @@ mod viscous_friction;
 pub use coulomb_friction::holding;
 pub use encoder_offset::MOST as MOST_ENCODER_OFFSET;
 
-/// Every kind of effect there is, in the order of the documentation: joints with play, friction, masses, drives, sensors.
+/// Every kind of the catalogue, in the order of the documentation: joints with play, friction, masses, drives, sensors.
 pub static CATALOGUE: &[&Kind] = &[
     &joint_clearance::KIND,
     &lubricated_clearance::KIND,
@@ -77,5 +77,5 @@ pub static CATALOGUE: &[&Kind] = &[
     &sensor_lowpass::KIND,
 ];
 
-/// The kinds that show in commanded against measured positions alone: the servo, what is before it, and what bounds the joint.
+/// The kinds that appear only in commanded against measured positions: the servo, the delay before it, and the bounds of the joint.
 pub static COMMANDED: &[&Kind] = &[&servo::KIND, &command_delay::KIND, &hard_stop::KIND, &contact::KIND];

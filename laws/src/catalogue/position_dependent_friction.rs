@@ -1,7 +1,7 @@
-//! Friction that changes with the position: an axis that runs out, a gear that jams once a turn.
+//! Friction that changes with the position: an axis with runout, a gear that jams once per turn.
 //!
-//! Law: τ = a sin(Nq + φ) sign(q̇), with a \[N·m\] ≥ 0 extra to the Coulomb friction, N \[periods per turn of the joint\] and φ \[rad\] the
-//! phase at q = 0. τ is what the drive spends.
+//! Law: τ = a sin(Nq + φ) sign(q̇), with a \[N·m\] ≥ 0 in addition to the Coulomb friction, N \[periods per turn of the joint\] and φ
+//! \[rad\] the phase at q = 0. The drive spends τ.
 //! Source: Popovic & Goldenberg 1998, IEEE Trans. Robot. Autom. 14:114.
 //! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`].
 
@@ -11,7 +11,7 @@ use crate::kind::{Kind, Occurrence, Seen, Tolerance};
 use crate::needs::Need;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "position_dependent_friction",
     title: "friction that depends on the position",

@@ -1,6 +1,6 @@
 //! Drag that grows with the square of a joint's speed: air, churning oil.
 //!
-//! Law: τ = c q̇|q̇|, with c \[N·m·s²/rad²\] ≥ 0. τ is what the drive spends: positive for a positive velocity.
+//! Law: τ = c q̇|q̇|, with c \[N·m·s²/rad²\] ≥ 0. The drive spends τ: positive for a positive velocity.
 //! Source: Newton 1687, Principia II; for gear churning Changenet & Velex 2007, J. Mech. Des. 129:128.
 
 use freeplay_arm::export::Element;
@@ -12,7 +12,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "quadratic_drag",
     title: "quadratic drag",

@@ -1,7 +1,7 @@
-//! Inertia of a motor's rotor, felt through the gear.
+//! Inertia of a motor's rotor, reflected through the gear.
 //!
-//! Law: τ = I q̈ on the joint's own row, with I \[kg·m²\] ≥ 0 seen at the joint: gear ratio squared times the rotor's. The gyroscopic
-//! torque of the rotor on the other joints, smaller by the gear ratio, is left out.
+//! Law: τ = I q̈ on the joint's own row, with I \[kg·m²\] ≥ 0 on the joint's side: gear ratio squared times the rotor's. The law neglects
+//! the gyroscopic torque of the rotor on the other joints, which is smaller by the gear ratio.
 //! Source: Siciliano, Sciavicco, Villani & Oriolo 2009, Robotics, §7.2.1 (with the remark on high ratios).
 
 use freeplay_arm::export::Element;
@@ -15,7 +15,7 @@ use crate::parameter::Parameter;
 use crate::place::Site;
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "rotor_inertia",
     title: "inertia of the rotor",

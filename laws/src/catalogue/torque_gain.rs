@@ -1,6 +1,6 @@
-//! A torque constant that is off: what is measured is not what acts.
+//! A wrong torque constant: the measured torque differs from the true one by a factor.
 //!
-//! Law: τ_true = g τ_measured, with the gain g \[1\] > 0; 1 is right. The recording shows τ/g.
+//! Law: τ_true = g τ_measured, with the gain g \[1\] > 0; 1 means no error. The recording shows τ/g.
 //! Source: Gautier & Briot 2014, J. Dyn. Sys. Meas. Control 136:031004, §3. The term is 1/g − 1, in which the effect is linear.
 
 use freeplay_arm::export::Element;
@@ -17,7 +17,7 @@ use crate::place::Site;
 use crate::prediction::Prediction;
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "torque_gain",
     title: "gain of the torque measurement",
@@ -48,7 +48,7 @@ pub static KIND: Kind = Kind {
     build: |values| Ok(Box::new(TorqueGain { joint: values.joint()?, gain: values.number("gain")? })),
 };
 
-/// A measured torque is half to twice the true one: what is farther off is in another unit.
+/// A measured torque is half to twice the true one: a greater error indicates another unit.
 const EXCESS: [f64; 2] = [-0.5, 1.0];
 
 /// The parameters for an excess 1/g − 1 of the measured torque over the true one.

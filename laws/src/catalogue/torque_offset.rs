@@ -1,6 +1,6 @@
 //! An offset of a joint's torque measurement.
 //!
-//! Law: τ_measured = τ + τ₀, with τ₀ \[N·m\] of either sign: an amplifier's or a strain gauge's zero.
+//! Law: τ_measured = τ + τ₀, with τ₀ \[N·m\] of either sign: the zero error of an amplifier or a strain gauge.
 //! Source: Swevers, Verdonck & De Schutter 2007, IEEE Control Syst. Mag. 27(5):58, Eq. 4.
 
 use freeplay_arm::export::Element;
@@ -15,7 +15,7 @@ use crate::place::Site;
 use crate::prediction::Prediction;
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "torque_offset",
     title: "offset of the torque measurement",

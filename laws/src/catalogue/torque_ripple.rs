@@ -1,7 +1,7 @@
 //! Torque ripple: cogging of the motor, errors of gear teeth.
 //!
-//! Law: τ = a sin(Nq + φ), with a \[N·m\] ≥ 0, N \[periods per turn of the joint\] and φ \[rad\] the phase at q = 0. τ is what the drive
-//! spends. It is fast where the joint is fast, so that the low-pass of the measurement acts on it.
+//! Law: τ = a sin(Nq + φ), with a \[N·m\] ≥ 0, N \[periods per turn of the joint\] and φ \[rad\] the phase at q = 0. The drive spends τ.
+//! Its frequency grows with the speed of the joint, so that the low-pass of the measurement affects it.
 //! Source: Holtz & Springob 1996, IEEE Trans. Ind. Electron. 43:330.
 
 use crate::harmonic::{TERMS, TORQUE_PARAMETERS, Wave, orders};
@@ -10,7 +10,7 @@ use crate::kind::{Kind, Occurrence, Seen};
 use crate::needs::Need;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "torque_ripple",
     title: "torque ripple",

@@ -1,7 +1,7 @@
 //! Viscous friction of a joint's drive, beyond the nominal.
 //!
-//! Law: τ = F_v q̇, with F_v \[N·m·s/rad\] extra to what the arm file names; it may be negative where the file names too much, down to
-//! what it names. τ is what the drive spends: positive for a positive velocity.
+//! Law: τ = F_v q̇, with F_v \[N·m·s/rad\] in addition to the arm file's friction; it may be negative, down to minus the file's value, if
+//! the file has too much. The drive spends τ: positive for a positive velocity.
 //! Source: Reynolds 1886; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.2.
 
 use freeplay_arm::export::Element;
@@ -13,7 +13,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "viscous_friction",
     title: "viscous friction",

@@ -1,8 +1,8 @@
-//! A magnetic detent: a joint that is drawn into one position from both sides.
+//! A magnetic detent: it pulls a joint into one position from both sides.
 //!
-//! Law: τ = T (x/w) exp(½ − x²/2w²), x = q − q₀ \[rad\], with T \[N·m\] the greatest torque, reached at x = ±w. τ is what the drive spends.
-//! Source: the shape of a magnetic spring between two poles near its rest (Akoun & Yonnet 1984, IEEE Trans. Magn. 20:1962), as the
-//! gradient of a Gaussian well. Departure: losses are left out.
+//! Law: τ = T (x/w) exp(½ − x²/2w²), x = q − q₀ \[rad\], with T \[N·m\] the greatest torque, reached at x = ±w. The drive spends τ.
+//! Source: the shape of a magnetic spring between two poles near its rest (Akoun & Yonnet 1984, IEEE Trans. Magn. 20:1962), as the gradient
+//! of a Gaussian well. Departure: the law neglects losses.
 
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Terms, one_shape};
@@ -10,7 +10,7 @@ use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "detent",
     title: "a magnetic detent",
@@ -65,7 +65,7 @@ mod tests {
     use super::Detent;
     use crate::joint_law::{Instant, JointLaw};
 
-    /// The greatest torque stands at one width from the middle, and the pull is odd.
+    /// The greatest torque is at one width from the centre, and the torque is an odd function.
     #[test]
     fn a_detent_draws_to_its_middle_from_both_sides() {
         let law = Detent { torque: 20.0, position: 0.3, width: 0.05 };

@@ -1,5 +1,5 @@
-//! Laws that machines of the demonstration conceal and that no diagnosis looks for: neither the catalogue nor what it is compared with has
-//! them. They stand for what is without a name. One file each, one line here.
+//! Laws of the demonstration's concealed machines that no diagnosis searches for: they are neither in the catalogue nor among the laws it
+//! is compared with. They represent unknown physics. One file per law, one line for it here.
 
 use crate::kind::Kind;
 
@@ -8,5 +8,5 @@ mod detent;
 mod thermal_drift;
 mod warped_base;
 
-/// Every such kind. [`crate::kinds`] leaves them out, so that they are no candidates.
+/// Every such kind. [`crate::kinds`] omits them, so that they are no candidates.
 pub static NAMELESS: &[&Kind] = &[&detent::KIND, &cable_drag::KIND, &warped_base::KIND, &thermal_drift::KIND];

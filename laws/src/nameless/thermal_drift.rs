@@ -1,7 +1,7 @@
-//! A tool that creeps away as the machine warms up.
+//! A tool that drifts as the machine warms up.
 //!
-//! Law: the tool is off by d (1 − exp(−t/T)), with d \[m\] where it ends up, base frame, and T \[s\] the time constant of the warming, t \[s\]
-//! since the start of the run.
+//! Law: the tool is displaced by d (1 − exp(−t/T)), with d \[m\] the final displacement, base frame, T \[s\] the time constant of the
+//! warming, and t \[s\] since the start of the run.
 //! Source: a body with one thermal time constant (Mayr et al. 2012, CIRP Annals 61(2):771, thermal issues in machine tools).
 
 use nalgebra::Vector3;
@@ -16,7 +16,7 @@ use crate::parameter::Parameter;
 use crate::place::Site;
 use crate::scene::Scene;
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "thermal_drift",
     title: "a drift of the tool",

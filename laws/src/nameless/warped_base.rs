@@ -1,7 +1,7 @@
-//! A base plate that is warped: as the first joint turns, the arm above it leans.
+//! A warped base plate: the arm above it leans, depending on the position of the first joint.
 //!
-//! Law: the arm leans about a horizontal axis by θ(q₁) = a (cos n q₁, sin n q₁, 0) \[rad\], n being the waves of the plate in a turn; the tool
-//! moves by θ × p, p \[m\] its place in the base frame. Torques stay: the lean is small.
+//! Law: the arm leans about a horizontal axis by θ(q₁) = a (cos n q₁, sin n q₁, 0) \[rad\], n being the number of waves of the plate per
+//! turn; the tool moves by θ × p, p \[m\] its position in the base frame. Torques do not change: the lean is small.
 //! Source: the tilt error motion of a rotary axis, ISO 230-7:2015, §3.
 
 use nalgebra::Vector3;
@@ -16,7 +16,7 @@ use crate::parameter::Parameter;
 use crate::place::Site;
 use crate::scene::{Scene, tool_positions};
 
-/// The entry.
+/// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "warped_base",
     title: "a warped base",
@@ -49,7 +49,7 @@ struct WarpedBase {
 }
 
 impl WarpedBase {
-    /// How far a tool at `tool` moves with the first joint at `q`, m.
+    /// Displacement of a tool at `tool` with the first joint at `q`, m.
     fn moves(self, q: f64, tool: Vector3<f64>) -> Vector3<f64> {
         let angle = self.waves * q;
         Vector3::new(self.tilt * angle.cos(), self.tilt * angle.sin(), 0.0).cross(&tool)
@@ -86,7 +86,7 @@ mod tests {
     use super::WarpedBase;
     use nalgebra::Vector3;
 
-    /// At q₁ = 0 the lean is about x: a tool on x stays, one on z goes towards −y.
+    /// At q₁ = 0 the lean is about x: a tool on x does not move, one on z moves towards −y.
     #[test]
     fn the_lean_turns_with_the_first_joint() {
         let base = WarpedBase { tilt: 1e-3, waves: 1.0 };

@@ -1,4 +1,4 @@
-//! The normal law against closed forms: stiffness, Hertz's impact, the restitution that each law returns.
+//! The normal law against closed forms: stiffness, Hertz's impact, and the restitution of each law.
 
 use freeplay_laws::{Material, NormalContact, NormalLaw, hertz_stiffness};
 

@@ -1,4 +1,4 @@
-//! Path files: what is written is run, and whatever is wrong with a file is named with its place.
+//! Path files: the plan reproduces the rows, and an error names every defect with its place.
 
 use crate::common;
 use std::fmt::Write;
@@ -52,7 +52,7 @@ fn sampled(path: &JointPath, tool: &ToolPath) -> [String; 3] {
         let q = joints(path, t)[0].iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let pose = tool.at(t).pose;
         let (p, r) = (pose.translation, pose.rotation);
-        // Times from 5 s on, and the quaternion with changing sign: both are the same motion.
+        // Times from 5 s on, and a quaternion with alternating sign: both describe the same motion.
         let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
         let (i, j, k, w) = (sign * r.i, sign * r.j, sign * r.k, sign * r.w);
         writeln!(texts[0], "{t},{q}").expect("a string takes it");

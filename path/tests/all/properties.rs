@@ -1,4 +1,4 @@
-//! Whatever a scenario or a file says: an answer or an error, never a panic, and a motion that keeps what it promises.
+//! For any scenario or file: a result or an error, never a panic, and a motion within its contract.
 
 use crate::common;
 use freeplay_path::{JointPath, PathKind, PathSpec, Size};
@@ -39,7 +39,7 @@ fn any_spec() -> impl Strategy<Value = PathSpec> {
     )
 }
 
-/// Evaluates all over the motion and beyond, and says whether every number is finite.
+/// Evaluates the path over the whole motion and beyond; true if every number is finite.
 fn finite_everywhere(path: &JointPath) -> bool {
     let [mut q, mut v, mut a] = [0, 1, 2].map(|_| vec![0.0; path.dof()]);
     (-5..105).all(|k| {

@@ -5,7 +5,7 @@ use crate::{Applied, GateLimits, Rejection};
 
 const RUN: u64 = 7;
 
-/// Two controllers of one joint that have both answered the ticks before `tick`, the first in charge.
+/// Two controllers of one joint that have both answered the ticks before `tick`, the first active.
 fn sound_until(tick: u64) -> ControllerManager {
     let limits = GateLimits {
         mode: Mode::Torque,
@@ -31,7 +31,7 @@ fn answer(tick: u64, value: f64) -> Command {
     command
 }
 
-/// What is applied after `tick`, and why the one in charge did not pass.
+/// The command source after `tick`, and the rejection of the active controller.
 fn play(
     manager: &mut ControllerManager,
     tick: u64,
@@ -45,7 +45,7 @@ fn play(
     (verdict.applied, verdict.rejection)
 }
 
-/// However the one in charge fails, no tick is lost as long as the standby has answered it.
+/// For every failure of the active controller, no tick is lost if the standby has answered it.
 #[test]
 fn the_standby_s_answer_to_the_same_tick_takes_the_place_of_one_that_does_not_pass() {
     let nan = Command { value: [f64::NAN; MAX_JOINTS], ..answer(9, 5.0) };
@@ -76,7 +76,7 @@ fn where_nobody_has_answered_the_command_is_held_until_somebody_has() {
     assert_eq!(play(&mut manager, 12, [None, Some(answer(12, 6.0))]).0, Applied::Command);
     let swap = manager.swaps()[0];
     assert_eq!((swap.tick, swap.gap, swap.held, manager.in_charge()), (12, 3, 3, 1));
-    // An old answer of the standby is no better than none.
+    // An old answer of the standby counts as no answer.
     let mut manager = sound_until(9);
     assert_eq!(play(&mut manager, 9, [None, Some(answer(8, 6.0))]).0, Applied::Hold);
 }

@@ -1,8 +1,8 @@
 //! The loop of the simulated machine: publish, take the answer, step, judge, record.
 //!
-//! The answer to tick k acts during tick k + 1. In lockstep the plant waits for it. In real time it is due at the scheduled time of tick k
-//! + 1 (less the 50 µs for judging); a later answer is late. During tick 0 no command can have arrived yet: the plant guides the joints
-//! along the reference.
+//! The answer to tick k acts during tick k + 1. In lockstep the plant waits for it. In real time it is due at the scheduled time of
+//! tick k + 1 (less the 50 µs for judging); a later answer is late. During tick 0 no command can have arrived yet: the plant guides the
+//! joints along the reference.
 
 mod answers;
 mod config;

@@ -1,4 +1,4 @@
-//! The start of a run, and who else knocks while it goes on.
+//! The start of a run, and controllers that connect while it goes on.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,7 +18,7 @@ use crate::{
 };
 
 impl Plant {
-    /// A plant at the start of `path`, with its end of the run open and nobody greeted yet.
+    /// A plant at the start of `path`; no controller has connected yet.
     ///
     /// # Errors
     /// See [`PlantError`].
@@ -38,7 +38,7 @@ impl Plant {
         let limits = config.reflex_limits(&path)?;
         let mut state = State::new(run, joints);
         if config.mode == Mode::Servo {
-            // The servos hold the joints where the path begins until a command reaches them.
+            // The servos hold the joints at the beginning of the path until a command reaches them.
             let [mut v, mut a] = [vec![0.0; joints], vec![0.0; joints]];
             path.at(0.0, &mut state.applied[..joints], &mut v, &mut a);
         }
@@ -88,7 +88,7 @@ impl Plant {
         })
     }
 
-    /// Greets until every slot has its controller; their names.
+    /// Accepts controllers until every slot has one; returns their names.
     pub(super) fn await_controllers(
         &mut self,
         stop: &AtomicBool,
@@ -97,7 +97,7 @@ impl Plant {
         let deadline = now_ns() + self.config.patience.as_nanos() as u64;
         let mut names: Vec<Option<String>> = vec![None; self.manager.len()];
         while !stop.load(Ordering::Relaxed) {
-            // Asked before the last look at the door: whoever was refused has ended, too.
+            // Checked before the last greeting: a refused controller has ended, too.
             let ended: Vec<usize> =
                 (0..names.len()).filter(|&slot| names[slot].is_none() && self.link.has_ended(slot)).collect();
             for greeting in self.link.greet()? {
@@ -133,7 +133,7 @@ impl Plant {
         for greeting in self.link.greet()? {
             match greeting {
                 Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
-                // A process in the place of one that has ended. The only controller of a run is not replaced.
+                // A process in the slot of one that has ended. The plant does not replace the only controller of a run.
                 Greeting::Accepted { slot, pid, .. } if self.manager.len() > 1 => {
                     self.manager.renew(slot as usize);
                     self.timeouts.renew(slot as usize);

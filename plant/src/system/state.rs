@@ -1,14 +1,14 @@
-//! The state of a system as a copy that can be put back to the last bit, in a time that does not depend on the time simulated.
+//! The state of a system as an exact copy that can be restored to the last bit, in a time that does not depend on the simulated time.
 //!
-//! Each type on the way takes itself apart field by field, so that a field that is added later does not compile before it is named: as a state variable,
-//! or as one that is fixed or worked out anew in each sub-step.
+//! Each type of the state lists all its fields. A new field therefore does not compile before the code names it: as a state variable, or as
+//! one that is fixed or recomputed in each sub-step.
 
 use freeplay_laws::{Archive, BearingContact};
 
 use super::{System, TickPeaks};
 
 impl System {
-    /// Transfers all state variables to or from `archive`, for a system of the same arm, effects, period and sub-steps.
+    /// Saves all state variables to `archive`, or restores them, for a system with the same arm, effects, period and sub-steps.
     pub fn transfer_state(&mut self, archive: &mut Archive) {
         let System {
             play: _,

@@ -1,4 +1,4 @@
-//! Conservation: the ledger closes, normal contact never gives energy, the integrator has its order.
+//! Conservation: the ledger balances, normal contact never adds energy, the integrator has its order.
 
 use crate::common::{chain, close, let_go, near, paper, rod, steel, system};
 use freeplay_arm::paper_arm;

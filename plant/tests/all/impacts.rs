@@ -5,7 +5,7 @@ use freeplay_arm::paper_arm;
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{Input, System, SystemError};
 
-/// Steps the driven arm by single sub-steps and notes \[time, speed, peak force, depth\] of its first contacts.
+/// Steps the driven arm by single sub-steps and records \[time, speed, peak force, depth\] of its first contacts.
 fn first_contacts(step: f64, count: usize) -> Vec<[f64; 4]> {
     let arm = paper_arm().arm;
     let path = JointPath::plan(&arm, &PathSpec::default(), 1000.0).expect("the smooth path");
@@ -62,7 +62,7 @@ fn one_impact_returns_what_lankarani_and_nikravesh_return() {
     let arm = chain(vec![rod("joint", mass, 0.115, 0.0)], 0.0);
     let mut system = system(&arm, &[(0, paper(0.2e-3))], 1e-7, 1);
     system.start(&[0.0], &[0.0]);
-    // Along the rod, so that it does not turn.
+    // The journal moves along the rod, so that the rod does not turn.
     system.place_journal(0, [0.2e-3 - 1e-9, 0.0], [0.062_641_8, 0.0]);
     let hold = freeplay_plant::Braking::new(vec![1.0]);
     let input = Input { torque: &[0.0], driven: &[true], motion: &hold };

@@ -1,4 +1,4 @@
-//! Several joints with play, any joint with play, and what the loop may not do.
+//! Several joints with play, play in any joint, and the limits of the loop.
 
 use crate::common::{close, let_go, paper, system};
 use freeplay_arm::{Workspace, paper_arm, rnea};
@@ -46,7 +46,7 @@ fn every_revolute_joint_can_have_play_and_several_at_once() {
 
 #[test]
 fn two_plays_with_nothing_heavy_between_them_are_refused() {
-    // The paper's arm has no mass after joint 1: with play in joints 1 and 2 that body would fly off.
+    // The paper's arm has no mass after joint 1: with play in joints 1 and 2 the massless body would have infinite acceleration.
     let arm = paper_arm().arm;
     let error = freeplay_laws::ArmWithPlay::new(&arm, &[(0, paper(0.3e-3)), (1, paper(0.3e-3))])
         .expect_err("refused");

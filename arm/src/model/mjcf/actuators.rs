@@ -7,7 +7,7 @@ use super::super::urdf_xml::children;
 use super::Model;
 
 impl<'d, 'i> Model<'_, 'd, 'i> {
-    /// Takes the force ranges of actuators that sit on one joint.
+    /// Reads the force ranges of actuators on a single joint.
     pub(super) fn actuators(&mut self, root: Node<'d, 'i>) -> Result<(), ModelError> {
         let actuators =
             children(root, "actuator").flat_map(|section| section.children().filter(Node::is_element));
@@ -22,7 +22,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         Ok(())
     }
 
-    /// The greatest torque of the actuator `node` at its joint; `None` where it is not limited.
+    /// The greatest torque of the actuator `node` at its joint; `None` without a limit.
     fn force(&self, node: Node<'d, 'i>) -> Result<Option<f64>, ModelError> {
         let owner = format!("actuator `{}`", node.attribute("name").unwrap_or_default());
         // A motor's control is its force.

@@ -1,13 +1,13 @@
-//! `<default>` classes: the values that an element takes where it is silent.
+//! `<default>` classes: the values of attributes that an element does not give.
 
 use std::collections::HashMap;
 
 use roxmltree::{Attribute, Node};
 
-/// Name of the class of elements that name none, whatever the file calls it.
+/// Name of the class of elements without a class, whatever its name in the file.
 const ROOT: &str = "";
 
-/// The classes of a file by name: their element, and the class that they are in.
+/// The classes of a file by name: their element, and their parent class.
 pub(super) struct Defaults<'d, 'i> {
     classes: HashMap<&'d str, (Node<'d, 'i>, Option<&'d str>)>,
 }
@@ -32,7 +32,7 @@ impl<'d, 'i> Defaults<'d, 'i> {
         Defaults { classes }
     }
 
-    /// The element that says `name` for `node`: itself, else its class or that of the bodies around it, outwards.
+    /// The element that gives the attribute `name` for `node`: itself, else its class or that of the bodies around it, outwards.
     pub fn holder(
         &self,
         node: Node<'d, 'i>,
@@ -44,7 +44,7 @@ impl<'d, 'i> Defaults<'d, 'i> {
         }
         let tag = node.tag_name().name();
         let mut class = node.attribute("class").or(childclass).unwrap_or(ROOT);
-        // A class stands in as many others as the file has, at most.
+        // The nesting of a class is at most as deep as the number of classes.
         for _ in 0..=self.classes.len() {
             let (element, parent) = self.classes.get(class)?;
             let mut of_tag = element.children().filter(|child| child.has_tag_name(tag));
@@ -56,7 +56,7 @@ impl<'d, 'i> Defaults<'d, 'i> {
         None
     }
 
-    /// The attribute `name` of `node`, by itself or by its class.
+    /// The attribute `name` of `node`, from itself or from its class.
     pub fn attribute(
         &self,
         node: Node<'d, 'i>,

@@ -1,4 +1,4 @@
-//! `<equality>`: joints that follow others, as the second finger of a gripper does.
+//! `<equality>`: joints that follow others, like the second finger of a gripper.
 
 use roxmltree::Node;
 
@@ -8,7 +8,7 @@ use super::super::urdf_xml::children;
 use super::Model;
 
 impl<'d, 'i> Model<'_, 'd, 'i> {
-    /// Marks the joints that an equality makes a copy of another joint: joint1 = c0 + c1·joint2.
+    /// Marks the joints that an equality defines as copies of another joint: joint1 = c0 + c1·joint2.
     pub(super) fn equalities(&mut self, root: Node<'d, 'i>) -> Result<(), ModelError> {
         let equalities = children(root, "equality").flat_map(|section| children(section, "joint"));
         for node in equalities.filter(|node| node.attribute("active") != Some("false")) {

@@ -11,7 +11,7 @@ use super::Model;
 use crate::joint::Inertia;
 
 impl<'d, 'i> Model<'_, 'd, 'i> {
-    /// The inertia of the body `node` called `name`; `None` where it has neither an `<inertial>` nor a shape that counts.
+    /// The inertia of the body `node` called `name`; `None` if it has neither an `<inertial>` nor a shape that counts.
     pub(super) fn body_inertial(
         &mut self,
         node: Node<'d, 'i>,

@@ -145,7 +145,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         }
     }
 
-    /// The greatest torque of all actuators together that the joint itself names.
+    /// The greatest total torque of all actuators in the joint's own attributes.
     fn joint_effort(
         &self,
         node: Node<'d, 'i>,
@@ -160,7 +160,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         Ok(if most > 0.0 { most } else { f64::INFINITY })
     }
 
-    /// A number that the joint or its class says.
+    /// A number from the joint or its class.
     pub(super) fn one(
         &self,
         node: Node<'d, 'i>,
@@ -174,7 +174,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         }
     }
 
-    /// The first of the coefficients `name`, 0 where it is not said; the others are noted.
+    /// The first of the coefficients `name`, by default 0; the others become a note.
     fn first_of(
         &mut self,
         node: Node<'d, 'i>,

@@ -15,7 +15,7 @@ pub fn unlimited_paper_arm() -> Arm {
     Arm::new("unlimited", joints.collect(), *arm.tool(), *arm.gravity()).expect("a valid arm")
 }
 
-/// A joint about (or along) `axis`, placed at `offset` from the one before, moving 1 kg.
+/// A joint about (or along) `axis`, placed at `offset` from the previous one, with a link of 1 kg.
 pub fn joint(name: &str, kind: JointKind, axis: Vector3<f64>, offset: [f64; 3]) -> Joint {
     Joint {
         name: name.to_owned(),
@@ -52,7 +52,7 @@ pub fn planar() -> Arm {
     chain(joints.collect(), [0.3, 0.0, 0.0])
 }
 
-/// Three joints that place the tool in space: a turning column, a lift, and a slide.
+/// Three joints that position the tool in space: a rotating column, a lift, and a slide.
 pub fn cylindrical() -> Arm {
     let joints = vec![
         joint("column", JointKind::Revolute, Vector3::z(), [0.0; 3]),
@@ -62,7 +62,7 @@ pub fn cylindrical() -> Arm {
     chain(joints, [0.1, 0.0, 0.0])
 }
 
-/// Seven joints, one to spare.
+/// Seven joints, one of them redundant.
 pub fn redundant() -> Arm {
     let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
     let joints = vec![

@@ -1,4 +1,4 @@
-//! Arms and checks that several tests share.
+//! Arms and checks for several tests.
 
 use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable, Material};
@@ -59,7 +59,7 @@ pub fn system(arm: &Arm, plays: &[(usize, Clearance)], period: f64, substeps: u3
     System::new(play, arm, period, substeps).expect("a step that resolves contacts")
 }
 
-/// Ticks without any motor torque.
+/// Steps ticks without any motor torque.
 pub fn let_go(system: &mut System, ticks: u64) {
     let joints = system.play().nominal_dof();
     let (torque, driven, brakes) = (vec![0.0; joints], vec![false; joints], Braking::new(vec![1.0; joints]));

@@ -1,4 +1,4 @@
-//! Arms that the tests share.
+//! Arms for several tests.
 
 use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits};
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
@@ -32,7 +32,7 @@ pub fn pendulum(g: f64) -> Arm {
     Arm::new("pendulum", joints, Isometry3::translation(0.2, 0.0, 0.0), Vector3::new(0.0, 0.0, -g)).unwrap()
 }
 
-/// Two such links, one behind the other.
+/// Two such links in series.
 pub fn two_links(g: f64) -> Arm {
     let axis = Vector3::new(0.0, -1.0, 0.0);
     let joints = vec![
