@@ -13,9 +13,9 @@ use crate::place::Place;
 pub enum Purpose {
     /// Poses of the tool: lengths and axes alone.
     ToolPose,
-    /// Torques of a given motion: masses, and inertias that can exist.
+    /// Torques of a given motion: masses, and possible inertias.
     Torque,
-    /// Motion under given torques: every joint has to move an inertia, too.
+    /// Motion under given torques: every joint must move an inertia, too.
     Simulation,
 }
 
@@ -36,7 +36,7 @@ pub enum Shortfall {
         "{at}: link `{link}`: <inertia> is `{value}`; {problem}; correct it for torques and simulations; tool poses can be compared without it"
     )]
     ImpossibleInertia {
-        /// Where it stands.
+        /// The place of the inertia.
         at: Place,
         /// The link.
         link: String,

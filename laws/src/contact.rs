@@ -31,8 +31,8 @@ impl Default for Material {
 
 /// Stiffness K of a journal in its bearing, N/m^1.5: Hertz's sphere in a socket (Erkaya 2018, Eq. 4).
 ///
-/// K = 4/(3(σ_b + σ_j)) √(R_b R_j/(R_b − R_j)) with σ = (1 − ν²)/E. The conformal radii differ by the clearance.
-/// The formula knows no length of the bearing; that is the paper's choice, kept here.
+/// K = 4/(3(σ_b + σ_j)) √(R_b R_j/(R_b − R_j)) with σ = (1 − ν²)/E. The conformal radii differ by the clearance. The formula does not
+/// depend on the length of the bearing; this follows the paper.
 pub fn hertz_stiffness(
     bearing: Material,
     journal: Material,

@@ -6,7 +6,7 @@
 //! Source: Erkaya 2018, Eqs. 6–7, after the contact friction of MSC Adams (Bai & Zhao 2013). Departure: as printed,
 //! Eq. 7 already carries the sign that Eq. 6 multiplies once more, so that the force points *along* the sliding and
 //! feeds energy into the joint, and its middle branch runs from μ_d to μ_s instead of from μ_s to μ_d.
-//! [`FrictionLaw::Corrected`] is the law meant; [`FrictionLaw::Printed`] is the law printed, kept to show what it does.
+//! [`FrictionLaw::Corrected`] is the intended law; [`FrictionLaw::Printed`] is the printed one, for comparison.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -30,7 +30,7 @@ pub enum Tolerance {
     Delay,
 }
 
-/// How often machines have an effect, at a given place, that their models lack.
+/// Frequency of an effect that machines have, at a given place, and their models lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occurrence {
     /// On every second joint: dry and viscous friction.
@@ -96,7 +96,7 @@ pub struct Kind {
     pub site: Site,
     /// Its parameters, in their usual order.
     pub parameters: &'static [Parameter],
-    /// How often machines have it and their models lack it: the prior odds of a diagnosis.
+    /// Frequency on machines whose models lack it: the prior odds of a diagnosis.
     pub occurs: Occurrence,
     /// The quantity of a data sheet whose tolerance covers this effect; `None` if none does.
     pub tolerance: Option<Tolerance>,
@@ -120,7 +120,7 @@ pub struct Kind {
     pub contains: &'static [(&'static str, &'static str)],
     /// Requirements on a recording that identifies the effect; see [`Kind::missing`].
     pub needs: &'static [Need],
-    /// The terms of which the effect is a sum for a fixed shape, and the conversion of their coefficients to parameters.
+    /// The terms that add up to the effect for a fixed shape, and the conversion of their coefficients to parameters.
     pub terms: Terms,
     /// The shapes that a search tries: tables for [`Kind::terms_at`]. Empty if the motion does not distinguish shapes.
     pub shapes: fn(&Place) -> Vec<toml::Table>,
@@ -128,7 +128,7 @@ pub struct Kind {
     pub build: fn(&Values) -> Result<Box<dyn Effect>, LawError>,
 }
 
-/// The terms of which an effect is a sum.
+/// The decomposition of an effect into terms.
 #[derive(Clone, Copy)]
 pub struct Terms {
     /// The terms at a place for a shape.

@@ -26,7 +26,7 @@ pub enum Range {
         most: f64,
         /// Default where the file gives no value.
         absent: Absent<f64>,
-        /// How the effect depends on it.
+        /// Dependence of the effect on it.
         role: Role,
     },
     /// Three numbers: a vector in the frame that the meaning names.
@@ -35,7 +35,7 @@ pub enum Range {
         unit: &'static str,
         /// Default where the file gives no value.
         absent: Absent<[f64; 3]>,
-        /// How the effect depends on it.
+        /// Dependence of the effect on it.
         role: Role,
     },
     /// The name of another joint.
@@ -114,7 +114,7 @@ impl Parameter {
         self
     }
 
-    /// The same, but optional; without a value it means `what`.
+    /// The same, but optional; `what` describes the meaning of a missing value.
     pub const fn or_else(mut self, what: &'static str) -> Parameter {
         match &mut self.range {
             Range::Number { absent, .. } => *absent = Absent::Means(what),

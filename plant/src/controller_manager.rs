@@ -290,8 +290,8 @@ impl ControllerManager {
         }
     }
 
-    /// Judges all answers to `tick` and says what is to be applied to joints that are at `measured` (\[q, v, a\] each); `settled` after the
-    /// start of the run, whose changes are not steady ones.
+    /// Checks all answers to `tick` and returns the command source for joints at `measured` (\[q, v, a\] each). `settled` is true after the
+    /// start of the run; changes before that are not steady.
     pub(crate) fn judge(&mut self, tick: u64, settled: bool, measured: &[[f64; 3]]) -> Verdict {
         for slot in &mut self.slots {
             slot.rejection = slot.gate.watch(slot.answer.as_ref(), tick);
@@ -417,8 +417,8 @@ impl ControllerManager {
         Some((self.soundest(tick, measured)?, Cause::Failed(reason), first))
     }
 
-    /// The standby with the longest faultless record, of equals the first; only one whose answer to this tick passed and leads on from joints
-    /// at `measured`.
+    /// The standby with the longest faultless record, of equals the first. Only a standby whose answer to this tick passed and is reachable
+    /// from joints at `measured` qualifies.
     fn soundest(&self, tick: u64, measured: &[[f64; 3]]) -> Option<usize> {
         let record =
             |slot: usize| self.slots[slot].gate.streak().min(self.cross_check.agreed(slot)).min(PROBATION);
@@ -428,7 +428,7 @@ impl ControllerManager {
             .max_by_key(|&slot| (record(slot), std::cmp::Reverse(slot)))
     }
 
-    /// What was in force under the controller in `from`, and what the one in `to` says for the same instant.
+    /// The command in force under the controller in `from`, and the command of the one in `to` for the same instant.
     fn continued(&self, tick: u64, from: usize, to: usize) -> Option<(Command, Command)> {
         let (old, new) = (&self.slots[from], &self.slots[to]);
         match (old.rejection, &old.answer) {
@@ -437,7 +437,7 @@ impl ControllerManager {
                 self.blend.add(tick, &mut was);
                 new.answer.map(|says| (was, says))
             }
-            // For the instant before; without an answer to that, the command stays what it was for this tick.
+            // Both for the instant before; without an answer of the new controller to that, its answer to this tick replaces it.
             _ => self.in_force.zip(new.gate.before_last().copied().or(new.answer)),
         }
     }
@@ -455,7 +455,7 @@ impl ControllerManager {
             self.blend.hurry();
         }
         if let (Cause::Failed(Rejection::Disagrees), Some(comparison)) = (cause, &self.comparison) {
-            // What is in force is already wrong: no more of it lives on than two sound controllers may differ by.
+            // The command in force is already wrong: the blend keeps no more of it than two valid controllers may differ by.
             self.blend.limit(&comparison.most(tick, [from, to]));
         }
         let held = if cause == Cause::Planned { 0 } else { tick - asked };

@@ -52,7 +52,7 @@ pub struct GateLimits {
 }
 
 impl GateLimits {
-    /// Limits of `arm`, stepped by `period` s: effort and its rate, at most `torque_rate` (N·m/s, N/s), in torque mode; range,
+    /// Limits of `arm`, stepped by `period` s: in torque mode the effort and its rate, at most `torque_rate` (N·m/s, N/s); else range,
     /// speed and acceleration of positions.
     pub fn of(arm: &Arm, mode: Mode, period: f64, hold: u32, torque_rate: &Joints) -> Self {
         let mut limits = Self {
@@ -396,7 +396,7 @@ mod tests {
     fn a_position_is_judged_by_the_step_from_where_the_joint_is() {
         let mut limits = gate().limits;
         limits.mode = Mode::Driven;
-        // 5 rad/s and 50 rad/s² in ticks of 1 ms; the joints stand at 1 rad and 2 rad, the second moves.
+        // 5 rad/s and 50 rad/s² in ticks of 1 ms; the joints are at 1 rad and 2 rad, the second moves.
         let measured = [[1.0, 0.0, 0.0], [2.0, 4.0, 0.0]];
         let step = |by: [f64; 2], speed: [f64; 2], held| {
             let mut command = command(0, 0.0);

@@ -102,7 +102,7 @@ enum Heard {
 /// A miss whose answer may still arrive.
 #[derive(Debug)]
 struct Open {
-    /// Slot of the controller that was to answer.
+    /// Slot of the controller that had to answer.
     slot: usize,
     /// True if it was active; otherwise a swap waited for it, and no deadline was missed.
     was_in_charge: bool,

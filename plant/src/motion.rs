@@ -14,8 +14,7 @@ impl Motion for JointPath {
     }
 }
 
-/// One tick of motion between two states of the joints, by the quintic that meets position, velocity and
-/// acceleration at both ends.
+/// One tick of motion between two states of the joints, by the quintic with the given position, velocity and acceleration at both ends.
 #[derive(Clone, Debug)]
 pub struct Hermite {
     start: f64,

@@ -99,8 +99,8 @@ pub(crate) fn least_inertias(mobilities: &[DMatrix<f64>]) -> Vec<f64> {
     (0..joints).map(|joint| 1.0 / greatest(mobilities, |w| w[(joint, joint)])).collect()
 }
 
-/// Ratio between the joint compliance (inverse inertia) of all joints of `mobilities` together and that of each alone: the greatest
-/// eigenvalue of any of these matrices, each scaled by the `least` inertias.
+/// Greatest ratio of the mobility of all joints together to that of a single joint: the greatest eigenvalue of any of the `mobilities`,
+/// each scaled by the `least` inertias.
 pub(crate) fn greatest_together(mobilities: &[DMatrix<f64>], least: &[f64]) -> f64 {
     let together = |w: &DMatrix<f64>| {
         DMatrix::from_fn(least.len(), least.len(), |i, j| w[(i, j)] * (least[i] * least[j]).sqrt())

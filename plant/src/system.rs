@@ -589,7 +589,7 @@ impl System {
         &self.motor
     }
 
-    /// The drives' own values of those torques, N·m (N): a saturated drive knows no torque beyond its limit.
+    /// The drives' own values of those torques, N·m (N), clamped to the limits of the drives.
     pub fn drive_torque(&self, torque: &mut [f64]) {
         for (joint, torque) in torque.iter_mut().enumerate() {
             *torque = self.drives.saturated(joint, self.motor[joint]);

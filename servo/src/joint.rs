@@ -1,7 +1,7 @@
 //! The parameters of one joint on a position servo.
 
-/// A joint on a position servo: the servo, the friction that resists it, and what bounds the joint. Units are those of a revolute
-/// joint; for a prismatic joint read m for rad and N for N·m.
+/// A joint on a position servo: the servo, the friction that resists it, and the bounds of the joint. Units are those of a revolute joint;
+/// for a prismatic joint read m for rad and N for N·m.
 ///
 /// Law: τ = clamp(k e′ − d q̇, ± limit), with e = r − q the error against the set-point r, e′ = e outside of the dead band
 /// less its half width, and zero inside. The set-point follows the command, which is held between its stamps, `delay` late and never

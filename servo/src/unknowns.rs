@@ -19,7 +19,7 @@ pub struct Unknown {
     /// True if the value is in N·m ([`ModelParameter::value_in_torque`]), as in a model with a known stiffness; otherwise it is a ratio to
     /// the stiffness.
     pub is_torque: bool,
-    /// The least value that it may have, [`ModelParameter::least`] if nothing else is known.
+    /// The least permitted value, [`ModelParameter::least`] without further knowledge.
     pub least: f64,
 }
 

@@ -22,7 +22,7 @@ pub fn rnea(arm: &Arm, ws: &mut Workspace, q: &[f64], v: &[f64], a: &[f64], tau:
     newton_euler(arm, ws, |i| a[i], tau);
 }
 
-/// The torques `out` (N·m or N) that hold the velocity `v` at `q`: [`rnea`] with a = 0, also called h or nle.
+/// The torques `out` (N·m or N) that keep the velocity `v` constant at `q`: [`rnea`] with a = 0, also called h or nle.
 ///
 /// # Panics
 /// If a slice or the workspace does not fit the arm.

@@ -122,7 +122,7 @@ fn unsaid_of_arm(mechanism: &Mechanism) -> Vec<String> {
     unsaid
 }
 
-/// The base, and before it a link `world` in which gravity points along −z.
+/// Writes the base, and before it, if necessary, a link `world` in which gravity points along −z.
 fn write_base(xml: &mut Xml, joints: &mut Names, gravity: &Vector3<f64>) {
     let down = -Vector3::z();
     if let Some(direction) = gravity.try_normalize(0.0).filter(|direction| (direction - down).norm() > 1e-15)

@@ -216,7 +216,7 @@ fn failure(
     }
 }
 
-/// Distance to the nearer limit over the range; for a joint without a range see the code below.
+/// Distance to the nearer limit over the range. For a joint without a range: 0.5 within its limits, −0.5 outside.
 fn margin(q: f64, lower: f64, upper: f64) -> f64 {
     let range = upper - lower;
     if range.is_finite() && range > 0.0 {

@@ -139,7 +139,7 @@ pub enum ModelError {
         tip: String,
         /// The fault, in words.
         problem: &'static str,
-        /// Links that can be one.
+        /// Suitable links.
         known: String,
     },
     /// The file describes an impossible arm.

@@ -26,9 +26,9 @@ pub(super) struct Joint {
     pub motion: Motion,
     pub parent: usize,
     pub child: usize,
-    /// An error counts where something of the arm hangs on the joint.
+    /// An error counts only if a part of the arm hangs on the joint.
     pub placement: Result<Isometry3<f64>, ModelError>,
-    /// An error counts where the joint is one of the arm.
+    /// An error counts only if the joint belongs to the arm.
     pub details: Result<Details, ModelError>,
     /// Notes for the user, if the joint belongs to the arm.
     pub notes: Vec<String>,

@@ -367,7 +367,7 @@ impl Reader<'_> {
                         "its length must be 1, in the order x, y, z, w",
                     ));
                 }
-                // A quaternion written with all digits stays as it is, bit by bit.
+                // A quaternion written with all digits stays unchanged, bit by bit.
                 if (quaternion.norm_squared() - 1.0).abs() < 1e-14 {
                     UnitQuaternion::new_unchecked(quaternion)
                 } else {

@@ -1,4 +1,4 @@
-//! The tables of the TOML arm file as they stand in it; unknown keys are errors.
+//! The tables of the TOML arm file as serde reads them; unknown keys are errors.
 
 use serde::Deserialize;
 use toml::Spanned;

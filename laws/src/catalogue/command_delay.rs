@@ -1,4 +1,4 @@
-//! A delay between a command's stamp and its effect on what the encoder reports.
+//! A delay between a command's stamp and its effect on the encoder's reading.
 //!
 //! Law: the servo answers at t the command of t − d. A joint whose encoder samples later than the command acts has d < 0.
 //! Source: Åström & Murray 2008, Feedback Systems, §9 (time delays).

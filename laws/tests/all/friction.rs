@@ -1,4 +1,4 @@
-//! Friction of the bearing: it must take energy, be odd, and be continuous where the law says so.
+//! Friction of the bearing: it must dissipate energy, be odd, and be continuous where the law is.
 
 use freeplay_laws::{ContactFriction, FrictionLaw};
 

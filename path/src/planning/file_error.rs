@@ -93,7 +93,7 @@ pub enum FileError {
         /// The time of the row before, s.
         previous: f64,
     },
-    /// A quaternion that is no orientation.
+    /// A quaternion whose norm is too far from 1.
     #[error("{place}: qx,qy,qz,qw have norm {norm}: a unit quaternion is needed")]
     Quaternion {
         /// The row.

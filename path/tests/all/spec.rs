@@ -1,4 +1,4 @@
-//! A path as it is written in TOML: defaults, round trip, and every way to get it wrong.
+//! The specification of a path in TOML: defaults, round trip, and all its errors.
 
 use std::f64::consts::FRAC_PI_2;
 

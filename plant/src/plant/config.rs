@@ -143,7 +143,7 @@ pub enum PlantError {
     NoController {
         /// The slots that stayed empty, where there are several.
         missing: Vec<usize>,
-        /// How long the plant waited.
+        /// The time that the plant waited.
         patience: Duration,
         /// Controllers that tried to connect and were refused.
         refused: Vec<String>,
@@ -169,7 +169,7 @@ fn said_refused(refused: &[String]) -> String {
     if refused.is_empty() { String::new() } else { format!("; refused: {}", refused.join("; ")) }
 }
 
-/// How a run ended.
+/// The ending of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {

@@ -182,7 +182,7 @@ impl Plant {
         records
     }
 
-    /// Integrates `tick` under what is in force; a joint that a torque drives beyond a limit closes the brakes within it.
+    /// Integrates `tick` under the command in force. If a torque drives a joint beyond a limit, the brakes close within the tick.
     fn step(&mut self, tick: u64) -> Result<(), PlantError> {
         let before = now_ns();
         let is_commanded = matches!(self.applied, Applied::Command | Applied::Hold);
