@@ -4,7 +4,7 @@ use nalgebra::Isometry3;
 
 use crate::arm::Arm;
 use crate::arm_error::{ArmError, MAX_DOF};
-use crate::dynamics::forward::felt_inertia;
+use crate::dynamics::forward::effective_inertias;
 use crate::dynamics::mass_matrix::compose_inertias;
 use crate::joint::{Joint, JointKind};
 use crate::workspace::Workspace;
@@ -113,7 +113,7 @@ pub(crate) fn every_joint_moves_inertia(arm: &Arm) -> Result<(), ArmError> {
     let mut felt = vec![0.0_f64; arm.dof()];
     for sample in 1..=3_u8 {
         let q: Vec<f64> = (1..=arm.dof()).map(|i| (1.3 * i as f64 * f64::from(sample)).sin()).collect();
-        felt_inertia(arm, &mut ws, &q, |i, value| felt[i] = felt[i].max(value));
+        effective_inertias(arm, &mut ws, &q, |i, value| felt[i] = felt[i].max(value));
     }
     compose_inertias(arm, &mut ws);
     for ((joint, &felt), link) in arm.joints().iter().zip(&felt).zip(&ws.links).rev() {

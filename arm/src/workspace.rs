@@ -55,7 +55,7 @@ pub(crate) struct LinkState {
     /// Column of the articulated inertia for the joint's motion.
     pub column: Wrench,
     /// 1/(axis · column), the inverse of the joint's effective inertia.
-    pub inverse_felt: f64,
+    pub inverse_effective: f64,
     /// Remaining torque (or force) that accelerates the joint.
     pub residual: f64,
 }

@@ -17,8 +17,8 @@ pub struct Term {
     pub least: f64,
     /// Greatest value.
     pub most: f64,
-    /// True if a fit clamps the coefficient to its bounds instead of rejecting the effect: a joint without friction is still a joint, and
-    /// rigid flanks are still those of a gap.
+    /// True if a fit clamps the coefficient to its bounds: a joint without friction is still a joint, and rigid flanks are still those of a
+    /// gap.
     pub held: bool,
     /// The value on most machines, if one value is simpler than all others: a limit that removes everything beyond it.
     pub usual: Option<f64>,

@@ -89,7 +89,7 @@ pub struct Kind {
     pub name: &'static str,
     /// The term of mechanical engineers.
     pub title: &'static str,
-    /// The same with its numbers, as the object of "the model leaves out": names of parameters in braces stand for their values. A part in
+    /// The same with its numbers, as the object of "the model leaves out": names of parameters in braces represent their values. A part in
     /// brackets is omitted if one of its numbers is missing.
     pub words: &'static str,
     /// The places where it can occur.

@@ -10,7 +10,7 @@ pub fn kinds() -> impl Iterator<Item = &'static Kind> {
     CATALOGUE.iter().chain(BEYOND_CATALOGUE).copied()
 }
 
-/// The kind called `name`: from the catalogue, beyond it, from those of commanded positions, or from those that no diagnosis knows.
+/// The kind called `name`: from the catalogue, beyond it, from those of commanded positions, or from those that no diagnosis searches for.
 pub fn kind(name: &str) -> Option<&'static Kind> {
     kinds().chain(COMMANDED.iter().chain(NAMELESS).copied()).find(|kind| kind.name == name)
 }

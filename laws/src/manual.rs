@@ -73,11 +73,17 @@ fn row(parameter: &Parameter) -> String {
             let unit =
                 if unit == prismatic_unit { (*unit).to_owned() } else { format!("{unit}, {prismatic_unit}") };
             let given = if *role == Role::Given { "; taken as given, not identified" } else { "" };
-            [unit, format!("{} to {}{given}", figure(*least), figure(*most)), said(absent, f64::to_string)]
+            [
+                unit,
+                format!("{} to {}{given}", figure(*least), figure(*most)),
+                default_words(absent, f64::to_string),
+            ]
         }
-        Range::Vector { unit, absent, .. } => {
-            [(*unit).to_owned(), "three numbers".to_owned(), said(absent, |default| format!("{default:?}"))]
-        }
+        Range::Vector { unit, absent, .. } => [
+            (*unit).to_owned(),
+            "three numbers".to_owned(),
+            default_words(absent, |default| format!("{default:?}")),
+        ],
         Range::OtherJoint => [String::new(), "the name of another joint".to_owned(), "refused".to_owned()],
         Range::Word(words) => {
             let listed: Vec<String> = words.iter().map(|word| format!("`{word}`")).collect();
@@ -90,7 +96,7 @@ fn row(parameter: &Parameter) -> String {
 }
 
 /// The default of a parameter in words; `figure` formats a default value.
-fn said<T>(absent: &Absent<T>, figure: impl Fn(&T) -> String) -> String {
+fn default_words<T>(absent: &Absent<T>, figure: impl Fn(&T) -> String) -> String {
     match absent {
         Absent::Refused => "refused".to_owned(),
         Absent::Is(value) => figure(value),

@@ -133,9 +133,9 @@ impl<'a> Baseline<'a> {
         let mut tool = vec![vec![0.0; motion.len()]; 3];
         for placed in &effects {
             let shifts = if placed.kind.rough { &mut shift } else { &mut smooth };
-            say(placed, low_pass, shifts, |effect, shift| effect.shift(&scene, shift));
-            say(placed, low_pass, &mut torque, |effect, torque| effect.torque(&scene, torque));
-            say(placed, low_pass, &mut tool, |effect, tool| effect.displace(&scene, tool));
+            add_contribution(placed, low_pass, shifts, |effect, shift| effect.shift(&scene, shift));
+            add_contribution(placed, low_pass, &mut torque, |effect, torque| effect.torque(&scene, torque));
+            add_contribution(placed, low_pass, &mut tool, |effect, tool| effect.displace(&scene, tool));
         }
         let mut total = link_torques(&scene, &smooth, &shift);
         add(&mut total, &rotor_torques(arm_now, motion));
@@ -231,14 +231,17 @@ impl<'a> Baseline<'a> {
     {
         let is_changed = self.is_changed_by(more.iter().map(|held| &**held))?;
         // For the same arm along the same motion without shifted links, only the contributions of the new effects need computing.
-        let said: Vec<Change> =
-            if is_changed { Vec::new() } else { more.iter().map(|placed| self.said(placed)).collect() };
+        let changes: Vec<Change> = if is_changed {
+            Vec::new()
+        } else {
+            more.iter().map(|placed| self.direct_change(placed)).collect()
+        };
         let effects: Vec<Held<'b>> = self.effects.iter().cloned().chain(more).collect();
-        if is_changed || said.iter().any(|said| said.link.all_written().next().is_some()) {
+        if is_changed || changes.iter().any(|change| change.link.all_written().next().is_some()) {
             return self.anew(effects);
         }
         let mut plain = self.plain.clone();
-        said.iter().for_each(|said| plain.add(said));
+        changes.iter().for_each(|change| plain.add(change));
         let (scene, shift) = (Rc::clone(&self.scene), self.shift.clone());
         Ok(Baseline::read(self.nominal, effects, (self.low_pass, self.hidden), scene, shift, plain))
     }
@@ -293,21 +296,21 @@ impl<'a> Baseline<'a> {
     }
 
     /// The direct contribution of an effect that does not change the arm, without the consequences of its link shifts for torques and tool.
-    fn said(&self, placed: &Placed) -> Change {
-        let mut said = Change::nothing(self.scene.arm.dof(), self.scene.motion.len());
-        placed.effect.apply(&self.scene, &mut said);
+    fn direct_change(&self, placed: &Placed) -> Change {
+        let mut change = Change::nothing(self.scene.arm.dof(), self.scene.motion.len());
+        placed.effect.apply(&self.scene, &mut change);
         if placed.kind.rough {
-            for columns in said.parts_mut() {
+            for columns in change.parts_mut() {
                 columns.change_written(|column| *column = (self.low_pass)(column));
             }
         }
-        said
+        change
     }
 
     /// The change before the sensors by an effect that does not change the arm.
     fn plain_change(&self, placed: &Placed) -> Change {
         let (scene, points) = (&self.scene, self.scene.motion.len());
-        let mut change = self.said(placed);
+        let mut change = self.direct_change(placed);
         for (joint, shift) in change.link.all_written() {
             let sensitivity =
                 self.tool_sensitivity.get_or_init(|| tool_sensitivity(&scene.arm, &self.plain.link));
@@ -345,19 +348,22 @@ fn link_torques(scene: &Scene, smooth: &[Vec<f64>], jumping: &[Vec<f64>]) -> Vec
 }
 
 /// Adds the contribution of `placed` to `channels`; filters it first if it jumps.
-fn say(
+fn add_contribution(
     placed: &Placed,
     low_pass: &LowPassed,
     channels: &mut [Vec<f64>],
-    speak: impl Fn(&dyn Effect, &mut Columns),
+    contribute: impl Fn(&dyn Effect, &mut Columns),
 ) {
-    let mut said = Columns::zero(channels.len(), channels.first().map_or(0, Vec::len));
-    speak(placed.effect.as_ref(), &mut said);
+    let mut contribution = Columns::zero(channels.len(), channels.first().map_or(0, Vec::len));
+    contribute(placed.effect.as_ref(), &mut contribution);
     if placed.kind.rough {
-        said.change_written(|column| *column = low_pass(column));
+        contribution.change_written(|column| *column = low_pass(column));
     }
-    for (index, said) in said.all_written() {
-        channels[index].iter_mut().zip(said).for_each(|(channel, said)| *channel += said);
+    for (index, contribution) in contribution.all_written() {
+        channels[index]
+            .iter_mut()
+            .zip(contribution)
+            .for_each(|(channel, contribution)| *channel += contribution);
     }
 }
 

@@ -79,8 +79,8 @@ impl Scene<'_> {
 
 /// `arm` with a point of `mass`, kg, at its tool's origin.
 ///
+/// # Errors
 /// [`LawError::Changed`] if the arm with this mass is impossible.
-/// [`LawError::Changed`]: no such arm can exist.
 pub(crate) fn loaded(arm: &Arm, mass: f64) -> Result<Arm, LawError> {
     let mut parts = ArmParts::of(arm);
     let point = Inertia { mass, com: parts.tool.translation.vector, ..Inertia::zero() };

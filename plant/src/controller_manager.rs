@@ -236,12 +236,12 @@ impl ControllerManager {
     /// Answer of each slot from 1 on to this tick minus that of slot 0, by joint, N·m or rad; NaN if one of them has no valid answer, or
     /// there is no such slot.
     pub fn differences(&self) -> [Joints; MAX_SLOTS - 1] {
-        let said = |slot: usize| match self.slots.get(slot)? {
+        let answer_of = |slot: usize| match self.slots.get(slot)? {
             Slot { rejection: None | Some(Rejection::Disagrees), answer, .. } => answer.as_ref(),
             _ => None,
         };
-        let first = said(0);
-        std::array::from_fn(|standby| match (first, said(standby + 1)) {
+        let first = answer_of(0);
+        std::array::from_fn(|standby| match (first, answer_of(standby + 1)) {
             (Some(first), Some(other)) => {
                 std::array::from_fn(|joint| other.value[joint] - first.value[joint])
             }
@@ -298,7 +298,7 @@ impl ControllerManager {
         }
         let old = self.in_charge;
         if settled {
-            self.hear_witnesses();
+            self.check_against_standbys();
         }
         self.judge_step(tick, measured);
         let rejection = self.slots[old].rejection;
@@ -326,13 +326,13 @@ impl ControllerManager {
     }
 
     /// Refuses the answer of the active controller if the others contradict it.
-    fn hear_witnesses(&mut self) {
+    fn check_against_standbys(&mut self) {
         let slots = &self.slots;
-        let said = |slot: usize| match &slots[slot] {
+        let answer_of = |slot: usize| match &slots[slot] {
             Slot { rejection: None, answer: Some(answer), .. } => Some(answer),
             _ => None,
         };
-        if self.cross_check.contradict(self.in_charge, said) {
+        if self.cross_check.contradict(self.in_charge, answer_of) {
             let slot = &mut self.slots[self.in_charge];
             slot.gate.refuse(Rejection::Disagrees, None);
             slot.rejection = Some(Rejection::Disagrees);
@@ -414,12 +414,12 @@ impl ControllerManager {
         let slot = &self.slots[self.in_charge];
         let reason = slot.rejection?;
         let first = tick.saturating_sub(u64::from(slot.gate.missed().saturating_sub(1)));
-        Some((self.soundest(tick, measured)?, Cause::Failed(reason), first))
+        Some((self.best_standby(tick, measured)?, Cause::Failed(reason), first))
     }
 
     /// The standby with the longest faultless record, of equals the first. Only a standby whose answer to this tick passed and is reachable
     /// from joints at `measured` qualifies.
-    fn soundest(&self, tick: u64, measured: &[[f64; 3]]) -> Option<usize> {
+    fn best_standby(&self, tick: u64, measured: &[[f64; 3]]) -> Option<usize> {
         let record =
             |slot: usize| self.slots[slot].gate.streak().min(self.cross_check.agreed(slot)).min(PROBATION);
         (0..self.slots.len())

@@ -20,7 +20,7 @@ use crate::ReferenceDivergence;
 pub const PROBATION: u32 = 100;
 
 /// Margin beyond the range of the fault-free differences around a tick, as a share of that range.
-const LATITUDE: f64 = 0.5;
+const MARGIN: f64 = 0.5;
 
 /// The condition under which controllers disagree.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +39,7 @@ impl Comparison {
         let tolerance = self.tolerance[joint];
         let Some(divergence) = &self.divergence else { return Some([-tolerance, tolerance]) };
         let [least, most] = divergence.span(tick, [one, other], joint)?;
-        let room = tolerance + LATITUDE * (most - least);
+        let room = tolerance + MARGIN * (most - least);
         Some([least - room, most + room])
     }
 
@@ -67,7 +67,7 @@ pub(crate) struct CrossCheck {
     /// Ticks of agreement of each slot, up to [`PROBATION`]; at that count the slot is trusted.
     agreed: Vec<u32>,
     /// Ticks in a row for which each slot has been in the minority.
-    doubt: Vec<u32>,
+    minority_ticks: Vec<u32>,
     greatest: Joints,
 }
 
@@ -76,7 +76,7 @@ impl CrossCheck {
         Self {
             comparison,
             agreed: vec![PROBATION; slots],
-            doubt: vec![0; slots],
+            minority_ticks: vec![0; slots],
             greatest: [0.0; MAX_JOINTS],
         }
     }
@@ -96,25 +96,25 @@ impl CrossCheck {
     pub(crate) fn contradict<'a>(
         &mut self,
         in_charge: usize,
-        said: impl Fn(usize) -> Option<&'a Command>,
+        answer_of: impl Fn(usize) -> Option<&'a Command>,
     ) -> bool {
-        let Some(claim) = said(in_charge) else { return false };
-        let (mut heard, mut against) = (0, 0);
+        let Some(active_answer) = answer_of(in_charge) else { return false };
+        let (mut votes, mut against) = (0, 0);
         let mut differs = [false; MAX_SLOTS];
         for slot in (0..self.agreed.len()).filter(|&slot| slot != in_charge) {
-            let Some(other) = said(slot) else { continue };
-            let agrees = self.compare([in_charge, slot], claim, other);
+            let Some(other) = answer_of(slot) else { continue };
+            let agrees = self.compare([in_charge, slot], active_answer, other);
             differs[slot] = !agrees;
             if self.agreed[slot] >= PROBATION {
-                heard += 1;
+                votes += 1;
                 against += usize::from(!agrees);
             } else {
                 self.agreed[slot] = if agrees { self.agreed[slot] + 1 } else { 0 };
             }
         }
         let Some(ticks) = self.comparison.as_ref().map(|comparison| comparison.ticks) else { return false };
-        let contradicted = 2 * against > heard;
-        for slot in (0..self.agreed.len()).filter(|&slot| slot != in_charge && heard > 1) {
+        let contradicted = 2 * against > votes;
+        for slot in (0..self.agreed.len()).filter(|&slot| slot != in_charge && votes > 1) {
             self.count(slot, !contradicted && differs[slot], ticks);
         }
         self.count(in_charge, contradicted, ticks)
@@ -131,10 +131,10 @@ impl CrossCheck {
 
     /// Counts the ticks for which `slot` `is_alone`; returns true if there have been too many.
     fn count(&mut self, slot: usize, is_alone: bool, ticks: u32) -> bool {
-        self.doubt[slot] = if is_alone { self.doubt[slot] + 1 } else { 0 };
-        let is_out = self.doubt[slot] >= ticks.max(1);
+        self.minority_ticks[slot] = if is_alone { self.minority_ticks[slot] + 1 } else { 0 };
+        let is_out = self.minority_ticks[slot] >= ticks.max(1);
         if is_out {
-            (self.doubt[slot], self.agreed[slot]) = (0, 0);
+            (self.minority_ticks[slot], self.agreed[slot]) = (0, 0);
         }
         is_out
     }
@@ -153,14 +153,14 @@ mod tests {
         let comparison = Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2, divergence: None };
         let mut cross_check = CrossCheck::new(Some(comparison), slots);
         let at = (0..100).find(|&tick| {
-            let said: Vec<Command> = (0..slots)
+            let answers: Vec<Command> = (0..slots)
                 .map(|slot| {
                     let mut command = Command::answer_to(&State::new(1, 2), 0);
                     command.value[1] = say(slot, tick);
                     command
                 })
                 .collect();
-            cross_check.contradict(0, |slot| said.get(slot))
+            cross_check.contradict(0, |slot| answers.get(slot))
         });
         (at, cross_check)
     }
@@ -176,16 +176,16 @@ mod tests {
         let found = |wrong: f64, from: usize| {
             let mut cross_check = CrossCheck::new(Some(comparison.clone()), 2);
             (0..100).find(|&tick| {
-                let said = [if tick >= from { wrong } else { 0.0 }, course(tick)];
-                let said = said.map(|value| {
+                let answers = [if tick >= from { wrong } else { 0.0 }, course(tick)];
+                let answers = answers.map(|value| {
                     let mut command = Command::answer_to(&State { tick: tick as u64, ..State::new(1, 2) }, 0);
                     command.value[..2].copy_from_slice(&[value, 0.0]);
                     command
                 });
-                let mut said = said;
+                let mut answers = answers;
                 // The second joint has the same difference as in the fault-free run.
-                said[1].value[1] = course(tick);
-                cross_check.contradict(0, |slot| said.get(slot))
+                answers[1].value[1] = course(tick);
+                cross_check.contradict(0, |slot| answers.get(slot))
             })
         };
         assert_eq!(found(0.0, 0), None, "a sound run is no alarm");

@@ -74,29 +74,27 @@ impl Watched {
         Self { watch, seen, in_time: seen }
     }
 
-    fn look(&mut self) {
+    fn read_counters(&mut self) {
         if let Some(watch) = &self.watch {
             self.seen = watch.read();
         }
     }
 
     /// Its delays since the plant was last in time.
-    fn hardship(&self) -> ThreadDelays {
+    fn delays(&self) -> ThreadDelays {
         self.seen.since(&self.in_time)
     }
 }
 
 /// The answer to a miss.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Heard {
-    Nothing,
+enum LateAnswer {
+    /// No answer has arrived.
+    Missing,
     /// The answer arrived late, with these latencies.
     Late(TickLatencies),
     /// The controller answered a later tick instead; the state of that tick was in transit for `state_ns`.
-    PassedOver {
-        later: u64,
-        state_ns: u64,
-    },
+    Skipped { later: u64, state_ns: u64 },
 }
 
 /// A miss whose answer may still arrive.
@@ -108,7 +106,7 @@ struct Open {
     was_in_charge: bool,
     /// Its counters when the plant was last in time before the miss.
     in_time: ThreadDelays,
-    heard: Heard,
+    answer: LateAnswer,
     miss: Miss,
 }
 
@@ -157,7 +155,7 @@ impl Misses {
             counts: [0; Cause::ALL.len()],
             last: None,
         };
-        book.look_for_theft();
+        book.read_stolen_time();
         book.forget();
         book
     }
@@ -194,9 +192,9 @@ impl Misses {
             self.forget();
         }
         let is_late = links.wake_up_ns > self.period_ns;
-        self.look();
+        self.read_counters();
         if missed || awaited.is_some() || is_late || tick.is_multiple_of(STEAL_TICKS) {
-            self.look_for_theft();
+            self.read_stolen_time();
         }
         let usual = usual(stages);
         self.add_to_backlog(if missed { &unanswered } else { &links }, &usual);
@@ -212,22 +210,23 @@ impl Misses {
             let evidence = self.evidence(slot, unanswered, usual, false);
             let miss = Miss { tick, cause: Cause::Unknown, evidence };
             let in_time = self.controllers.get(slot).map(|watched| watched.in_time).unwrap_or_default();
-            self.open.push(Open { slot, was_in_charge, in_time, heard: Heard::Nothing, miss });
+            self.open.push(Open { slot, was_in_charge, in_time, answer: LateAnswer::Missing, miss });
         }
         // Not at the arrival of each answer: only by now has the controller that answered gone back to sleep, so that its counters are
         // complete.
-        while let Some(at) = self.open.iter().position(|open| open.heard != Heard::Nothing) {
+        while let Some(at) = self.open.iter().position(|open| open.answer != LateAnswer::Missing) {
             self.close_one(at);
         }
     }
 
     /// Records an answer to `tick` of the controller in `slot` with its `links`, for that tick and for earlier ones that it skipped.
     pub(crate) fn answered(&mut self, slot: usize, tick: u64, links: &TickLatencies) {
-        let unheard = self.open.iter_mut().filter(|open| open.heard == Heard::Nothing && open.slot == slot);
-        for open in unheard.filter(|open| open.miss.tick <= tick) {
-            open.heard = match tick - open.miss.tick {
-                0 => Heard::Late(*links),
-                later => Heard::PassedOver { later, state_ns: links.state_ns },
+        let pending =
+            self.open.iter_mut().filter(|open| open.answer == LateAnswer::Missing && open.slot == slot);
+        for open in pending.filter(|open| open.miss.tick <= tick) {
+            open.answer = match tick - open.miss.tick {
+                0 => LateAnswer::Late(*links),
+                later => LateAnswer::Skipped { later, state_ns: links.state_ns },
             };
         }
     }
@@ -247,8 +246,8 @@ impl Misses {
             period_ns: self.period_ns,
             links,
             usual,
-            plant: self.plant.hardship(),
-            controller: self.controllers.get(slot).map(Watched::hardship).unwrap_or_default(),
+            plant: self.plant.delays(),
+            controller: self.controllers.get(slot).map(Watched::delays).unwrap_or_default(),
             stolen_ns: self.stolen,
             answered,
             was_kept: false,
@@ -298,10 +297,10 @@ impl Misses {
 
     /// Closes the open miss `at` with the answer recorded for it.
     fn close_one(&mut self, at: usize) {
-        let Open { slot, was_in_charge, in_time, heard, mut miss } = self.open.remove(at);
+        let Open { slot, was_in_charge, in_time, answer, mut miss } = self.open.remove(at);
         let is_stopped = miss.evidence.controller.is_stopped;
         let evidence = &mut miss.evidence;
-        if let (true, Some(watched)) = (heard != Heard::Nothing, self.controllers.get(slot)) {
+        if let (true, Some(watched)) = (answer != LateAnswer::Missing, self.controllers.get(slot)) {
             evidence.controller = watched.seen.since(&in_time);
         }
         let ThreadDelays { ran_ns, turns, .. } = evidence.controller;
@@ -309,9 +308,9 @@ impl Misses {
         let is_kept = |states: u64, lasted_ns: u64| {
             !is_stopped && (1..=states).contains(&turns) && ran_ns < lasted_ns / 2
         };
-        match heard {
-            Heard::Nothing => {}
-            Heard::Late(links) => {
+        match answer {
+            LateAnswer::Missing => {}
+            LateAnswer::Late(links) => {
                 evidence.links = TickLatencies {
                     wake_up_ns: evidence.links.wake_up_ns,
                     step_ns: evidence.links.step_ns,
@@ -320,7 +319,7 @@ impl Misses {
                 evidence.answered = true;
                 evidence.was_kept = is_kept(1, links.state_ns + links.compute_ns);
             }
-            Heard::PassedOver { later, state_ns } => {
+            LateAnswer::Skipped { later, state_ns } => {
                 let lay_ns = later * self.period_ns + state_ns;
                 evidence.was_kept = is_kept(later, lay_ns);
                 if evidence.was_kept {
@@ -366,11 +365,11 @@ impl Misses {
     }
 
     /// Reads the counters of all threads.
-    fn look(&mut self) {
-        std::iter::once(&mut self.plant).chain(&mut self.controllers).for_each(Watched::look);
+    fn read_counters(&mut self) {
+        std::iter::once(&mut self.plant).chain(&mut self.controllers).for_each(Watched::read_counters);
     }
 
-    fn look_for_theft(&mut self) {
+    fn read_stolen_time(&mut self) {
         let Some(steal) = &self.steal else { return };
         let now = steal.read();
         self.stolen += now.saturating_sub(self.stolen_seen);
@@ -554,7 +553,7 @@ mod tests {
         assert_eq!((first.minor_faults, again.minor_faults), (0, 0));
         // The counters start anew for another process in the slot.
         book.replace(1, std::process::id());
-        assert_eq!(book.controllers[1].hardship().minor_faults, 0);
+        assert_eq!(book.controllers[1].delays().minor_faults, 0);
     }
 
     #[test]

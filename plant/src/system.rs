@@ -212,7 +212,7 @@ impl System {
         self.ticks = 0;
         self.drives.restart();
         self.drives.servos.iter_mut().zip(q).for_each(|(servo, q)| servo.restart(*q));
-        self.wind_up(q, v);
+        self.deflect_transmissions(q, v);
         for bearing in &mut self.bearings {
             *bearing = Bearing::new(*bearing.clearance());
         }
@@ -222,7 +222,7 @@ impl System {
     }
 
     /// Sets the motors behind transmissions to `q`, `v`, and their links to the static deflection of the springs.
-    fn wind_up(&mut self, q: &[f64], v: &[f64]) {
+    fn deflect_transmissions(&mut self, q: &[f64], v: &[f64]) {
         if !self.drives.has_motors() {
             return;
         }

@@ -9,7 +9,7 @@ use crate::track::{REACH, Track};
 /// Longest lag of the search, s: industrial controllers answer after up to 0.15 s, small servos after 0.1 s.
 const LONGEST_LAG: f64 = 1.0;
 /// The load determines a stiffness if its coefficient differs from zero by this many standard deviations.
-const TOLD: f64 = 3.0;
+const SIGNIFICANT: f64 = 3.0;
 
 /// Estimates for one joint from the data, before any rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -142,7 +142,7 @@ impl Sums {
         let left = (self.square - solution.dot(&self.right)).max(0.0) / (self.moving - 3.0).max(1.0);
         let deviation = (left * inverse[(0, 0)]).max(0.0).sqrt();
         let droop = solution[0] * (self.matrix[(0, 0)] / self.moving.max(1.0)).sqrt();
-        let is_told = solution[0] > TOLD * deviation && droop > tick && solution[0].is_finite();
+        let is_told = solution[0] > SIGNIFICANT * deviation && droop > tick && solution[0].is_finite();
         Sight {
             stiffness: is_told.then(|| 1.0 / solution[0]),
             coulomb: solution[1].clamp(0.0, error.max(0.0)),

@@ -413,7 +413,8 @@ fn deviations(groups: &[Curvature], unknowns: &[Unknown]) -> (Vec<f64>, DMatrix<
         return (believed, inverse);
     };
     let root = factor.l();
-    let influences: Vec<DVector<f64>> = groups.iter().filter_map(|group| adjusted_influence(group, &root)).collect();
+    let influences: Vec<DVector<f64>> =
+        groups.iter().filter_map(|group| adjusted_influence(group, &root)).collect();
     let wider = student(influences.len() as f64 - 1.0);
     let inverse = factor.inverse();
     let of_beliefs = &inverse * &beliefs * &inverse;

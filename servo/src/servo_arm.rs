@@ -28,7 +28,7 @@ impl ServoArm {
     }
 
     /// Sets the burden's `parameter` of `joint`, or of the whole arm, to `x`. The arm stays unchanged if the result would be impossible.
-    pub(crate) fn bear(&mut self, joint: usize, parameter: ModelParameter, x: f64) {
+    pub(crate) fn set_burden(&mut self, joint: usize, parameter: ModelParameter, x: f64) {
         let mut burden = self.burden.take().unwrap_or_else(|| Box::new(Burden::none(&self.arm)));
         let before = burden.of(joint, parameter);
         if x != before {

@@ -70,7 +70,7 @@ impl Sliding {
             let row = &self.matrix[i * n..(i + 1) * n];
             let coupled: f64 = row.iter().zip(w.iter()).map(|(a, w)| a * w).sum::<f64>() - row[i] * w[i];
             let free = b[i] - coupled;
-            // With min and max a NaN speed propagates; `clamp` would panic.
+            // A diverged simulation has non-finite numbers here; unlike `clamp`, `max` and `min` do not panic on NaN bounds.
             let beyond = free - free.max(-friction[i]).min(friction[i]);
             let speed = (beyond / row[i]).max(bounds[i][0]).min(bounds[i][1]);
             change = change.max((speed - w[i]).abs());

@@ -71,7 +71,7 @@ impl Unknown {
     /// Sets its value in `arm` to `x`.
     pub fn set(&self, arm: &mut ServoArm, x: f64) {
         if self.parameter.is_of_arm() {
-            return arm.bear(self.joint, self.parameter, x);
+            return arm.set_burden(self.joint, self.parameter, x);
         }
         let joint = &mut arm.joints[self.joint];
         if self.is_torque { self.parameter.set_torque(joint, x) } else { self.parameter.set(joint, x) }

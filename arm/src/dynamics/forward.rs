@@ -65,7 +65,12 @@ pub fn hybrid_aba(
 }
 
 /// Calls `report` with the effective inertia (kg·m² or kg) of each joint when all joints beyond it are free, at `q`.
-pub(crate) fn felt_inertia(arm: &Arm, ws: &mut Workspace, q: &[f64], mut report: impl FnMut(usize, f64)) {
+pub(crate) fn effective_inertias(
+    arm: &Arm,
+    ws: &mut Workspace,
+    q: &[f64],
+    mut report: impl FnMut(usize, f64),
+) {
     place_links(arm, ws, q);
     for link in &mut ws.links {
         link.omega = Vector3::zeros();
@@ -73,7 +78,7 @@ pub(crate) fn felt_inertia(arm: &Arm, ws: &mut Workspace, q: &[f64], mut report:
     }
     gather(arm, ws, |_| Drive::Torque(0.0));
     for (i, link) in ws.links.iter().enumerate() {
-        report(i, 1.0 / link.inverse_felt);
+        report(i, 1.0 / link.inverse_effective);
     }
 }
 
@@ -109,14 +114,15 @@ fn gather(arm: &Arm, ws: &mut Workspace, drive: impl Fn(usize) -> Drive) {
                     JointKind::Revolute => inertia.turning_column(&link.axis),
                     JointKind::Prismatic => inertia.sliding_column(&link.axis),
                 };
-                let inverse_felt = 1.0 / (along_axis(joint.kind, &link.axis, &column) + joint.rotor_inertia);
+                let inverse_effective =
+                    1.0 / (along_axis(joint.kind, &link.axis, &column) + joint.rotor_inertia);
                 let residual = tau - along_axis(joint.kind, &link.axis, &wrench);
-                inertia.subtract_outer(inverse_felt, &column);
+                inertia.subtract_outer(inverse_effective, &column);
                 wrench.add(&inertia.times(&link.drift));
-                let push = inverse_felt * residual;
+                let push = inverse_effective * residual;
                 wrench.moment += column.moment * push;
                 wrench.force += column.force * push;
-                (link.column, link.inverse_felt, link.residual) = (column, inverse_felt, residual);
+                (link.column, link.inverse_effective, link.residual) = (column, inverse_effective, residual);
             }
         }
         inertia = inertia.about_point(&link.from_parent);
@@ -140,7 +146,7 @@ fn spread(
                 let column = &link.column;
                 let carried =
                     column.moment.dot(&acceleration.angular) + column.force.dot(&acceleration.linear);
-                let a = link.inverse_felt * (link.residual - carried);
+                let a = link.inverse_effective * (link.residual - carried);
                 accelerate(&mut acceleration, joint.kind, &link.axis, a);
                 report(i, a, tau);
             }

@@ -28,7 +28,7 @@ const TOOL: &str = "tool0";
 
 /// The URDF of `mechanism`. Each link has its joint's name with the suffix `_link`; the tool frame is `tool0`.
 pub fn to_urdf(mechanism: &Mechanism) -> Exported {
-    let parts = Parts::of(mechanism, is_said);
+    let parts = Parts::of(mechanism, is_expressible);
     let mut unsaid = mechanism.unsaid.clone();
     unsaid.extend(
         mechanism
@@ -57,7 +57,7 @@ pub fn to_urdf(mechanism: &Mechanism) -> Exported {
 }
 
 /// True if URDF can express `element`.
-fn is_said(element: &Element) -> bool {
+fn is_expressible(element: &Element) -> bool {
     matches!(
         element,
         Element::Damping { .. }

@@ -63,7 +63,7 @@ pub enum ModelError {
     Xacro {
         /// The place.
         at: Place,
-        /// The sign of it.
+        /// The part that is not expanded.
         found: String,
     },
     /// Not well-formed XML or TOML, or an unknown key.

@@ -33,7 +33,7 @@ pub use toml_read::parse_toml;
 pub use toml_write::to_toml;
 pub use urdf::{parse_urdf, parse_urdf_selected};
 
-/// An `[[effect]]` of an arm file as read: physics beyond the rigid body, for a crate that knows the kind.
+/// An `[[effect]]` of an arm file as read: physics beyond the rigid body; the crate of the effects interprets it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectTable {
     /// Kind of the effect, such as `coulomb_friction`.

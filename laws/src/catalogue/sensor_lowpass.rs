@@ -24,7 +24,7 @@ use crate::scene::Scene;
 /// Greatest cutoff, Hz.
 const MOST: f64 = 1e6;
 /// Greatest plausible time constant in a diagnosis, s: a drive with a cutoff below 0.8 Hz practically hides its torque.
-const BELIEVED: f64 = 0.2;
+const GREATEST_PLAUSIBLE: f64 = 0.2;
 
 /// Operating points of the law for long time constants, s: for friction that jumps, the effect of a low-pass is not proportional to its
 /// time constant.
@@ -57,7 +57,7 @@ pub static KIND: Kind = Kind {
             /// Well below a period of any recorded signal, s.
             const STEP: f64 = 1e-5;
             let filtered = with(shape, [("cutoff", 1.0 / (TAU * STEP))]);
-            vec![Term::new("time_constant", "s", [0.0, BELIEVED], filtered).stepped(STEP)]
+            vec![Term::new("time_constant", "s", [0.0, GREATEST_PLAUSIBLE], filtered).stepped(STEP)]
         },
         compose: |_, shape, coefficients| {
             with(shape, [("cutoff", (1.0 / (TAU * coefficients[0].max(0.0))).min(MOST))])

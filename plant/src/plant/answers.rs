@@ -27,7 +27,7 @@ impl Plant {
                 self.take_answer(slot, tick, scheduled)?;
             }
             let now = now_ns();
-            if now >= deadline || self.stopped.is_some() || self.all_in(tick) {
+            if now >= deadline || self.stopped.is_some() || self.all_answered(tick) {
                 return Ok(());
             }
             match self.config.pace {
@@ -36,7 +36,7 @@ impl Plant {
                     let waited = self.backoff.wait();
                     if waited > next_check {
                         next_check = waited + LIFE_CHECK_NS;
-                        self.note_the_dead(tick);
+                        self.note_ended_processes(tick);
                     }
                 }
             }
@@ -54,11 +54,11 @@ impl Plant {
             let received = now_ns();
             let in_charge = slot == self.manager.in_charge();
             let belongs = command.check(self.run).is_ok();
-            let has_times = belongs && self.sift_times(&mut command, received);
+            let has_times = belongs && self.drop_implausible_times(&mut command, received);
             if command.tick < tick && belongs {
                 if in_charge && self.stopped.is_none() {
                     self.deadlines.late += 1;
-                    self.clock(slot, &command, has_times, scheduled, received);
+                    self.record_latencies(slot, &command, has_times, scheduled, received);
                 } else {
                     self.note_answer(slot, &command, received);
                 }
@@ -72,7 +72,7 @@ impl Plant {
             if is_answer && !in_charge {
                 self.note_answer(slot, &command, received);
             } else if is_answer && !self.is_planning {
-                self.clock(slot, &command, has_times, scheduled, received);
+                self.record_latencies(slot, &command, has_times, scheduled, received);
             }
             if in_charge && std::mem::take(&mut self.spoils_next) {
                 command.value[0] = f64::NAN;
@@ -84,7 +84,7 @@ impl Plant {
     }
 
     /// True if every awaited answer to `tick` has arrived.
-    pub(super) fn all_in(&mut self, tick: u64) -> bool {
+    pub(super) fn all_answered(&mut self, tick: u64) -> bool {
         (0..self.manager.len()).all(|slot| {
             let is_waited_for = match self.config.pace {
                 Pace::Lockstep => !self.timeouts.is_away(slot, tick),
@@ -97,7 +97,7 @@ impl Plant {
     }
 
     /// Lockstep: the plant does not wait for a controller that has left its slot.
-    fn note_the_dead(&mut self, tick: u64) {
+    fn note_ended_processes(&mut self, tick: u64) {
         for slot in 0..self.manager.len() {
             if self.manager.slot_mut(slot).answer.is_none()
                 && !self.timeouts.is_away(slot, tick)
@@ -112,7 +112,7 @@ impl Plant {
     ///
     /// All processes read one clock. A controller receives a state after its publication, and sends its answer before the plant receives
     /// it. The controller spends the times of the parts of the answer in between, and no iteration takes less than a nanosecond.
-    fn sift_times(&mut self, command: &mut Command, received: u64) -> bool {
+    fn drop_implausible_times(&mut self, command: &mut Command, received: u64) -> bool {
         let published = self.published_ns(command.tick);
         let are_told = command.received_ns != 0 || command.sent_ns != 0;
         let spent = command.sent_ns.checked_sub(command.received_ns);
@@ -131,7 +131,14 @@ impl Plant {
     }
 
     /// Records the latencies of a command of the active controller, in `slot`, in time or late; those of its parts if it `has_times`.
-    fn clock(&mut self, slot: usize, command: &Command, has_times: bool, scheduled: u64, received: u64) {
+    fn record_latencies(
+        &mut self,
+        slot: usize,
+        command: &Command,
+        has_times: bool,
+        scheduled: u64,
+        received: u64,
+    ) {
         let (links, published) = (self.latencies_of(command, received), self.published_ns(command.tick));
         let stages = &mut self.stages;
         if has_times {

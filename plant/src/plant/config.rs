@@ -120,7 +120,7 @@ pub struct TickLaws {
 /// Reasons for which the plant stopped without finishing.
 #[derive(Debug, Error)]
 pub enum PlantError {
-    /// The law of a joint with play is invalid.
+    /// The arm with play is impossible.
     #[error(transparent)]
     Law(#[from] LawError),
     /// The motion can't be integrated.
@@ -149,14 +149,14 @@ pub enum PlantError {
         refused: Vec<String>,
     },
     /// The process of a controller ended before the controller connected.
-    #[error("no controller to wait for in {}: its process ended before it joined the run", said_slots(.slots))]
+    #[error("no controller to wait for in {}: its process ended before it joined the run", slot_list(.slots))]
     ControllerEnded {
         /// The slots that stay empty.
         slots: Vec<usize>,
     },
 }
 
-fn said_slots(slots: &[usize]) -> String {
+fn slot_list(slots: &[usize]) -> String {
     let numbers: Vec<String> = slots.iter().map(ToString::to_string).collect();
     format!("slot {}", numbers.join(", "))
 }

@@ -44,7 +44,7 @@ impl Plant {
         self.step(tick)?;
         let is_complete = match self.config.pace {
             Pace::RealTime => self.manager.all_have_answered(),
-            Pace::Lockstep => self.all_in(tick),
+            Pace::Lockstep => self.all_answered(tick),
         };
         if !is_complete {
             let deadline = match self.config.pace {
