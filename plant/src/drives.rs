@@ -62,7 +62,7 @@ pub(crate) struct Drives {
     friction: Vec<DriveFriction>,
     laws: Vec<Box<dyn DriveLaw>>,
     limit: Vec<f64>,
-    /// True if there are no losses but nominal friction.
+    /// True if the drives have nothing but nominal friction: no laws of effects, torque limits, transmissions or servos.
     plain: bool,
     /// The motors that are decoupled from their links.
     pub motors: Vec<Option<Motor>>,
@@ -129,7 +129,7 @@ impl Drives {
         self.plain &= self.servos.is_empty();
     }
 
-    /// True if there are no losses but nominal friction.
+    /// True if the drives have nothing but nominal friction: no laws of effects, torque limits, transmissions or servos.
     #[inline]
     pub fn plain(&self) -> bool {
         self.plain

@@ -247,7 +247,7 @@ impl<'a> Ways<'a> {
         })
     }
 
-    /// The last links of all chains, without fingers.
+    /// The tool frames at the ends of all chains; fingers do not count as ends.
     fn ends(&self) -> impl Iterator<Item = usize> + '_ {
         let is_last = |&link: &usize| {
             let moved = self.before(link).is_some_and(|(_, joint)| joint.motion.is_own());

@@ -23,7 +23,7 @@ use crate::sag::{Sag, SagLaw, Sagging, pressure};
 
 /// Shorter links do not bend, m.
 const SHORTEST: f64 = 1e-3;
-/// A smaller compliance counts as zero, m/N.
+/// A smaller compliance counts as this, m/N.
 const LEAST: f64 = 1e-15;
 
 /// The forms of the law.

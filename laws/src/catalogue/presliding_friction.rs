@@ -88,7 +88,7 @@ pub static KIND: Kind = Kind {
 /// Name of a shape's entry: the travel δ over which friction builds up.
 const DISPLACEMENT: &str = "displacement";
 
-/// With a displacement beyond this share of the travel, the initial bristles affect much of the motion.
+/// With a displacement beyond this share of the travel, the initial deflection of the bristles affects much of the motion.
 const LONG: f64 = 0.02;
 
 /// Displacements δ from the least that half a dozen samples around a reversal resolve to half of the travel.
