@@ -1,6 +1,6 @@
-//! Time of one answer of each built-in controller on the paper's arm, c = 0.6 mm, on the smooth path and the
-//! sharp square, with the joints on the reference. Of the programme: ticks in which no limit binds (`free`), and those in which Clarabel
-//! iterates.
+//! Time of one answer of each built-in controller on the paper's arm, c = 0.6 mm, on the smooth path and the sharp square, with the
+//! joints on the reference. For the programme, the example distinguishes ticks without an active limit (`free`) from those in which
+//! Clarabel iterates.
 //!
 //! `cargo run --release -p freeplay-controller --example answer_timing`
 
@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// States of joints that follow the reference of `task`; the tool is tracked, 0.6 mm below where the perfect arm has it.
+/// States of joints that follow the reference of `task`; the tracker measures the tool 0.6 mm below that of the perfect arm.
 fn states(task: &Task) -> Result<Vec<State>, Box<dyn Error>> {
     let arm = paper_arm().arm;
     let mut workspace = Workspace::new(&arm);

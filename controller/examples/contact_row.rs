@@ -1,10 +1,10 @@
-//! What the programme of accelerations with a contact row can do at a corner, and what it can't: a rollout of the true model through a
-//! corner of the sharp square (c = 0.6 mm), once for each way to go through it.
+//! Abilities and limits of the acceleration programme with a contact row at a corner: rollouts of the true model through a corner of the
+//! sharp square (c = 0.6 mm), one for each control strategy.
 //!
 //! `cargo run --release --workspace --example contact_row`
 //!
-//! In every tick the joints get exactly the accelerations that are wanted: the reference with its correction, and feedback. `rows` passes
-//! them through [`AccelerationProgramme`] first, which knows the journal's true place: the best case for it.
+//! In every tick the joints get exactly the wanted accelerations: the reference with its correction, plus feedback. `rows` first passes
+//! them through [`AccelerationProgramme`] with the true position of the journal, which is the best case for the programme.
 
 use std::error::Error;
 
@@ -20,16 +20,17 @@ use freeplay_path::{JointPath, PathKind, PathSpec};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
 const PERIOD: f64 = 1e-3;
-/// Time from the blend of the correction to the start of the rollout, and the times around a corner that are rolled out and counted, ticks.
+/// Time from the blend of the correction to the start of the rollout, and the rolled-out and evaluated times before and after a corner,
+/// ticks.
 const LEAD_IN: u64 = 400;
 const BEFORE: u64 = 100;
 const AFTER: u64 = 200;
 /// Natural frequency of the feedback, rad/s; damping ratio 1.
 const NATURAL_FREQUENCY: f64 = 50.0;
-/// A row binds where its slack is above this, N.
+/// A row is active if its slack is above this, N.
 const BINDING: f64 = 0.01;
 
-/// The corrected motion at one tick: position, velocity, acceleration to be held.
+/// The corrected motion at one tick: position, velocity, acceleration to hold.
 type Row = [[f64; 6]; 3];
 
 struct Scene {
@@ -39,7 +40,7 @@ struct Scene {
     corner: u64,
 }
 
-/// What a rollout came to.
+/// Results of a rollout.
 #[derive(Default)]
 struct Found {
     squares: f64,
@@ -120,7 +121,7 @@ impl Scene {
         row
     }
 
-    /// The corrected motion from the tick `first` on, through `passages` where there are any.
+    /// The corrected motion from the tick `first` on, through `passages` if there are any.
     fn course(&self, passages: &Passages) -> Result<Vec<Row>, Box<dyn Error>> {
         let mut correction = Correction::new(&self.arm, PERIOD, 0.3, &Weights::default())?;
         correction.start(&[0.0; 6], &[0.0; 6]);
@@ -152,7 +153,7 @@ impl Scene {
         Ok(course)
     }
 
-    /// Rolls the model out along `course`, with the rows of `options` if there is one.
+    /// Rolls the model out along `course`, with the rows of `options` if there are any.
     fn roll(&self, course: &[Row], options: Option<AccelerationOptions>) -> Result<Found, Box<dyn Error>> {
         let mut programme = options
             .map(|options| AccelerationProgramme::new(&self.arm, &self.play, PERIOD, options))
@@ -181,7 +182,7 @@ impl Scene {
         joints
     }
 
-    /// The accelerations that bring the joints to `row`.
+    /// The accelerations of the feedback towards `row`.
     fn feedback(&self, [q, v, a]: &Row, rollout: &Rollout) -> [f64; 6] {
         let (at, speed) = (self.joints(rollout.q()), self.joints(rollout.v()));
         std::array::from_fn(|i| {
@@ -190,7 +191,7 @@ impl Scene {
         })
     }
 
-    /// Passes `wanted` through `programme`; whether its contact row bound.
+    /// Passes `wanted` through `programme`; returns true if its contact row was active.
     fn guarded(
         &self,
         programme: &mut AccelerationProgramme,
@@ -215,7 +216,7 @@ impl Scene {
         10.0 * programme.solution()[6] > BINDING
     }
 
-    /// Takes in the tool's deviation and how far the joints alone are off the corrected path, mm at the tool.
+    /// Adds the tool's deviation and the deviation of the joints alone from the corrected path to `found`, mm at the tool.
     fn take(&self, tick: u64, [q, ..]: &Row, rollout: &Rollout, found: &mut Found) {
         let (mut nominal, mut extended) = (Workspace::new(&self.arm), Workspace::new(self.play.arm()));
         let tool = forward_kinematics(self.play.arm(), &mut extended, rollout.q()).translation.vector;

@@ -1,8 +1,9 @@
-//! Time of the compensation's programme in the ticks of a run, sharp square, T = 6 s, c = 0.6 mm: of one tick, and of a horizon, in turns.
+//! Time of the compensation programmes in the ticks of a run, sharp square, T = 6 s, c = 0.6 mm; runs of the one-tick programme and of a
+//! horizon alternate.
 //!
 //! `cargo run --release --workspace --example horizon_timing [HORIZON [WEIGHT]]`: s, mm²/(rad/s²)²
 //!
-//! The joints are on the reference. That changes nothing of the programmes: what they solve follows from the planned path alone.
+//! The joints are on the reference. The programmes do not depend on this, because they use the planned path alone.
 
 use std::error::Error;
 
@@ -13,7 +14,7 @@ use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_shm::{CommandStatus, Mode, Pace, State};
 
 const TICKS: u64 = 6000;
-/// Runs of each programme, in turns.
+/// Number of alternating runs of each programme.
 const TURNS: usize = 5;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -59,8 +60,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Prints the times that `of` takes from the answers of `runs`: all of them, and of each tick the least. The runs solve the same
-/// programmes, so that what differs between them is the machine.
+/// Prints the times that `of` extracts from the answers of `runs`: all of them, and the least of each tick. The runs solve the same
+/// programmes, so only the machine makes them differ.
 fn report(name: &str, runs: &[Vec<Answer>], of: impl Fn(&Answer) -> Option<u64>) {
     print(name, runs.iter().flatten().filter_map(&of).collect(), 1e3);
     let least = (0..TICKS as usize).filter_map(|tick| runs.iter().filter_map(|run| of(&run[tick])).min());

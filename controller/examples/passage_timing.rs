@@ -1,5 +1,5 @@
-//! What passing a corner costs: before the run, the planning of a passage (sharp square, c = 0.6 mm, T = 6 s); inside a tick, the
-//! programme that follows it, and the programme at the level of accelerations beside it, which sees one tick.
+//! Computing time of passing a corner: the planning of a passage before the run (sharp square, c = 0.6 mm, T = 6 s); within a
+//! tick, the programme that follows it; and, for comparison, the programme on accelerations, which considers one tick.
 //!
 //! `cargo run --release --workspace --example passage_timing`
 //!
@@ -20,9 +20,9 @@ use freeplay_path::{JointPath, PathKind, PathSpec};
 use nalgebra::{DMatrix, Vector3, Vector6};
 
 const PERIOD: f64 = 1e-3;
-/// Times that a corner is planned.
+/// Number of plannings of a corner.
 const PLANS: usize = 20;
-/// Times that a passage is followed.
+/// Number of runs along a passage.
 const LAPS: usize = 100;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -106,7 +106,7 @@ fn followed(
         .collect())
 }
 
-/// Times of the programme at the level of accelerations on the same ticks, and how each was solved.
+/// Times of the programme on accelerations on the same ticks, and the status of each solve.
 fn guarded(
     arm: &Arm,
     play: &ArmWithPlay,

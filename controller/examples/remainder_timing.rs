@@ -1,4 +1,4 @@
-//! Time that the learned remainder of a weight file takes in a tick: `cargo run --release -p freeplay-controller --example remainder_timing -- WEIGHTS`.
+//! Time of the learned remainder of a weight file in a tick: `cargo run --release -p freeplay-controller --example remainder_timing -- WEIGHTS`.
 //!
 //! Along the paper's path, after a warm-up: the whole answer (inputs, region, network), and the network alone; median and 99th percentile, ns.
 
@@ -10,7 +10,7 @@ use freeplay_controller::compensation::Motion;
 use freeplay_controller::{Remainder, WeightFile};
 use freeplay_path::{JointPath, PathSpec};
 
-/// Calls that are timed together: a clock takes 20 ns itself.
+/// Calls timed together, because reading the clock takes 20 ns.
 const TOGETHER: u64 = 20;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

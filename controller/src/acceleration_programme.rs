@@ -1,5 +1,5 @@
-//! The programme of one tick at the level of accelerations: the joint accelerations nearest to the wanted ones that the drives can
-//! give, that leave room to brake, and under which the journals stay in their bearings.
+//! Programme of one tick on accelerations: it finds the joint accelerations nearest to the wanted ones within the limits of the drives.
+//! They leave the joints able to brake and keep the journals in contact with their bearings.
 //!
 //! `min ½‖J a − r‖²_W + ε/2 ‖a − a_w‖² + γ/2 ‖s‖²` subject to
 //!
@@ -7,12 +7,12 @@
 //! - acceleration, speed, position: one interval for each joint, from which it can always brake (Del Prete 2018, IEEE RA-L 3:281):
 //!   `|a| ≤ a_max`, `|v + a T| ≤ v_max`, and after the tick the stopping distance with a_max ends within the range,
 //! - contact: `−nᵀ b(a) ≥ F_min − s`, for each journal with the normal n (see [`PinForce`]),
-//! - turning: `|tᵀ b(a)| ≤ κ (−nᵀ b(a)) + s`, `s ≥ 0`: the force stays within atan κ of the normal and so turns no faster than the normal
-//!   is let.
+//! - turning: `|tᵀ b(a)| ≤ κ (−nᵀ b(a)) + s`, `s ≥ 0`: the force stays within the angle atan κ of the normal, so that it turns no faster
+//!   than the normal may turn.
 //!
-//! With no row active the minimiser is that of damped least squares, which is tried first; the solver is only asked where it breaks a row
-//! (one tick of 107 in a planned passage). Inside, accelerations are in 10 rad/s², torques in shares of their
-//! limits, forces in 10 N.
+//! If no row is active, the minimiser is the damped least-squares solution, which the programme tries first. It calls the solver only if
+//! that solution violates a row (one tick of 107 in a planned passage). Internally, accelerations are in 10 rad/s², torques in shares of
+//! their limits, forces in 10 N.
 
 use freeplay_arm::{Arm, Limits};
 use freeplay_laws::ArmWithPlay;
@@ -23,13 +23,13 @@ use crate::free_minimiser::FreeMinimiser;
 use crate::pin_force::PinForce;
 use crate::qp::{Qp, QpError};
 
-/// Unit of acceleration inside, rad/s² (m/s²).
+/// Internal unit of acceleration, rad/s² (m/s²).
 const ACCELERATION: f64 = 10.0;
-/// Unit of force inside, N.
+/// Internal unit of force, N.
 const FORCE: f64 = 10.0;
-/// Rows of one journal: contact, turning to either side, its slack.
+/// Rows of one journal: contact, turning in both directions, and its slack.
 const JOURNAL_ROWS: usize = 4;
-/// A bound that never binds.
+/// A bound that is never active.
 const FAR: f64 = 1e3;
 
 /// Weights of the cost and bounds of the contact rows of an [`AccelerationProgramme`].
@@ -39,9 +39,9 @@ pub struct AccelerationOptions {
     pub tool: Vector6<f64>,
     /// ε > 0: weight of the distance to the wanted accelerations of the joints.
     pub joints: f64,
-    /// γ > 0: what a slack of 10 N costs beside accelerations of 10 m/s².
+    /// γ > 0: cost of a slack of 10 N relative to accelerations of 10 m/s².
     pub slack: f64,
-    /// F_min, N: least force with which a bearing is to hold its journal.
+    /// F_min, N: least force of a bearing on its journal.
     pub least_force: f64,
     /// κ: tangent of the largest angle between the force and the normal.
     pub turning: f64,
@@ -54,11 +54,11 @@ impl Default for AccelerationOptions {
     }
 }
 
-/// What is wanted of the accelerations.
+/// Wanted accelerations.
 pub struct Wanted<'a> {
     /// Jacobian J of the tool, 6×n.
     pub jacobian: &'a DMatrix<f64>,
-    /// r: wanted acceleration of the tool less J̇ v, m/s² and rad/s².
+    /// r: wanted acceleration of the tool minus J̇ v, m/s² and rad/s².
     pub tool: &'a Vector6<f64>,
     /// a_w: wanted accelerations of the joints, rad/s² (m/s²).
     pub joints: &'a [f64],
@@ -72,7 +72,7 @@ pub struct AccelerationProgramme {
     period: f64,
     options: AccelerationOptions,
     still: Vec<f64>,
-    /// Forces without acceleration of the joints, in the coordinates of the arm with play.
+    /// Forces at zero joint acceleration, in the coordinates of the arm with play.
     bias: Vec<f64>,
     weighted: DMatrix<f64>,
     cost: DMatrix<f64>,
@@ -86,10 +86,11 @@ pub struct AccelerationProgramme {
 }
 
 impl AccelerationProgramme {
-    /// For `arm`, which is `with_play` with its plays, ticks of `period` seconds, and the weights and bounds in `options`.
+    /// Creates a programme for `arm`, ticks of `period` seconds, and the weights and bounds in `options`; `with_play` is `arm` with its
+    /// plays.
     ///
     /// # Errors
-    /// The solver's refusal; see [`QpError`].
+    /// The solver refused the data; see [`QpError`].
     pub fn new(
         arm: &Arm,
         with_play: &ArmWithPlay,
@@ -123,12 +124,12 @@ impl AccelerationProgramme {
         &self.accelerations
     }
 
-    /// The multipliers of the rows at the newest solution; see [`Qp::multipliers`]. All zero where the report says `Free`.
+    /// The multipliers of the rows at the newest solution; see [`Qp::multipliers`]. All are zero if the report says `Free`.
     pub fn multipliers(&self) -> &[f64] {
         &self.multipliers
     }
 
-    /// The rows A and the bounds b of the newest programme, `A x ≤ b`, for who wants to check a solution.
+    /// The rows A and the bounds b of the newest programme, `A x ≤ b`, for checks of a solution.
     pub fn rows(&self) -> (&DMatrix<f64>, &[f64]) {
         (&self.rows, &self.bounds)
     }
@@ -143,9 +144,9 @@ impl AccelerationProgramme {
         &self.solution
     }
 
-    /// Solves for joints at `joints` (its accelerations are not used) and journals moving as `journals` says, with the normals `normals`
-    /// of their contacts (two numbers each) and the torques `friction` of drives and contacts on the joints, N·m. The result is
-    /// [`Self::accelerations`]; where there is none, the wanted accelerations, and the report says why.
+    /// Solves the programme for the joints at `joints` (its accelerations are ignored) and the journal motion `journals`. `normals` are
+    /// the normals of the contacts (two numbers each), and `friction` the torques of drives and contacts on the joints, N·m. The result
+    /// is [`Self::accelerations`]; if there is no solution, these are the wanted accelerations, and the report names the cause.
     pub fn solve(
         &mut self,
         joints: Motion<'_>,
@@ -212,7 +213,7 @@ impl AccelerationProgramme {
         }
     }
 
-    /// The rows of the joints' own intervals; the first joint whose interval is empty, if any.
+    /// Fills the rows of the joint intervals. Returns the first joint whose interval is empty, if there is one.
     fn fill_intervals(&mut self, joints: Motion<'_>) -> Option<usize> {
         let n = self.limits.len();
         for (joint, limits) in self.limits.iter().enumerate() {
@@ -226,14 +227,14 @@ impl AccelerationProgramme {
         None
     }
 
-    /// The rows of torques, contacts and turning, whose coefficients change with the posture.
+    /// Fills the rows of torques, contacts and turning, whose coefficients depend on the posture.
     fn fill_forces(&mut self, normals: &[f64], friction: &[f64]) {
         let n = self.limits.len();
         self.pin.weigh();
         let (arm, mass) = (self.pin.arm(), self.pin.mass());
         for (joint, limits) in self.limits.iter().enumerate() {
             let at = arm.joint(joint);
-            // A drive without a limit has rows of nothing.
+            // A drive without a limit has rows of zeros.
             let share = 1.0 / limits.effort;
             for column in 0..n {
                 let torque = ACCELERATION * mass[(at, arm.joint(column))] * share;
@@ -264,13 +265,14 @@ impl AccelerationProgramme {
     }
 }
 
-/// Whether `x` keeps the rows A x ≤ b.
+/// Returns true if `x` satisfies the rows A x ≤ b.
 fn keeps(rows: &DMatrix<f64>, bounds: &[f64], x: &[f64]) -> bool {
     let along = |row: usize| x.iter().enumerate().map(|(column, x)| rows[(row, column)] * x).sum::<f64>();
     bounds.iter().enumerate().all(|(row, &bound)| along(row) <= bound)
 }
 
-/// Rows of torque (upper, lower), interval (upper, lower) and journals with an entry in every place that may be other than zero.
+/// Sparsity pattern with the rows of torque (upper, lower), interval (upper, lower) and journals: an entry at every position that may be
+/// nonzero.
 fn pattern(n: usize, plays: usize) -> DMatrix<f64> {
     DMatrix::from_fn(4 * n + JOURNAL_ROWS * plays, n + plays, |row, column| {
         if row < 2 * n {
@@ -290,20 +292,20 @@ fn pattern(n: usize, plays: usize) -> DMatrix<f64> {
     })
 }
 
-/// The accelerations of a joint at `q`, `v` from which it can always brake before its limits of position and speed, rad/s² (m/s²).
+/// Interval of accelerations of a joint at `q`, `v` that leave it able to brake before its limits of position and speed, rad/s² (m/s²).
 fn interval(limits: &Limits, q: f64, v: f64, period: f64) -> (f64, f64) {
     let greatest = |far: f64, q: f64, v: f64| {
         let most = limits.acceleration;
         let speed = (limits.velocity - v) / period;
         let wanted = speed.min(before_the_end(far - q, v, most, period));
-        // Who is too fast or too far brakes as hard as it can.
+        // A joint that is too fast or too far brakes with its full acceleration.
         wanted.clamp(-most, most)
     };
     (-greatest(-limits.lower, -q, -v), greatest(limits.upper, q, v))
 }
 
-/// The greatest acceleration for one tick after which braking with `most` ends within `distance`: with w = v + a T,
-/// `(v + w) T/2 + w²/(2 most) = distance`.
+/// The greatest acceleration for one tick such that braking with `most` then ends within `distance`. With w = v + a T it satisfies `(v +
+/// w) T/2 + w²/(2 most) = distance`.
 fn before_the_end(distance: f64, v: f64, most: f64, period: f64) -> f64 {
     let left = distance - 0.5 * v * period;
     if most.is_infinite() {

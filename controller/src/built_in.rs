@@ -6,10 +6,10 @@ use crate::computed_torque::{COMPUTED_TORQUE, ComputedTorque};
 use crate::narx_qp::{NARX_QP, NarxQp};
 use crate::quasi_static::{QUASI_STATIC, QuasiStaticControl};
 
-/// The names that [`built_in()`] knows.
+/// The names accepted by [`built_in()`].
 pub const BUILT_IN: [&str; 3] = [COMPUTED_TORQUE, QUASI_STATIC, NARX_QP];
 
-/// The built-in controller of that name, if there is one.
+/// The built-in controller `name`, if there is one.
 pub fn built_in(name: &str) -> Option<Box<dyn Controller>> {
     match name {
         COMPUTED_TORQUE => Some(Box::new(ComputedTorque::default())),

@@ -1,11 +1,11 @@
-//! A signal at four ticks: its derivatives at the second, and what a value held from there to the third has to be.
+//! A signal at four ticks: its derivatives at the second, and the value to hold from there to the third.
 
 use crate::compensation::Motion;
 
 /// The values of a signal at the ticks j − 1, j, j + 1 and j + 2.
 ///
-/// Velocity and acceleration at j are the centred differences. What is held for the tick from j to j + 1 (a torque) has to give the
-/// mean acceleration of that tick, the one that leads from the velocity at j to that at j + 1; the one at j would run half a tick late.
+/// Velocity and acceleration at j are the centred differences. A value held from j to j + 1 (a torque) has to give the mean
+/// acceleration of that tick, which leads from the velocity at j to that at j + 1; the acceleration at j would be late by half a tick.
 #[derive(Clone, Debug)]
 pub struct Centred {
     period: f64,
@@ -20,11 +20,11 @@ pub struct Centred {
     known: usize,
 }
 
-/// Values that are kept.
+/// Number of stored values.
 const KEPT: usize = 4;
 
 impl Centred {
-    /// A signal of `width` numbers, at rest at zero, in ticks of `period` seconds.
+    /// Creates a signal of `width` channels, at rest at zero, in ticks of `period` seconds.
     pub fn new(width: usize, period: f64) -> Centred {
         let zeros = vec![0.0; width];
         Centred {
@@ -40,19 +40,19 @@ impl Centred {
         }
     }
 
-    /// Is at rest at `values` from now on, and has been before.
+    /// Sets the signal to rest at `values`, now and in the past.
     pub fn rest(&mut self, values: &[f64]) {
         self.known = 0;
         self.push(values);
         self.known = KEPT;
     }
 
-    /// Forgets the past: the next value counts for all ticks, and there are no derivatives before four values are known.
+    /// Clears the past: the next value fills all ticks, and there are no derivatives before four values are known.
     pub fn clear(&mut self) {
         self.known = 0;
     }
 
-    /// Moves on by one tick to the newest value.
+    /// Advances by one tick to the newest value.
     pub fn push(&mut self, values: &[f64]) {
         self.known = (self.known + 1).min(KEPT);
         if self.known == 1 {
@@ -83,7 +83,7 @@ impl Centred {
         Motion { q: &self.middle, v: &self.velocity, a: &self.acceleration }
     }
 
-    /// The acceleration that is to be held from the tick j to j + 1.
+    /// The acceleration to hold from the tick j to j + 1.
     pub fn held(&self) -> &[f64] {
         &self.held
     }

@@ -1,11 +1,11 @@
-//! A centred, weighted moving average over a predicted signal, of which the future is known.
+//! A centred, weighted moving average over a predicted signal, whose future is known.
 
 use std::f64::consts::PI;
 
-/// The last 2h + 1 values of a signal; their mean belongs to the instant of the middle one, h ticks before the newest.
+/// The last 2h + 1 values of a signal; their mean belongs to the instant of the middle value, h ticks before the newest.
 ///
-/// The weights are those of Hann's window, sin²(π i/(2h + 2)), i = 1…2h + 1: where the signal jumps, the mean goes over with a smooth
-/// acceleration, which a mean of equal weights would have in two blows.
+/// The weights are those of Hann's window, sin²(π i/(2h + 2)), i = 1…2h + 1. If the signal jumps, the mean changes with a smooth
+/// acceleration; with equal weights the acceleration would have two pulses.
 #[derive(Clone, Debug)]
 pub struct CentredAverage {
     /// Row after row.
@@ -14,12 +14,12 @@ pub struct CentredAverage {
     length: usize,
     /// Row of the oldest value.
     oldest: usize,
-    /// From the oldest to the newest; they add up to 1.
+    /// Weights from the oldest to the newest value; they add up to 1.
     weights: Vec<f64>,
 }
 
 impl CentredAverage {
-    /// For a signal of `width` numbers, with `half` values before and after the middle.
+    /// Creates an average of a signal of `width` channels, with `half` values before and after the middle.
     pub fn new(half: usize, width: usize) -> CentredAverage {
         let length = 2 * half + 1;
         let hann = |i: usize| (PI * (i + 1) as f64 / (length + 1) as f64).sin().powi(2);
@@ -28,7 +28,7 @@ impl CentredAverage {
         CentredAverage { values: vec![0.0; length * width], width, length, oldest: 0, weights }
     }
 
-    /// Number of values before, and after, the middle: how far ahead the newest is.
+    /// Number of values before, and after, the middle; the newest value is so many ticks ahead.
     pub fn half_width(&self) -> usize {
         self.length / 2
     }

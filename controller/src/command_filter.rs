@@ -1,9 +1,9 @@
-//! A filter of commands for position servos: the command with which the servos of the model follow the path.
+//! Command filter for position servos: it computes the commands with which the servos of the model follow the path.
 //!
-//! A servo of stiffness k and damping d gives τ = k e − d q̇ of the error e, late by its delay. So that the joint is at q with the velocity q̇ although
-//! its drive has to spend τ, the command has to be u = q + (τ + d q̇)/k, earlier by the delay, and by half of the time for which a
-//! command is held. τ is that of the model along the path: inertia, gravity, friction. At a reversal dry friction turns its sign and u jumps; it is smoothed over
-//! as long as known shifts are, kept within the torque that the servo has, and led no faster than a joint may move.
+//! A servo of stiffness k and damping d gives τ = k e − d q̇ for the error e, delayed by its dead time. To put the joint at q with the velocity q̇ while its
+//! drive gives τ, the command is u = q + (τ + d q̇)/k, sent earlier by the delay and by half the hold time of a command. τ is that of the model along the path:
+//! inertia, gravity, friction. At a reversal dry friction changes its sign and u jumps. The filter smooths the jump over the same span as known shifts, and
+//! limits the commands to the torque of the servo and to the speed of the joint.
 //! Source: Åström & Murray 2008, Feedback Systems, §12.2 (feed-forward by inversion).
 
 use freeplay_arm::Joint;
@@ -18,7 +18,7 @@ use crate::model::Model;
 use crate::not_ready::NotReady;
 use crate::task::{Task, TaskError, TaskMode};
 
-/// Share of a joint's speed limit that commands use: the rest is for what else is added to them.
+/// Share of a joint's speed limit for the commands; the rest is for corrections that are added to them.
 const SPEED_SHARE: f64 = 0.9;
 
 /// The filter; see the module.
@@ -28,15 +28,15 @@ pub struct CommandFilter {
     joints: usize,
     /// The path, `[row][joint]`.
     path: Vec<f64>,
-    /// Commands minus path, `[row][joint]`, rad (m), and how fast that changes.
+    /// Commands minus path, `[row][joint]`, rad (m), and the rate of that difference.
     shift: [Vec<f64>; 2],
 }
 
 impl CommandFilter {
-    /// For the servos of `model` along `path`, for the controller `controller` of `task`.
+    /// Creates the filter for the servos of `model` along `path`, for the controller `controller` of `task`.
     ///
     /// # Errors
-    /// [`TaskError::OptionValue`] in another mode than servo, or for a model that lacks a servo; effects that leave no arm.
+    /// [`TaskError::OptionValue`] in a mode other than servo, or for a model that lacks a servo; effects that give an impossible arm.
     pub fn along(
         model: &Model,
         path: &JointPath,
@@ -86,7 +86,7 @@ impl CommandFilter {
         })
     }
 
-    /// Shifts the commanded positions and velocities of `answer` for the instant `t`, s. An answer whose `reference` lies off the path stays as it is.
+    /// Shifts the commanded positions and velocities of `answer` for the instant `t`, s. If `reference` is not on the path, the answer stays unchanged.
     pub fn apply(&self, t: f64, reference: &Reference, answer: &mut Answer) {
         let last = self.path.len() / self.joints - 1;
         let row = ((t / self.step).round().max(0.0) as usize).min(last) * self.joints;
@@ -114,25 +114,25 @@ impl Servo {
         Some(Servo { law: *law, delay: delays.map(|(_, delay)| delay).sum() })
     }
 
-    /// Command minus position at which the servo gives `torque`, N·m (N), at the velocity `v`.
+    /// Command minus position for which the servo gives `torque`, N·m (N), at the velocity `v`.
     fn error(&self, torque: f64, v: f64) -> f64 {
         let law = &self.law;
         let asked = (torque + law.damping * v).clamp(-law.torque_limit, law.torque_limit);
-        // Rounding down takes half a step on average.
+        // Rounding down subtracts half a step on average.
         let rounded = 0.5 * law.resolution - law.offset;
         let band = if asked == 0.0 { 0.0 } else { law.deadband.copysign(asked) };
         asked / law.stiffness + band + rounded
     }
 }
 
-/// Tells whether the drives spend torque on `placed`: they spend none on sensors, nor on springs and gaps behind the encoder.
+/// Returns true if the drives need torque for `placed`; they need none for sensors, and none for springs and gaps behind the encoder.
 fn costs_torque(placed: &Placed) -> bool {
     let mut injection = Injection::default();
     placed.effect.inject(&mut injection);
     !injection.drives.is_empty() || !injection.rotors.is_empty()
 }
 
-/// `column` read `rows` rows ahead, along straight lines; its last value beyond its end.
+/// `column` shifted `rows` rows earlier, by linear interpolation; beyond its end it keeps its last value.
 fn earlier(column: &[f64], rows: f64) -> Vec<f64> {
     let last = column.len() - 1;
     let read = |row: usize| {
@@ -144,7 +144,7 @@ fn earlier(column: &[f64], rows: f64) -> Vec<f64> {
     (0..column.len()).map(read).collect()
 }
 
-/// `column` within the range of `joint`, and no faster than it may move.
+/// `column` limited to the range of `joint` and to its speed.
 fn led(column: &[f64], joint: &Joint, step: f64) -> Vec<f64> {
     let limits = &joint.limits;
     let most = SPEED_SHARE * limits.velocity * step;

@@ -1,22 +1,22 @@
-//! The compensation of one tick: which joint correction Δq takes a predicted deviation of the tool out.
+//! Compensation of one tick: the joint correction Δq that cancels a predicted deviation of the tool.
 //!
 //! `min ½‖J_p Δq + r_p‖²_W + ε/2 ‖J_w Δq + r_w‖² + ρ/2 ‖Δq − Δq₋₁‖²` subject to, for every joint,
 //!
 //! - position: `q_min ≤ q_d + Δq ≤ q_max`,
 //! - speed: `|Δq − Δq₋₁| ≤ (v_max − |v_d|) T`,
-//! - acceleration: `|a_d + (Δq − 2Δq₋₁ + Δq₋₂)/T²| ≤ a_max`,
+//! - acceleration: `|a_d + (Δq − 2Δq₋₁ + Δq₋₂)/T²| ≤ a_max`.
 //!
-//! with J the Jacobian of the tool (linear rows J_p, angular rows J_w), r the deviation to be taken out (linear m, angular rad, base
-//! frame), q_d, v_d, a_d the desired motion at the instant of Δq and T the period of the ticks. Each of the three limits is an
-//! interval for Δq, so that a joint has one interval, their intersection: two rows of the programme. Inside, everything is in mm and
-//! mrad.
+//! J is the Jacobian of the tool (linear rows J_p, angular rows J_w), r the deviation to compensate (linear m, angular rad, base frame); q_d, v_d, a_d are the
+//! desired motion at the instant of Δq, and T is the period of the ticks. Each of the three limits is an interval for Δq. Their intersection is one interval a
+//! joint, which gives two rows of the programme. Internal units are mm and mrad.
 //!
-//! The minimiser of the cost alone is that of damped least squares. Where it keeps every interval it is the minimiser of the programme too
-//! (stationary, feasible, all multipliers zero), and nothing is iterated: [`CompensationStatus::Free`]. Else Clarabel solves.
+//! The minimiser of the cost alone is the damped least-squares solution. If it satisfies every interval, it is also the minimiser of the programme (stationary,
+//! feasible, all multipliers zero), and no iteration is needed: [`CompensationStatus::Free`]. Otherwise Clarabel solves the programme.
 //!
-//! A desired motion that leaves no room would forbid the correction even to come to rest: the room is never less than
-//! [`LEAST_SHARE`](crate::correction_bounds::LEAST_SHARE) of the limit. Towards a position limit the correction is no faster than it can brake with that share. Where the intervals do not meet or the programme fails, the correction is held, braking within the
-//! acceleration limit, and the report names the cause.
+//! A desired motion that uses a whole limit would forbid the correction even to come to rest. The bounds therefore leave at least
+//! [`LEAST_SHARE`](crate::correction_bounds::LEAST_SHARE) of each limit to the correction. Near a position limit, the correction is no faster than it can brake
+//! with that share. If the intervals do not intersect or the programme fails, the correction brakes to rest within the acceleration limit, and the report names
+//! the cause.
 
 use freeplay_arm::{Arm, Limits};
 use nalgebra::{DMatrix, Vector6};
@@ -39,8 +39,7 @@ pub struct Weights {
     pub orientation: f64,
     /// ρ, 1/mrad² (1/mm²): weight of the change of the correction from tick to tick; > 0, so that the minimiser is unique.
     pub change: f64,
-    /// α, mm²/(rad/s²)²: weight of the acceleration of the correction in a horizon ([`crate::horizon`]); the programme of one tick
-    /// has none.
+    /// α, mm²/(rad/s²)²: weight of the acceleration of the correction in a horizon ([`crate::horizon`]); the programme of one tick does not use it.
     pub acceleration: f64,
 }
 
@@ -51,14 +50,14 @@ impl Default for Weights {
 }
 
 impl Weights {
-    /// W, with ε for the angular rows, of an arm of `joints` joints.
+    /// Diagonal of the weights W, with ε for the angular rows, for an arm of `joints` joints.
     pub(crate) fn by_row(&self, joints: usize) -> Vector6<f64> {
         let [x, y, z] = self.position;
         let orientation = if joints < 6 { 0.0 } else { self.orientation };
         Vector6::new(x, y, z, orientation, orientation, orientation)
     }
 
-    /// What is wrong with the weights, if anything.
+    /// Returns the first fault of the weights, if there is one.
     pub fn fault(&self) -> Option<&'static str> {
         let fine = |weight: f64| weight.is_finite() && weight >= 0.0;
         if !(self.position.into_iter().all(fine) && fine(self.orientation) && fine(self.acceleration)) {
@@ -84,30 +83,30 @@ pub struct Motion<'a> {
     pub a: &'a [f64],
 }
 
-/// How one compensation ended.
+/// Status of one compensation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CompensationStatus {
-    /// No limit binds: the correction is the minimiser of the cost alone, which keeps all limits. Nothing was iterated.
+    /// No limit is active: the minimiser of the cost alone satisfies all limits. No iteration was needed.
     Free,
-    /// The programme was solved by iteration; the correction is its minimiser.
+    /// The solver iterated; the correction is the minimiser.
     Solved,
-    /// The limits of this joint (index) cannot all be kept; the correction is held, braking.
+    /// The limits of this joint (index) contradict each other; the correction brakes to rest.
     LimitsConflict(usize),
-    /// The programme ended in this way; the correction is held, braking.
+    /// The programme failed with this status; the correction brakes to rest.
     Failed(QpStatus),
 }
 
 impl CompensationStatus {
-    /// Whether the correction is the minimiser of the programme.
+    /// Returns true if the correction is the minimiser of the programme.
     pub fn is_minimiser(self) -> bool {
         matches!(self, CompensationStatus::Free | CompensationStatus::Solved)
     }
 }
 
-/// One compensation: how it ended, and the solver's effort.
+/// Result of one compensation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CompensationReport {
-    /// How it ended.
+    /// Status.
     pub status: CompensationStatus,
     /// Iterations of the solver; 0 if it was not called.
     pub iterations: u32,
@@ -123,7 +122,7 @@ pub struct Compensator {
     /// Δq₋₁ and Δq₋₂, SI.
     last: Vec<f64>,
     before: Vec<f64>,
-    // What follows is in mm and mrad.
+    // The following buffers are in mm and mrad.
     weighted: DMatrix<f64>,
     cost: DMatrix<f64>,
     linear: Vec<f64>,
@@ -132,10 +131,10 @@ pub struct Compensator {
 }
 
 impl Compensator {
-    /// For `arm` with its limits, ticks of `period` seconds, starting from no correction.
+    /// Creates a compensator for `arm` with its limits and ticks of `period` seconds. It starts without a correction.
     ///
     /// # Errors
-    /// The solver's refusal; see [`QpError`].
+    /// The solver refused the data; see [`QpError`].
     pub fn new(arm: &Arm, period: f64, weights: &Weights) -> Result<Compensator, QpError> {
         let n = arm.dof();
         let rows = DMatrix::from_fn(2 * n, n, |row, column| match (row % n == column, row < n) {
@@ -169,7 +168,7 @@ impl Compensator {
         [&self.last, &self.before]
     }
 
-    /// Moves on by one tick to the correction `found`, rad (m), which keeps the limits.
+    /// Advances by one tick to the correction `found`, rad (m), which satisfies the limits.
     pub(crate) fn accept(&mut self, found: &[f64]) {
         self.before.copy_from_slice(&self.last);
         self.last.copy_from_slice(found);
@@ -181,8 +180,8 @@ impl Compensator {
         self.before.copy_from_slice(at);
     }
 
-    /// Moves on by one tick: the correction for the instant of `desired`, whose tool Jacobian (6×n) is `jacobian` and whose
-    /// deviation (linear m, angular rad, base frame) is `deviation`. The result is [`Self::correction`].
+    /// Advances by one tick. The function computes the correction for the instant of `desired`, with the tool Jacobian `jacobian` (6×n) and the deviation
+    /// `deviation` (linear m, angular rad, base frame). The result is [`Self::correction`].
     pub fn advance(
         &mut self,
         desired: Motion<'_>,
@@ -220,7 +219,7 @@ impl Compensator {
         }
     }
 
-    /// Writes each joint's interval into the bounds; the index of the first joint whose interval is empty, if any.
+    /// Writes each joint's interval into the bounds. Returns the index of the first joint whose interval is empty, if there is one.
     fn fill_bounds(&mut self, desired: Motion<'_>) -> Option<usize> {
         let n = self.limits.len();
         for joint in 0..n {
@@ -230,7 +229,7 @@ impl Compensator {
                 self.period,
             );
             let (lower, upper) = room.interval(self.last[joint], self.before[joint]);
-            // A desired motion that is not a number makes limits that are not: a conflict too.
+            // A desired motion of NaN gives bounds of NaN, which count as a conflict, too.
             if lower.is_nan() || upper.is_nan() || lower > upper {
                 return Some(joint);
             }
@@ -240,7 +239,7 @@ impl Compensator {
         None
     }
 
-    /// Lets the correction come to rest as fast as the acceleration limits allow, without a desired motion.
+    /// Brings the correction to rest as fast as the acceleration limits allow, ignoring the desired motion.
     fn hold_braking(&mut self) {
         for (joint, limits) in self.limits.iter().enumerate() {
             let rate = self.last[joint] - self.before[joint];
@@ -251,7 +250,7 @@ impl Compensator {
     }
 }
 
-/// Writes W J and the upper triangle of JᵀWJ, with the weights W of the `rows` of J.
+/// Writes W J and the upper triangle of JᵀWJ; `rows` is the diagonal of W.
 pub(crate) fn weighted_normal_matrix(
     rows: &Vector6<f64>,
     jacobian: &DMatrix<f64>,
@@ -270,7 +269,7 @@ pub(crate) fn weighted_normal_matrix(
     }
 }
 
-/// Moves on to the correction `found`, mrad (mm).
+/// Advances to the correction `found`, mrad (mm).
 fn accept(last: &mut [f64], before: &mut [f64], found: &[f64]) {
     before.copy_from_slice(last);
     last.iter_mut().zip(found).for_each(|(last, found)| *last = found / MILLI);

@@ -1,8 +1,8 @@
-//! The built-in `computed-torque`: the perfect arm's inverse dynamics with feedback, no compensation.
+//! The built-in `computed-torque`: inverse dynamics of the perfect arm with feedback, without compensation.
 //!
-//! `τ = RNEA(q⁺, v⁺, q̈_d + 2ζω (q̇_d − v⁺) + ω² (q_d − q⁺)) + friction of the drives at q̇_d`, with q⁺, v⁺ the predicted state and q_d,
-//! q̇_d, q̈_d the reference at the instant at which the torque takes effect. In modes driven and servo the reference is passed on as it is; with the option
-//! `command_filter` as the command with which the servos of the model follow it.
+//! `τ = RNEA(q⁺, v⁺, q̈_d + 2ζω (q̇_d − v⁺) + ω² (q_d − q⁺)) + friction of the drives at q̇_d`, with q⁺, v⁺ the predicted state and q_d, q̇_d, q̈_d the
+//! reference at the instant at which the torque takes effect. In modes driven and servo the controller sends the reference unchanged; with the option
+//! `command_filter` it sends the commands with which the servos of the model follow the reference.
 
 use freeplay_arm::{Arm, Workspace, rnea};
 use freeplay_controller_sdk::{Answer, Controller, ControllerError, RunInfo};
@@ -93,7 +93,7 @@ impl Controller for ComputedTorque {
 #[derive(Default, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Options {
-    /// Whether commands make up for what the servos of the model do to them; mode servo.
+    /// If true, the commands compensate the dynamics of the servos in the model; mode servo.
     command_filter: bool,
 }
 
@@ -109,7 +109,7 @@ impl Ready {
     }
 }
 
-/// The acceleration that brings `state` to `desired`: `q̈_d + 2ζω (q̇_d − v) + ω² (q_d − q)`.
+/// The acceleration command of the feedback from `state` to `desired`: `q̈_d + 2ζω (q̇_d − v) + ω² (q_d − q)`.
 pub(crate) fn feedback(gains: Gains, desired: Motion<'_>, state: &JointState, acceleration: &mut [f64]) {
     let stiffness = gains.natural_frequency * gains.natural_frequency;
     let damping = 2.0 * gains.damping_ratio * gains.natural_frequency;
@@ -120,7 +120,7 @@ pub(crate) fn feedback(gains: Gains, desired: Motion<'_>, state: &JointState, ac
     }
 }
 
-/// Adds what the drives spend against their own friction at the velocities `v`.
+/// Adds the torques against the friction of the drives at the velocities `v`.
 pub(crate) fn add_drive_friction(friction: &[DriveFriction], v: &[f64], torque: &mut [f64]) {
     for ((torque, friction), &v) in torque.iter_mut().zip(friction).zip(v) {
         *torque += friction.resisting(v);

@@ -1,8 +1,8 @@
-//! Finds the corners of a path: where the journals cannot follow the quasi-static prediction.
+//! Search for the corners of a path, where the journals cannot follow the quasi-static prediction.
 //!
-//! The prediction, smoothed, is that of an [`DisplacementPreview`]. Where moving the journals as it says takes a noticeable share of the force
-//! that holds them in their bearings, they will not move so, and a [`Passage`](crate::passage) is planned from some time before
-//! to some time after.
+//! The smoothed prediction comes from a [`DisplacementPreview`]. If moving the journals along it needs a noticeable share of the force that
+//! holds them in their bearings, the journals will not follow. A [`Passage`](crate::passage) is then planned from some time before the corner
+//! to some time after it.
 
 use freeplay_arm::Arm;
 use freeplay_laws::ArmWithPlay;
@@ -14,16 +14,16 @@ use crate::passage_planner::PassagePlanner;
 use crate::passage_trajectory::Instant;
 use crate::pin_force::PinForce;
 
-/// Share of a bearing's force that moving the journal takes, from which on there is a corner.
+/// Least share of a bearing's force for moving the journal that marks a corner.
 const NOTICEABLE: f64 = 0.01;
-/// Ticks of all passages that are planned before a run, laps that repeat counted once.
+/// Most ticks of all passages planned before a run; repeated laps count once.
 const MOST_PLANNED: usize = 3000;
-/// Ticks of a run in which corners are looked for.
+/// Length of the searched part of a run, ticks.
 const MOST_SEARCHED: u64 = 120_000;
-/// Two corners whose references differ by less than this, rad (m), have the same passage.
+/// Two corners have the same passage if their references differ by less than this, rad (m).
 const SAME: f64 = 1e-9;
 
-/// What finding corners and planning passages through them takes.
+/// Inputs of the search for corners and of the planning of passages.
 pub struct CornerSearch<'a> {
     /// The nominal arm.
     pub arm: &'a Arm,
@@ -33,7 +33,7 @@ pub struct CornerSearch<'a> {
     pub period: f64,
     /// The compensation's weights.
     pub weights: Weights,
-    /// What the passages are judged by.
+    /// Options of the planning of passages.
     pub options: PassageOptions,
 }
 
@@ -68,7 +68,7 @@ impl CornerSearch<'_> {
         Passages::new(planned.into_iter().map(|known| known.passage).collect(), unplanned)
     }
 
-    /// First and last tick of every corner, margins included; corners that would touch are one.
+    /// First and last tick of every corner, margins included; overlapping corners are merged.
     fn corners(&self, outlook: &mut DisplacementPreview, from: u64, to: u64, margin: u64) -> Vec<(u64, u64)> {
         let mut pin = PinForce::new(self.with_play);
         let mut corners: Vec<(u64, u64)> = Vec::new();
@@ -88,7 +88,7 @@ impl CornerSearch<'_> {
         corners.into_iter().map(|(first, last)| (first - margin, last + margin)).collect()
     }
 
-    /// Whether moving the journals as `moving` says at `tick` takes a noticeable share of the force that holds one of them.
+    /// Returns true if moving the journals along `moving` at `tick` needs a noticeable share of the force that holds one of them.
     fn is_corner(
         &self,
         pin: &mut PinForce,
@@ -111,7 +111,7 @@ impl CornerSearch<'_> {
     }
 }
 
-/// A passage and what it was planned for.
+/// A passage and the part of the path for which it was planned.
 struct Planned {
     piece: Piece,
     passage: Passage,
@@ -131,7 +131,7 @@ impl Piece {
         }
     }
 
-    /// Whether it is the same as `other` but for the time.
+    /// Returns true if the reference and the journals equal those of `other`, apart from the time.
     fn is(&self, other: &Piece) -> bool {
         let near = |one: &[Vec<f64>], two: &[Vec<f64>]| {
             let pairs = one.iter().flatten().zip(two.iter().flatten());

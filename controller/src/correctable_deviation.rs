@@ -1,14 +1,14 @@
 //! The part of a tool deviation that the joints can correct with motions in proportion to it.
 //!
-//! Near a singular posture, where the arm is stretched or two of its axes are in line, the joints hardly move the tool along one direction u:
-//! the Jacobian has a singular value σ near zero. An exact correction of a deviation d along u moves the joints by d/σ, without bound. Below
-//! σ₀ = [`LEAST_SHARE`] of the largest singular value the controller asks only for the part
+//! Near a singular posture, with the arm stretched or two of its axes in line, the joints hardly move the tool along one direction u: the
+//! Jacobian has a singular value σ near zero. An exact correction of a deviation d along u moves the joints by d/σ, without bound. Below σ₀ =
+//! [`LEAST_SHARE`] of the largest singular value, the controller corrects only the part
 //!
 //! `f = σ²/(σ² + λ²)`, `λ² = σ₀² (1 − (σ/σ₀)²)`
 //!
-//! of d, the solution of least squares damped by λ in that direction alone (Nakamura & Hanafusa 1986, J. Dyn. Syst. Meas.
-//! Control 108:163; Maciejewski & Klein 1988, J. Robot. Syst. 5:527). The joints then move by at most d/(2 σ₀). The
-//! part passes into the whole without a step. All other directions keep their deviation.
+//! of d, the solution of least squares damped by λ in that direction alone (Nakamura & Hanafusa 1986, J. Dyn. Syst. Meas. Control 108:163;
+//! Maciejewski & Klein 1988, J. Robot. Syst. 5:527). The joints then move by at most d/(2 σ₀). The factor f reaches one continuously at σ₀.
+//! All other directions keep their deviation.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -17,7 +17,7 @@ pub const LEAST_SHARE: f64 = 0.05;
 
 /// The part of `deviation`, m, that the joints correct; `jacobian` is that of the tool, 6×n with the linear rows first. Base frame.
 pub fn correctable_deviation(jacobian: &DMatrix<f64>, deviation: Vector3<f64>) -> Vector3<f64> {
-    // Column by column: a transposed view of as many columns as there are joints would be allocated.
+    // The loop adds up column by column, because a transposed view of a dynamic number of columns would be allocated.
     let squares = jacobian.column_iter().fold(Matrix3::zeros(), |squares: Matrix3<f64>, column| {
         let linear = column.fixed_rows::<3>(0);
         squares + linear * linear.transpose()
@@ -40,7 +40,7 @@ mod tests {
     use super::{LEAST_SHARE, correctable_deviation};
     use nalgebra::{DMatrix, Matrix3, Vector3, dmatrix};
 
-    /// Two links of 1 m in the x–y plane, bent by `elbow`, and a lift along z: along x it is stretched at 0.
+    /// Two links of 1 m in the x–y plane, bent by `elbow`, and a lift along z; at `elbow` = 0 the arm is stretched along x.
     fn arm(elbow: f64) -> DMatrix<f64> {
         let (s, c) = elbow.sin_cos();
         let mut jacobian = DMatrix::zeros(6, 3);
@@ -54,7 +54,7 @@ mod tests {
         assert_eq!(correctable_deviation(&arm(1.0), deviation), deviation);
     }
 
-    /// Least squares damped in the weak direction alone, by the singular value decomposition.
+    /// The test compares with damped least squares in the weak direction alone, by the singular value decomposition.
     #[test]
     fn where_it_is_stretched_it_is_damped_least_squares() {
         let deviation = Vector3::new(5e-4, 2e-4, -1e-4);

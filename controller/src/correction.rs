@@ -1,4 +1,4 @@
-//! The correction of the joints along a motion: what the compensation says tick by tick, and its derivatives.
+//! The correction of the joints along a motion: the output of the compensation tick by tick, and its derivatives.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
@@ -9,22 +9,22 @@ use crate::correctable_deviation::correctable_deviation;
 use crate::horizon::{Horizon, HorizonReport, HorizonStatus};
 use crate::qp::QpError;
 
-/// A correction at the start that is larger than this, rad (m), is not taken for one.
+/// A joint error at the start larger than this, rad (m), does not count as a correction.
 const LARGEST_START: f64 = 0.01;
 
 /// The correction of one arm, planned two ticks ahead of the instant at which it is used.
 ///
-/// After a start it goes over from where the joints stand to the compensation within a blend time, by a quintic.
+/// After a start, the correction blends from the position of the joints to the compensation within a blend time, by a quintic.
 pub struct Correction {
     compensator: Compensator,
     workspace: Workspace,
     jacobian: DMatrix<f64>,
     period: f64,
     blend: f64,
-    /// Δq at which the blend starts, and what it moves the tool by.
+    /// Δq at the start of the blend, and the displacement of the tool by it.
     start: DVector<f64>,
     start_deviation: Vector6<f64>,
-    /// Δq of a plan.
+    /// Δq of a passage.
     planned: DVector<f64>,
     /// The joints with the newest correction.
     corrected: DVector<f64>,
@@ -35,7 +35,7 @@ pub struct Correction {
 }
 
 impl Correction {
-    /// For `arm`, ticks of `period` seconds, a blend of `blend` seconds and the compensation's `weights`.
+    /// Creates the correction for `arm`, ticks of `period` seconds, a blend of `blend` seconds and the compensation's `weights`.
     ///
     /// # Errors
     /// See [`QpError`].
@@ -56,8 +56,8 @@ impl Correction {
         })
     }
 
-    /// Starts anew, at rest, from the distance of the joints `q` to the reference `desired`: so that one controller takes over from
-    /// another without a jump. A distance of more than a centimetre (10 mrad) is a disturbance, not a correction.
+    /// Restarts, at rest, from the difference between the joints `q` and the reference `desired`, so that one controller takes over
+    /// from another without a jump. A difference of more than a centimetre (10 mrad) is a disturbance, not a correction.
     pub fn start(&mut self, q: &[f64], desired: &[f64]) {
         for (start, (q, desired)) in self.start.iter_mut().zip(q.iter().zip(desired)) {
             let distance = q - desired;
@@ -66,7 +66,7 @@ impl Correction {
         self.begin();
     }
 
-    /// Starts anew, at rest, from the newest correction, after ticks have been missed.
+    /// Restarts, at rest, from the newest correction, after missed ticks.
     pub fn resume(&mut self) {
         self.start.copy_from_slice(self.compensator.correction());
         self.begin();
@@ -78,8 +78,8 @@ impl Correction {
         self.compensator.restart(self.start.as_slice());
     }
 
-    /// Moves on by one tick: plans the correction for the instant of `desired` (tick j + 2), at which the play of the joints moves the
-    /// tool by `deviation`, base frame, m. [`Self::motion`] is then that of tick j.
+    /// Advances by one tick. The function plans the correction for the instant of `desired` (tick j + 2), at which the play of the
+    /// joints displaces the tool by `deviation`, base frame, m. [`Self::motion`] is then that of tick j.
     pub fn advance(
         &mut self,
         arm: &Arm,
@@ -90,8 +90,8 @@ impl Correction {
         self.move_on(arm, desired, Vector6::new(deviation.x, deviation.y, deviation.z, 0.0, 0.0, 0.0))
     }
 
-    /// As [`Self::advance`], to the correction `planned` for that instant, rad (m), plus what takes out the deviation `beyond` it, base
-    /// frame, m, as far as the limits let it.
+    /// Advances as [`Self::advance`] does, to the correction `planned` for that instant, rad (m), plus the correction of the deviation
+    /// `beyond` it, base frame, m, as far as the limits permit.
     pub fn follow(
         &mut self,
         arm: &Arm,
@@ -106,11 +106,11 @@ impl Correction {
         self.move_on(arm, desired, deviation)
     }
 
-    /// As [`Self::advance`], with `horizon` instead of the programme of one tick: it knows the ticks from that of `desired` on, and
-    /// `beyond`, base frame, m, is added to each of its deviations.
+    /// Advances as [`Self::advance`] does, with `horizon` instead of the programme of one tick. The horizon contains the ticks from
+    /// that of `desired` on; the function adds `beyond`, base frame, m, to each of its deviations.
     ///
     /// # Errors
-    /// The report of a horizon that ended without a minimiser. Nothing has moved on then.
+    /// The report of a horizon without a minimiser. The correction then stays as it was.
     pub fn look_ahead(
         &mut self,
         arm: &Arm,
@@ -145,7 +145,7 @@ impl Correction {
         Ok(CompensationReport { status, iterations })
     }
 
-    /// One tick of the blend and the compensation of `deviation` with the Jacobian at `desired`.
+    /// Computes one tick of the blend and the compensation of `deviation`, with the Jacobian at `desired`.
     fn move_on(&mut self, arm: &Arm, desired: Motion<'_>, deviation: Vector6<f64>) -> CompensationReport {
         let bend = self.bend(arm, desired.q);
         self.age += 1;
@@ -164,8 +164,8 @@ impl Correction {
         report
     }
 
-    /// What the newest correction moves the tool by beyond what the Jacobian at the joints `q` says of it, m: half a micrometre for a
-    /// correction of 0.6 mm. It changes slowly, so that the newest will do for the next.
+    /// Nonlinear part of the tool displacement by the newest correction, beyond the Jacobian at the joints `q`, m: half a micrometre
+    /// for a correction of 0.6 mm. It changes slowly, so the value of the newest correction serves for the next.
     fn bend(&mut self, arm: &Arm, q: &[f64]) -> Vector3<f64> {
         let newest = self.compensator.correction();
         for (corrected, (q, correction)) in self.corrected.iter_mut().zip(q.iter().zip(newest)) {
@@ -178,7 +178,7 @@ impl Correction {
         to - from - straight
     }
 
-    /// The second derivative that is to be held from tick j to j + 1, rad/s² (m/s²).
+    /// The second derivative to hold from tick j to j + 1, rad/s² (m/s²).
     pub fn held(&self) -> &[f64] {
         self.course.held()
     }
@@ -189,7 +189,7 @@ impl Correction {
     }
 }
 
-/// The quintic from 0 at x = 0 to 1 at x = 1 with two derivatives zero at both ends.
+/// The quintic from 0 at x = 0 to 1 at x = 1; its first and second derivatives are zero at both ends.
 fn quintic(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * x * (10.0 + x * (6.0 * x - 15.0))

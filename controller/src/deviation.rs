@@ -1,10 +1,10 @@
-//! The quasi-static predictor: where the journal of each joint with play rests, and so where the tool is.
+//! The quasi-static predictor: the rest position of each journal with play, and the resulting position of the tool.
 //!
-//! A journal that stays in touch with its bearing rests as [`settle`] says under the force b that the bearing has to carry: the two
-//! slide rows of the inverse dynamics of the arm with play, the slides at rest in the middle. Its displacement d moves the tool by
-//! Σ J_slides d.
+//! A journal that stays in contact with its bearing rests at the displacement that [`settle`] computes from the bearing force b. This
+//! force is given by the two slide rows of the inverse dynamics of the arm with play, with the slides at rest in the centre. The
+//! displacement d of the journals moves the tool by Σ J_slides d.
 //!
-//! Source: the contact laws of Erkaya (2018), Eqs. 3–7, solved for rest. It fails where the journal detaches (|b| → 0).
+//! Source: the contact laws of Erkaya (2018), Eqs. 3–7, solved for rest. The prediction fails if the journal detaches (|b| → 0).
 
 use freeplay_arm::{Workspace, jacobian, rnea};
 use freeplay_laws::{ArmWithPlay, Rest, settle};
@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, Vector3};
 
 use crate::compensation::Motion;
 
-/// The predictor of one arm with play; follows one motion tick by tick.
+/// The predictor of one arm with play; it follows one motion tick by tick.
 pub struct QuasiStatic {
     arm: ArmWithPlay,
     workspace: Workspace,
@@ -26,7 +26,7 @@ pub struct QuasiStatic {
 }
 
 impl QuasiStatic {
-    /// For the arm with play `arm` and ticks of `period` seconds.
+    /// Creates a predictor for the arm with play `arm` and ticks of `period` seconds.
     pub fn new(arm: &ArmWithPlay, period: f64) -> QuasiStatic {
         let n = arm.arm().dof();
         QuasiStatic {
@@ -42,17 +42,17 @@ impl QuasiStatic {
         }
     }
 
-    /// How the journals rest, in the order of the joints with play.
+    /// Rest positions of the journals, in the order of the joints with play.
     pub fn rests(&self) -> &[Rest] {
         &self.rests
     }
 
-    /// Forgets the motion so far, for a motion that does not continue it.
+    /// Clears the history, for a motion that does not continue the last one.
     pub fn restart(&mut self) {
         self.rests.fill(Rest::default());
     }
 
-    /// How the journals rest during the nominal motion `motion`, one tick after the motion of the last call: [`Self::rests`].
+    /// Computes [`Self::rests`] during the nominal motion `motion`, one tick after the motion of the last call.
     pub fn advance(&mut self, motion: Motion<'_>) {
         self.spread(motion);
         rnea(self.arm.arm(), &mut self.workspace, &self.q, &self.v, &self.a, &mut self.tau);
@@ -67,13 +67,13 @@ impl QuasiStatic {
         self.rests.iter().flat_map(|rest| rest.displacement)
     }
 
-    /// The deviation of the tool, base frame, m, when the joints are at `q` and the journals rest as [`Self::rests`] says.
+    /// The deviation of the tool, base frame, m, with the joints at `q` and the journals at [`Self::rests`].
     pub fn deviation(&mut self, q: &[f64]) -> Vector3<f64> {
         self.evaluate_jacobian(q);
         move_tool(&self.arm, &self.jacobian, self.displacements())
     }
 
-    /// The deviation of the tool, base frame, m, when the joints are at `q` and the journals displaced by `displacements`, m.
+    /// The deviation of the tool, base frame, m, with the joints at `q` and the journals at `displacements`, m.
     pub fn deviation_with(&mut self, q: &[f64], displacements: &[f64]) -> Vector3<f64> {
         self.evaluate_jacobian(q);
         move_tool(&self.arm, &self.jacobian, displacements.iter().copied())
@@ -84,9 +84,10 @@ impl QuasiStatic {
         self.rests.iter().map(|rest| rest.moment)
     }
 
-    /// Torques of the drives, N·m (N), that move the arm along `motion` while the journals move as `journals` says (displacements, m,
-    /// with derivatives), against the `moments` of the contact friction (N·m, one for each joint with play) but without the friction of
-    /// the drives. What journals and moments do to the joints of an arm without play comes out as `external`, N·m (N).
+    /// Torques of the drives, N·m (N), that move the arm along `motion` while the journals move along `journals` (displacements, m,
+    /// with derivatives), against the `moments` of the contact friction (N·m, one for each joint with play). The torques exclude the
+    /// friction of the drives. The function writes the torques of journals and moments on the joints of an arm without play into
+    /// `external`, N·m (N).
     pub fn feed_forward(
         &mut self,
         motion: Motion<'_>,
@@ -120,7 +121,7 @@ impl QuasiStatic {
         jacobian(self.arm.arm(), &mut self.workspace, &self.q, &mut self.jacobian);
     }
 
-    /// Writes a nominal motion into the coordinates of the arm with play, the slides at rest in the middle.
+    /// Writes a nominal motion into the coordinates of the arm with play, with the slides at rest in the centre.
     fn spread(&mut self, motion: Motion<'_>) {
         for slide in self.arm.plays().iter().flat_map(|play| play.slides) {
             (self.q[slide], self.v[slide], self.a[slide]) = (0.0, 0.0, 0.0);
@@ -131,7 +132,7 @@ impl QuasiStatic {
     }
 }
 
-/// What `displacements` of the journals move the tool by: Σ J_slides d.
+/// Displacement of the tool by `displacements` of the journals: Σ J_slides d.
 fn move_tool(
     arm: &ArmWithPlay,
     jacobian: &DMatrix<f64>,

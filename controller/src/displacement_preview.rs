@@ -1,4 +1,4 @@
-//! Where the journals will be at the ticks to come: predicted along the controller's own path, or from a reference alone.
+//! Preview of the journal displacements at the coming ticks, predicted along the planned path or from a reference alone.
 
 use freeplay_laws::ArmWithPlay;
 use freeplay_path::JointPath;
@@ -8,10 +8,10 @@ use crate::centred_average::CentredAverage;
 use crate::compensation::Motion;
 use crate::deviation::QuasiStatic;
 
-/// Where the reference of a state is farther than this from the controller's own path, rad (m), the path is not used.
+/// If the reference of a state is farther than this from the planned path, rad (m), the preview does not use the path.
 pub const SAME_PATH: f64 = 1e-3;
 
-/// A motion of the joints at one instant that owns its numbers.
+/// Motion of the joints at one instant, with its own storage.
 pub struct JointMotion {
     q: Vec<f64>,
     v: Vec<f64>,
@@ -24,19 +24,20 @@ impl JointMotion {
         JointMotion { q: vec![0.0; n], v: vec![0.0; n], a: vec![0.0; n] }
     }
 
-    /// The numbers.
+    /// The values as a [`Motion`].
     pub fn as_motion(&self) -> Motion<'_> {
         Motion { q: &self.q, v: &self.v, a: &self.a }
     }
 
-    /// Becomes `motion`.
+    /// Copies `motion`.
     pub fn copy(&mut self, motion: Motion<'_>) {
         self.q.copy_from_slice(motion.q);
         self.v.copy_from_slice(motion.v);
         self.a.copy_from_slice(motion.a);
     }
 
-    /// Becomes what the positions `q` and velocities `v` lead to in `span` seconds of the accelerations `a`.
+    /// Sets the motion to the result of `span` seconds at the accelerations `a`, starting from the positions `q` and velocities
+    /// `v`.
     pub fn coast(&mut self, q: &[f64], v: &[f64], a: &[f64], span: f64) {
         for i in 0..self.q.len() {
             self.q[i] = q[i] + (v[i] + 0.5 * a[i] * span) * span;
@@ -45,13 +46,13 @@ impl JointMotion {
         }
     }
 
-    /// Moves by `shift`, position and velocity.
+    /// Adds `shift` to position and velocity.
     pub fn shift(&mut self, [by, rate]: [&[f64]; 2]) {
         self.q.iter_mut().zip(by).for_each(|(q, by)| *q += by);
         self.v.iter_mut().zip(rate).for_each(|(v, rate)| *v += rate);
     }
 
-    /// Becomes `reference` plus `correction`.
+    /// Sets the motion to `reference` plus `correction`.
     pub fn add(&mut self, reference: &Reference, correction: Motion<'_>) {
         for joint in 0..self.q.len() {
             self.q[joint] = reference.q[joint] + correction.q[joint];
@@ -61,7 +62,7 @@ impl JointMotion {
     }
 }
 
-/// The displacements of the journals ahead on the controller's own path, smoothed; or of any other motion, as they are.
+/// Displacements of the journals ahead: smoothed on the planned path, unsmoothed on any other motion.
 pub struct DisplacementPreview {
     path: JointPath,
     predictor: QuasiStatic,
@@ -74,7 +75,8 @@ pub struct DisplacementPreview {
 }
 
 impl DisplacementPreview {
-    /// On `path`, for the arm with play `arm`, ticks of `period` seconds, averaging over `half` ticks before and after.
+    /// Creates a preview on `path`, for the arm with play `arm`, ticks of `period` seconds, averaging over `half` ticks before
+    /// and after.
     pub fn new(path: JointPath, arm: &ArmWithPlay, period: f64, half: usize) -> DisplacementPreview {
         let width = 2 * arm.plays().len();
         DisplacementPreview {
@@ -88,7 +90,7 @@ impl DisplacementPreview {
         }
     }
 
-    /// Whether `reference` at the tick `tick` is on the path.
+    /// Returns true if `reference` at the tick `tick` is on the path.
     pub fn leads_through(&mut self, reference: &Reference, tick: u64) -> bool {
         let own = self.on_path(tick).q;
         own.iter().zip(&reference.q).all(|(own, given)| (own - given).abs() <= SAME_PATH)
@@ -100,7 +102,7 @@ impl DisplacementPreview {
         self.motion.as_motion()
     }
 
-    /// The mean accelerations of the path from the tick `tick` to the next, rad/s² (m/s²): to be held for that time.
+    /// The mean accelerations of the path from the tick `tick` to the next, rad/s² (m/s²), to hold for that tick.
     pub fn held(&mut self, tick: u64, held: &mut [f64]) {
         held.copy_from_slice(self.on_path(tick + 1).v);
         let per_tick = 1.0 / self.period;
@@ -109,14 +111,15 @@ impl DisplacementPreview {
         }
     }
 
-    /// The smoothed displacements on the path at the tick `tick`, m: two for each joint with play. Cheap if the last call was for
-    /// the tick before.
+    /// The smoothed displacements on the path at the tick `tick`, m: two for each joint with play. The call is cheap if the last
+    /// one was for the tick before.
     pub fn at(&mut self, tick: u64) -> &[f64] {
         let half = self.preview.half_width() as f64;
         if self.middle != Some(tick) {
             if tick == 0 || self.middle != Some(tick - 1) {
                 self.predictor.restart();
-                // One more than there is room for: the first has no tick before it to tell how the load turns.
+                // One value more than the average needs, because the first has no previous tick that gives the rotation of the
+                // load.
                 for offset in 0..=2 * self.preview.half_width() {
                     self.push(tick as f64 - half - 1.0 + offset as f64);
                 }
@@ -128,8 +131,8 @@ impl DisplacementPreview {
         &self.displacements
     }
 
-    /// The displacements during `motion`, which is not on the path and, from the second call on, one tick after that of the last
-    /// call.
+    /// The displacements during `motion`, which is not on the path. From the second call on, `motion` must be one tick after that
+    /// of the last call.
     pub fn of(&mut self, motion: Motion<'_>) -> &[f64] {
         if self.middle.take().is_some() {
             self.predictor.restart();

@@ -1,16 +1,18 @@
-//! A strictly convex programme with few rows that bind: from the minimiser of the cost alone, rows that it breaks are added one by one.
+//! Dual active-set solver for a strictly convex programme with few active rows. It starts from the minimiser of the cost alone and adds
+//! violated rows one by one.
 //!
-//! `min ½ xᵀP x + qᵀx  subject to  lᵢ ≤ aᵢᵀx ≤ uᵢ`, P positive definite and known by its factor only, every aᵢ with at most three entries.
+//! `min ½ xᵀP x + qᵀx  subject to  lᵢ ≤ aᵢᵀx ≤ uᵢ`, where P is positive definite and given by its factor only, and every aᵢ has at most
+//! three entries.
 //!
-//! The dual method of Goldfarb & Idnani (1983), "A numerically stable dual method for solving strictly convex quadratic programs",
-//! Mathematical Programming 27: x is at all times the minimiser with the active rows kept as equations, their multipliers ≥ 0; the
-//! row that x breaks most is taken in, rows whose multiplier would change its sign are let go, and every step raises the cost, so
-//! that it ends. Their orthogonal factors are replaced by the Cholesky factor of A P⁻¹Aᵀ of the active rows A, since
+//! The method is the dual one of Goldfarb & Idnani (1983), "A numerically stable dual method for solving strictly convex quadratic
+//! programs", Mathematical Programming 27. At all times x is the minimiser with the active rows as equations, and their multipliers are ≥
+//! 0. Each step adds the most violated row and drops rows whose multiplier would change its sign. Every step raises the cost, so the
+//! method terminates. Instead of orthogonal factors, this implementation uses the Cholesky factor of A P⁻¹Aᵀ of the active rows A, since
 //! P⁻¹a is one solution with the factor of P. Nothing is allocated after [`DualActiveSet::new`].
 
-/// A row is broken where it is exceeded by more than this: in mrad a thousandth of a nanoradian.
+/// A row counts as violated if it is exceeded by more than this; in mrad this is a thousandth of a nanoradian.
 pub const BROKEN: f64 = 1e-9;
-/// A row whose curvature is less than this share of what it is without other rows depends on those.
+/// A row depends linearly on the active rows if they reduce its curvature below this share.
 const DEPENDENT: f64 = 1e-10;
 /// Entries of a row.
 pub const ENTRIES: usize = 3;
@@ -20,7 +22,7 @@ pub const ENTRIES: usize = 3;
 pub struct Row {
     /// Indices of the variables.
     pub places: [usize; ENTRIES],
-    /// Their factors; zero for entries that are not used.
+    /// Coefficients of the variables; zero for unused entries.
     pub factors: [f64; ENTRIES],
     /// Least value.
     pub lower: f64,
@@ -34,7 +36,7 @@ impl Row {
         self.places.iter().zip(&self.factors).map(|(&place, factor)| factor * x[place]).sum()
     }
 
-    /// By how much `x` exceeds the upper (1) or falls below the lower bound (−1), whichever is more.
+    /// Returns the larger violation of the two bounds by `x`, and its side: upper (1) or lower (−1).
     fn broken(&self, x: &[f64]) -> (f64, f64) {
         let value = self.of(x);
         let (above, below) = (value - self.upper, self.lower - value);
@@ -42,23 +44,23 @@ impl Row {
     }
 }
 
-/// Why there is no minimiser.
+/// Reasons why there is no minimiser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ActiveSetFault {
-    /// No point keeps all rows.
+    /// No point satisfies all rows.
     Infeasible,
-    /// The iterations, or the rows that there is room for, were not enough.
+    /// The limit of iterations or of active rows was reached.
     Limit,
     /// A number is not finite.
     NotFinite,
 }
 
-/// A row that is kept as an equation: its index, the side that binds (1 upper, −1 lower) and its multiplier.
+/// An active row, kept as an equation: its index, its side (1 upper, −1 lower) and its multiplier.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Active {
     /// Index of the row.
     pub row: usize,
-    /// 1 where the upper bound binds, −1 where the lower does.
+    /// 1 if the upper bound is active, −1 if the lower one is.
     pub side: f64,
     /// λ ≥ 0: `P x + q + Σ λ side a = 0`.
     pub multiplier: f64,
@@ -75,15 +77,15 @@ pub struct DualActiveSet {
     columns: Vec<f64>,
     /// Lower Cholesky factor of A P⁻¹Aᵀ, `most_rows` numbers a row.
     factor: Vec<f64>,
-    /// P⁻¹ (side a) of the row that is being added, and what is left of it beside the active rows.
+    /// P⁻¹ (side a) of the row that is being added, and its part independent of the active rows.
     column: Vec<f64>,
     step: Vec<f64>,
-    /// How the multipliers fall with the step.
+    /// Decrease of the multipliers with the step.
     fall: Vec<f64>,
 }
 
 impl DualActiveSet {
-    /// For `variables` variables, at most `most_rows` active rows at once and `most_changes` changes of them.
+    /// Creates a workspace for `variables` variables, at most `most_rows` active rows and `most_changes` changes of them.
     pub fn new(variables: usize, most_rows: usize, most_changes: u32) -> DualActiveSet {
         DualActiveSet {
             variables,
@@ -99,26 +101,26 @@ impl DualActiveSet {
         }
     }
 
-    /// Forgets the last minimiser.
+    /// Clears the last minimiser.
     pub fn clear(&mut self) {
         self.active.clear();
         self.changes = 0;
     }
 
-    /// The rows that bind at the last minimiser.
+    /// The active rows at the last minimiser.
     pub fn active(&self) -> &[Active] {
         &self.active
     }
 
-    /// How often rows were taken in or let go on the way to it; 0 if the cost alone has a minimiser that keeps all rows.
+    /// Number of rows added or dropped on the way to it; 0 if the minimiser of the cost alone satisfies all rows.
     pub fn changes(&self) -> u32 {
         self.changes
     }
 
-    /// Moves `x`, the minimiser of the cost alone, to the minimiser that keeps `rows`; `solve` replaces v by P⁻¹v.
+    /// Moves `x` from the minimiser of the cost alone to the minimiser that satisfies `rows`; `solve` replaces v by P⁻¹v.
     ///
     /// # Errors
-    /// See [`ActiveSetFault`]; `x` is then of no use.
+    /// See [`ActiveSetFault`]; `x` is then invalid.
     pub fn minimise(
         &mut self,
         rows: &[Row],
@@ -146,7 +148,7 @@ impl DualActiveSet {
         Ok(())
     }
 
-    /// The row that `x` breaks most, and on which side.
+    /// The row that `x` violates most, and its side.
     fn most_broken(&self, rows: &[Row], x: &[f64]) -> Result<Option<(usize, f64)>, ActiveSetFault> {
         let mut most = (BROKEN, None);
         for (index, row) in rows.iter().enumerate() {
@@ -161,7 +163,8 @@ impl DualActiveSet {
         Ok(most.1)
     }
 
-    /// One step towards keeping the row of `entering`: whether it is active now; else a row has been let go.
+    /// Takes one step towards satisfying the row of `entering`. Returns true if the row is active now; otherwise the step has dropped a
+    /// row.
     fn take_in(
         &mut self,
         rows: &[Row],
@@ -197,7 +200,7 @@ impl DualActiveSet {
         Ok(false)
     }
 
-    /// Writes what the step and the multipliers change by; the curvature aᵀ step of the row on its `side`.
+    /// Writes the directions of the step and of the multipliers. Returns the curvature aᵀ step of the row on its `side`.
     fn project(&mut self, rows: &[Row], side: f64, row: &Row) -> f64 {
         let m = self.active.len();
         let mut beside = side * row.of(&self.column);
@@ -210,7 +213,7 @@ impl DualActiveSet {
             self.fall[i] = sum / self.factor[i * self.most_rows + i];
             beside -= self.fall[i] * self.fall[i];
         }
-        // The next row of the factor, should the row be added.
+        // The next row of the factor, in case the row is added.
         if m < self.most_rows {
             self.factor[m * self.most_rows..][..m].copy_from_slice(&self.fall[..m]);
             self.factor[m * self.most_rows + m] = beside.max(0.0).sqrt();
@@ -229,7 +232,7 @@ impl DualActiveSet {
         beside
     }
 
-    /// The active row whose multiplier is the first to be zero, and the length of the step at which it is.
+    /// The active row whose multiplier reaches zero first, and the step length at which it does.
     fn first_to_leave(&self) -> (usize, f64) {
         let lengths = self.active.iter().zip(&self.fall).enumerate().filter(|(_, (_, fall))| **fall > 0.0);
         let lengths = lengths.map(|(index, (active, fall))| (index, active.multiplier.max(0.0) / fall));
@@ -246,7 +249,7 @@ impl DualActiveSet {
         Ok(())
     }
 
-    /// Lets the row go that is at `index` of the active ones, and factors anew what comes after it.
+    /// Drops the row at `index` of the active ones, and refactorises the part after it.
     fn let_go(&mut self, rows: &[Row], index: usize) {
         self.active.remove(index);
         let (n, m) = (self.variables, self.active.len());

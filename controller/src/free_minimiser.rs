@@ -1,25 +1,26 @@
-//! The minimiser of a programme's cost alone. Where it keeps the programme's rows, it is that of the programme, and no solver is needed:
-//! a Cholesky factorisation of six or seven variables takes a microsecond, an interior-point solve a hundred times that.
+//! The minimiser of a programme's cost alone. If it satisfies the programme's rows, it is also the minimiser of the programme, and no
+//! solver is needed: a Cholesky factorisation of six or seven variables takes a microsecond, an interior-point solve a hundred times
+//! that.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// Largest entry of P x + q, relative to 1 + ‖q‖, at which x counts as a minimiser of the cost: Clarabel's own tolerance is 1e-8.
+/// Largest entry of P x + q, relative to 1 + ‖q‖, for which x counts as a minimiser of the cost; Clarabel's own tolerance is 1e-8.
 const STATIONARY: f64 = 1e-9;
 
-/// The workspace of the minimiser of ½ xᵀP x + qᵀx and for the factor of P.
+/// Workspace for the minimiser of ½ xᵀP x + qᵀx and for the factor of P.
 pub struct FreeMinimiser {
     factor: DMatrix<f64>,
     at: DVector<f64>,
 }
 
 impl FreeMinimiser {
-    /// For `variables` variables.
+    /// Creates a workspace for `variables` variables.
     pub fn new(variables: usize) -> FreeMinimiser {
         FreeMinimiser { factor: DMatrix::zeros(variables, variables), at: DVector::zeros(variables) }
     }
 
-    /// The minimiser for P (`cost`, only its upper triangle is read) and q (`linear`). None if P is not positive definite, too badly
-    /// conditioned for the slope to vanish, or anything is not a number: that is the solver's to name.
+    /// The minimiser for P (`cost`; only its upper triangle is used) and q (`linear`). Returns `None` if P is not positive definite, if
+    /// it is too ill-conditioned for a zero gradient, or if an entry is NaN; the solver then names the fault.
     pub fn find(&mut self, cost: &DMatrix<f64>, linear: &[f64]) -> Option<&[f64]> {
         let n = linear.len();
         for column in 0..n {
@@ -29,7 +30,7 @@ impl FreeMinimiser {
             self.at[column] = -linear[column];
         }
         let Some(factor) = Cholesky::new(std::mem::replace(&mut self.factor, DMatrix::zeros(0, 0))) else {
-            // The factorisation took the matrix with it.
+            // The factorisation consumed the matrix.
             self.factor = DMatrix::zeros(n, n);
             return None;
         };

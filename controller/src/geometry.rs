@@ -1,19 +1,19 @@
-//! Tool deviation by another geometry than the nominal one: a link that is longer, a base that leans.
+//! Tool deviation by a geometry that differs from the nominal one, such as a longer link or a tilted base.
 //!
-//! The deviation of the tool is counted from the nominal arm on the desired joints. Effects that change the arm move the tool by
-//! the difference of the two forward kinematics, which needs no dynamics.
+//! The deviation of the tool is relative to the nominal arm at the desired joint positions. Effects that change the arm displace
+//! the tool by the difference of the two forward kinematics, which needs no dynamics.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use nalgebra::Vector3;
 
-/// The nominal arm and the one that its effects make of it.
+/// The nominal arm and the arm changed by its effects.
 pub struct Geometry {
     arms: [Arm; 2],
     workspaces: [Workspace; 2],
 }
 
 impl Geometry {
-    /// Of the `nominal` arm and the `changed` one; `None` if both have the same geometry.
+    /// Compares the `nominal` arm with the `changed` one; returns `None` if both have the same geometry.
     pub fn between(nominal: &Arm, changed: &Arm) -> Option<Geometry> {
         let pairs = nominal.joints().iter().zip(changed.joints());
         let is_same = nominal.tool() == changed.tool()
@@ -24,7 +24,7 @@ impl Geometry {
         })
     }
 
-    /// Tool position less that of the nominal arm with the joints at `q`, base frame, m.
+    /// Tool position of the changed arm minus that of the nominal arm with the joints at `q`, base frame, m.
     pub fn deviation(&mut self, q: &[f64]) -> Vector3<f64> {
         let [nominal, changed] = [0, 1]
             .map(|arm| forward_kinematics(&self.arms[arm], &mut self.workspaces[arm], q).translation.vector);
@@ -38,7 +38,7 @@ mod tests {
     use freeplay_arm::{EffectTable, paper_arm};
     use freeplay_laws::Effects;
 
-    /// A first link that is 1 mm longer along z lifts the tool by that in every posture; a payload moves nothing.
+    /// A first link that is 1 mm longer along z lifts the tool by 1 mm in every posture; a payload does not displace it.
     #[test]
     fn a_longer_link_moves_the_tool_and_a_payload_does_not() {
         let changed = |kind: &str, joint: Option<&str>, parameters: &str| {

@@ -1,16 +1,16 @@
-//! The compensation of several ticks at once: which corrections Δq₁ … Δq_N of the joints take the deviations out that are predicted
-//! for the ticks to come, without wild accelerations.
+//! Compensation over several ticks at once: the corrections Δq₁ … Δq_N of the joints that cancel the predicted deviations of the coming ticks
+//! with small accelerations.
 //!
 //! `min Σₖ ½‖Jₖ Δqₖ + rₖ‖²_W + ρ/2 ‖Δqₖ − Δqₖ₋₁‖² + α/2 ‖(Δqₖ − 2Δqₖ₋₁ + Δqₖ₋₂)/T²‖²` subject, for every joint and every k, to the
-//! limits of [`CorrectionBounds`]: position, speed and acceleration. Only Δq₁ is used; the rest is the plan that shows where it leads.
-//! With N = 1 and α = 0 it is the programme of one tick ([`crate::compensation`]).
+//! limits of [`CorrectionBounds`]: position, speed and acceleration. The controller uses only Δq₁; the rest is the plan behind it. With N = 1
+//! and α = 0 the programme equals that of one tick ([`crate::compensation`]).
 //!
-//! Without limits, and for a Jacobian that does not change, Δq is −J⁺r through the filter 1/(1 + α′ω⁴) that shifts no phase
-//! (Whittaker 1923, "On a new method of graduation", Proc. Edinburgh Math. Soc. 41): what it needs of the future is in r₁ … r_N. P is banded:
-//! blocks of a tick are coupled with those of the next two. It is factored once a tick; where its minimiser keeps all
-//! rows, that is all ([`HorizonStatus::Free`]). Else the rows that it breaks are taken in by [`DualActiveSet`], with the same factor.
+//! Without limits, and for a constant Jacobian, Δq is −J⁺r through the zero-phase filter 1/(1 + α′ω⁴) (Whittaker 1923, "On a new method of
+//! graduation", Proc. Edinburgh Math. Soc. 41); r₁ … r_N give it the future values. P is banded: the block of a tick is coupled with those of
+//! the next two. The solver factorises P once a tick. If the minimiser of the cost satisfies all rows, it is the solution
+//! ([`HorizonStatus::Free`]). Otherwise [`DualActiveSet`] adds the violated rows, with the same factor.
 //!
-//! Inside, everything is in mm and mrad.
+//! Internal units are mm and mrad.
 
 use std::ops::Range;
 
@@ -26,43 +26,43 @@ use crate::dual_active_set::{Active, ActiveSetFault, DualActiveSet, Row};
 
 /// Most ticks of a horizon.
 pub const MOST_TICKS: usize = 60;
-/// Most rows that bind at once: as many as a tick has time for.
+/// Largest number of active rows; a tick has time for no more.
 const MOST_ROWS: usize = 60;
-/// Most changes of the rows that bind.
+/// Largest number of changes of the active set.
 const MOST_CHANGES: u32 = 100;
 
-/// Why a horizon cannot be set up.
+/// Errors when a horizon is set up.
 #[derive(Debug, Error)]
 pub enum HorizonError {
-    /// It is empty or too long.
+    /// The horizon is empty or too long.
     #[error("a horizon of {0} ticks: give 1 to {MOST_TICKS}")]
     Ticks(usize),
-    /// The factorisation refused the places of P's entries.
+    /// The factorisation refused the sparsity pattern of P.
     #[error("the factorisation refused the horizon: {0}")]
     Refused(#[from] QDLDLError),
 }
 
-/// How a solve ended; every end has its name.
+/// Status of a solve; every outcome has a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HorizonStatus {
-    /// No limit binds at any tick: the plan is the minimiser of the cost alone.
+    /// No limit is active at any tick: the plan is the minimiser of the cost alone.
     Free,
-    /// Limits bind; the plan is the minimiser that keeps them.
+    /// Limits are active; the plan is the minimiser that satisfies them.
     Solved,
-    /// The limits of this joint (index) cannot all be kept at the first tick.
+    /// No correction satisfies all limits of this joint (index) at the first tick.
     LimitsConflict(usize),
-    /// No plan keeps all limits.
+    /// No plan satisfies all limits.
     Infeasible,
-    /// More limits bind than a tick has time for.
+    /// More limits are active than a tick has time for.
     IterationLimit,
-    /// P is not positive definite, or not a number.
+    /// P is not positive definite, or contains NaN.
     NumericalFailure,
-    /// A deviation or a limit is not a number.
+    /// A deviation or a limit is NaN.
     BadData,
 }
 
 impl HorizonStatus {
-    /// Whether [`Horizon::plan`] is the minimiser of the programme.
+    /// Returns true if [`Horizon::plan`] is the minimiser of the programme.
     pub fn is_minimiser(self) -> bool {
         matches!(self, HorizonStatus::Free | HorizonStatus::Solved)
     }
@@ -78,22 +78,22 @@ impl From<ActiveSetFault> for HorizonStatus {
     }
 }
 
-/// One solve: how it ended, and how often the rows that bind changed.
+/// Result of one solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HorizonReport {
-    /// How it ended.
+    /// Status.
     pub status: HorizonStatus,
-    /// Changes of the rows that bind; 0 where none does.
+    /// Number of changes of the active set; 0 if no limit is active.
     pub iterations: u32,
 }
 
-/// What is known of one tick ahead.
+/// Data of one tick of the horizon.
 struct Instant {
     jacobian: DMatrix<f64>,
     /// W J and JᵀWJ.
     weighted: DMatrix<f64>,
     cost: DMatrix<f64>,
-    /// As predicted, and r, what is to be taken out of it; m and rad.
+    /// The predicted deviation, and r, the part of it to compensate; m and rad.
     deviation: Vector6<f64>,
     target: Vector6<f64>,
     rooms: Vec<CorrectionBounds>,
@@ -122,10 +122,10 @@ pub struct Horizon {
     bend: f64,
     /// The ticks ahead: the first is that of Δq₁.
     instants: Vec<Instant>,
-    /// Tick of the last of them, if all are known.
+    /// Tick of the last instant, if all are known.
     newest: Option<u64>,
     factor: QDLDLFactorisation<f64>,
-    /// The upper triangle of P, in the order of [`pattern`], and the indices of its entries.
+    /// The upper triangle of P, in the order of [`pattern`], and the indices of its entries in the factorisation.
     packed: Vec<f64>,
     places: Vec<usize>,
     rows: Vec<Row>,
@@ -135,7 +135,7 @@ pub struct Horizon {
 }
 
 impl Horizon {
-    /// For `arm` with its limits, `ticks` ticks of `period` seconds.
+    /// Creates a horizon of `ticks` ticks of `period` seconds for `arm` with its limits.
     ///
     /// # Errors
     /// See [`HorizonError`].
@@ -147,7 +147,7 @@ impl Horizon {
         let (starts, row_of) = pattern(n, ticks);
         let entries = row_of.len();
         let matrix = CscMatrix::new(n * ticks, n * ticks, starts, row_of, vec![1.0; entries]);
-        // In the order of time P is banded and stays so.
+        // In chronological order P is banded, and its factor is banded, too.
         let settings = QDLDLSettings {
             perm: Some((0..n * ticks).collect()),
             logical: true,
@@ -171,7 +171,7 @@ impl Horizon {
         })
     }
 
-    /// The ticks that have to be pushed, in order, for Δq₁ to be the correction at the tick `first`: one, if the last was for the tick
+    /// The ticks to push, in order, before Δq₁ is the correction at the tick `first`. It is one tick if the last solve was for the tick
     /// before.
     pub fn missing(&self, first: u64) -> Range<u64> {
         let end = first.saturating_add(self.instants.len() as u64);
@@ -181,7 +181,7 @@ impl Horizon {
         }
     }
 
-    /// What is known of `tick`, one after the last: the `desired` motion, the Jacobian of the tool there (6×n) and the predicted deviation
+    /// Adds the data of `tick`, which follows the last one: the `desired` motion, the Jacobian of the tool (6×n) and the predicted deviation
     /// (linear m, angular rad, base frame).
     pub fn push(
         &mut self,
@@ -205,8 +205,8 @@ impl Horizon {
         self.newest = Some(tick);
     }
 
-    /// Sets what is to be taken out at each tick: r as `target` says, from the index of the tick (0 that of Δq₁), its Jacobian and its
-    /// predicted deviation. Without this, it is that deviation.
+    /// Sets the deviation r to compensate at each tick. `target` computes it from the index of the tick (0 is that of Δq₁), its Jacobian and
+    /// its predicted deviation. Without this call, r is the predicted deviation.
     pub fn aim(&mut self, mut target: impl FnMut(usize, &DMatrix<f64>, &Vector6<f64>) -> Vector6<f64>) {
         for (k, instant) in self.instants.iter_mut().enumerate() {
             instant.target = target(k, &instant.jacobian, &instant.deviation);
@@ -218,17 +218,17 @@ impl Horizon {
         &self.plan[..self.limits.len()]
     }
 
-    /// Δq₁ … Δq_N, one after the other, rad (m), if the status was that of a minimiser.
+    /// Δq₁ … Δq_N, one after the other, rad (m). They are valid if the status was that of a minimiser.
     pub fn plan(&self) -> &[f64] {
         &self.plan
     }
 
-    /// The limits that bind, with their multipliers; places in the order of [`Self::plan`], values in mrad (mm).
+    /// The active limits with their multipliers; indices in the order of [`Self::plan`], values in mrad (mm).
     pub fn active(&self) -> impl Iterator<Item = (&Row, &Active)> {
         self.active_set.active().iter().map(|active| (&self.rows[active.row], active))
     }
 
-    /// Solves for the corrections of the last tick, Δq₀ = `last`, and of the one before, Δq₋₁ = `before`, rad (m).
+    /// Solves the programme. Δq₀ = `last` and Δq₋₁ = `before` are the corrections of the last tick and of the one before, rad (m).
     pub fn solve(&mut self, last: &[f64], before: &[f64]) -> HorizonReport {
         self.active_set.clear();
         let ended = self.minimise(last, before);
@@ -262,7 +262,7 @@ impl Horizon {
         let mut packed = self.packed.iter_mut();
         let mut put = |value: f64| packed.next().into_iter().for_each(|slot| *slot = value);
         for (k, instant) in self.instants.iter().enumerate() {
-            // How often the bends and changes of this tick and the next two are counted.
+            // Number of acceleration and change terms of later ticks that contain this tick, at most two.
             let after = (ticks - 1 - k).min(2) as f64;
             let (next, second) = (after.min(1.0), (after - 1.0).max(0.0));
             for j in 0..n {
@@ -281,7 +281,7 @@ impl Horizon {
         }
     }
 
-    /// −q, in the place of the plan.
+    /// Writes −q into the buffer of the plan.
     fn fill_linear(&mut self, last: &[f64], before: &[f64]) {
         let (n, ticks) = (self.limits.len(), self.instants.len());
         for (k, instant) in self.instants.iter().enumerate() {
@@ -327,8 +327,8 @@ impl Horizon {
     }
 }
 
-/// The places of P's upper triangle as compressed columns: of each variable the same joint two ticks and a tick before, and the joints
-/// of the same tick.
+/// The sparsity pattern of P's upper triangle as compressed columns. Each variable is coupled with the same joint two ticks and one tick
+/// before, and with the joints of the same tick.
 fn pattern(n: usize, ticks: usize) -> (Vec<usize>, Vec<usize>) {
     let (mut starts, mut row_of) = (vec![0], Vec::new());
     for k in 0..ticks {
@@ -346,7 +346,7 @@ fn pattern(n: usize, ticks: usize) -> (Vec<usize>, Vec<usize>) {
     (starts, row_of)
 }
 
-/// The rows without their bounds: for the first tick one interval a joint, for the others position, change and bend.
+/// The rows without their bounds: one interval a joint for the first tick; position, change and second difference for the others.
 fn rows(n: usize, ticks: usize) -> Vec<Row> {
     let mut rows = Vec::new();
     for k in 0..ticks {

@@ -1,5 +1,5 @@
-//! What a [`Horizon`] has to know of the ticks ahead: the motion on the controller's own path, the Jacobian there, and the deviation as
-//! physics predicts it, not smoothed.
+//! Preview of the ticks ahead for a [`Horizon`]: the motion on the planned path, the Jacobian there, and the deviation by the physical
+//! prediction, not smoothed.
 
 use freeplay_arm::{Arm, Workspace, jacobian};
 use freeplay_laws::ArmWithPlay;
@@ -24,7 +24,7 @@ pub struct HorizonPreview {
 }
 
 impl HorizonPreview {
-    /// On `path`, for `arm` with the play of `with_play`, over `ticks` ticks of `period` seconds.
+    /// Creates a horizon on `path`, for `arm` with the play of `with_play`, over `ticks` ticks of `period` seconds.
     ///
     /// # Errors
     /// See [`HorizonError`].
@@ -47,8 +47,9 @@ impl HorizonPreview {
         })
     }
 
-    /// The horizon from the tick `first` on; `predictor` says what the journals move the tool by. In a passage it aims at what the
-    /// passage has planned. One tick is new if the last call was for the tick before, else all are.
+    /// Moves the horizon to start at the tick `first`; `predictor` computes the displacement of the tool by the journals. Within a
+    /// passage the horizon follows the planned corrections. The function computes one new tick if the last call was for the tick
+    /// before, otherwise all.
     pub fn seen_from(
         &mut self,
         first: u64,

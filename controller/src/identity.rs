@@ -1,15 +1,15 @@
-//! Which arm it is: a hash of what its dynamics are made of, so that weights learned on one arm are not used on another.
+//! Identity of an arm: a hash of its dynamic parameters, so that weights learned on one arm are not used on another.
 
 use std::fmt::Write as _;
 
 use freeplay_arm::{Arm, ArmFile};
 use sha2::{Digest, Sha256};
 
-/// Numbers that differ by less than this are the same to the hash: reading and writing a model file rounds. SI units.
+/// Numbers that differ by less than about this give the same hash, because reading and writing a model file rounds. SI units.
 const GRID: f64 = 1e-6;
 
-/// SHA-256 over the joints' kinds, axes, placements and links, and the tool of `arm`; 16 hexadecimal digits of it. Names, limits,
-/// gravity, friction and play do not count: they are no matter of which arm it is.
+/// The first 16 hexadecimal digits of SHA-256 over the joints' kinds, axes, placements and links, and the tool of `arm`. Names,
+/// limits, gravity, friction and play are not part of the identity.
 pub fn identity(arm: &Arm) -> String {
     let mut hash = Sha256::new();
     let mut feed = |value: f64| hash.update(((value / GRID).round() as i64).to_le_bytes());
@@ -25,7 +25,7 @@ pub fn identity(arm: &Arm) -> String {
     digits(hash)
 }
 
-/// SHA-256 over the arm of `file` and its effects, whatever their order; 16 hexadecimal digits of it: which model it is.
+/// The first 16 hexadecimal digits of SHA-256 over the arm of `file` and its effects, in any order: the identity of the model.
 pub fn model_identity(file: &ArmFile) -> String {
     let of_effect = |effect: &freeplay_arm::EffectTable| {
         let mut parameters: Vec<String> =

@@ -1,47 +1,47 @@
-//! Impacts: speed that the joints gain within a tick and that no torque explains. A journal has landed.
+//! Impact detector: an unexplained change of joint speed within a tick means that a journal has landed.
 //!
-//! While a journal flies, its link turns about its own middle and not about the bearing: the arm is lighter than the model by a factor
-//! that is 4 for a slender link, and every gain of the feedback is that much higher. Damping that brings the encoders to rest within
-//! 10 ms then throws the journal back, harder than the restitution takes away, and with play in two joints the bouncing never ends
-//! (decisions/0018). So for some time after a knock the feedback is softer: after each where more than one joint has play; with play in one joint,
-//! where bouncing ends by itself on most arms and softness costs at corners, after those of a bouncing that has gone on for [`PATIENCE`]. As long as it
-//! goes on, softer and softer.
+//! While a journal flies, its link turns about its own centre instead of the bearing. The arm is then lighter than the model by a factor that is 4
+//! for a slender link, and every gain of the feedback is effectively higher by that factor. Damping that brings the encoders to rest within 10 ms
+//! then throws the journal back with more energy than the restitution removes, and with play in two joints the bouncing never ends
+//! (decisions/0018). The detector therefore softens the feedback for some time after an impact. With play in more than one joint, it does so after
+//! every impact. With play in one joint, bouncing ends by itself on most arms and soft feedback costs accuracy at corners, so the detector waits
+//! until the bouncing has lasted for [`PATIENCE`]. While the bouncing lasts, the feedback becomes softer and softer.
 
 use crate::task::Gains;
 
-/// Speed gained in a tick that is a knock, rad/s (m/s). With play in joints 3 and 5 bounces are ended with 0.05, 0.1 and 0.3 alike.
+/// Speed change within a tick that counts as an impact, rad/s (m/s). With play in joints 3 and 5, 0.05, 0.1 and 0.3 all end the bouncing.
 pub const KNOCK: f64 = 0.05;
-/// Share of the natural frequency that is left of the feedback after a knock, and again after each [`PATIENCE`] of bouncing.
+/// Factor on the natural frequency of the feedback after an impact, applied again after each further [`PATIENCE`] of bouncing.
 pub const SOFTER: f64 = 0.5;
-/// How long a journal may bounce before that is more than a landing, s: 0.23 s is what 0.6 mm of play takes on the paper's arm.
+/// Longest bouncing that counts as a normal landing, s; a play of 0.6 mm on the paper's arm needs 0.23 s.
 pub const PATIENCE: f64 = 0.3;
-/// Least share of the natural frequency.
+/// Least factor on the natural frequency.
 pub const SOFTEST: f64 = 0.125;
 /// Time for which the feedback stays softer after an impact, s.
 const SOFT_TIME: f64 = 0.015;
-/// Time in which its gain then comes back to the whole, s.
+/// Time in which the gain then rises back to its full value, s.
 const GAIN_RECOVERY_TIME: f64 = 0.03;
 
-/// How long ago the last knock was, and for how long there have been knocks.
+/// Detector state: time since the last impact, and duration of the bouncing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImpactDetector {
     period: f64,
-    /// Time since the last, s; no longer than matters.
+    /// Time since the last impact, s; limited to the time of soft feedback and recovery.
     calm: f64,
-    /// Time since the first without a calm after it, s.
+    /// Time since the first impact of the current bouncing, s.
     bouncing: f64,
-    /// From when on bouncing softens, s.
+    /// Duration of bouncing before the feedback softens, s.
     patience: f64,
 }
 
 impl ImpactDetector {
-    /// None so far, in ticks of `period` seconds, for an arm with play in `plays` joints.
+    /// Creates a detector without impacts, in ticks of `period` seconds, for an arm with play in `plays` joints.
     pub fn new(period: f64, plays: usize) -> ImpactDetector {
         let patience = if plays > 1 { 0.0 } else { PATIENCE };
         ImpactDetector { period, calm: SOFT_TIME + GAIN_RECOVERY_TIME, bouncing: 0.0, patience }
     }
 
-    /// Takes in the speeds `found` of the joints, where `expected` were to be if anything was expected.
+    /// Updates the detector by the joint speeds `found` and, if there is a prediction, the `expected` ones.
     pub fn observe(&mut self, expected: Option<&[f64]>, found: &[f64]) {
         self.calm = (self.calm + self.period).min(SOFT_TIME + GAIN_RECOVERY_TIME);
         let knocked = |expected: &[f64]| {
@@ -54,7 +54,7 @@ impl ImpactDetector {
             if self.calm < SOFT_TIME + GAIN_RECOVERY_TIME { self.bouncing + self.period } else { 0.0 };
     }
 
-    /// Share of the natural frequency right after a knock.
+    /// Factor on the natural frequency right after an impact.
     fn share(&self) -> f64 {
         if self.bouncing < self.patience {
             return 1.0;
@@ -63,7 +63,7 @@ impl ImpactDetector {
         SOFTER.powf(steps).max(SOFTEST)
     }
 
-    /// What is left of `gains`.
+    /// `gains` with the softened natural frequency.
     pub fn soften(&self, gains: Gains) -> Gains {
         let back = ((self.calm - SOFT_TIME) / GAIN_RECOVERY_TIME).clamp(0.0, 1.0);
         let share = self.share();
@@ -96,7 +96,7 @@ mod tests {
         println!("back after {ticks} ticks: {:?}", shares.last());
         assert!(shares.is_sorted() && knocks.soften(gains) == gains);
     }
-    /// A knock every 20 ms: a landing of one journal is left alone, bouncing that goes on is not.
+    /// One impact every 20 ms: a landing of one journal leaves the feedback unchanged, continued bouncing softens it.
     #[test]
     fn bouncing_that_goes_on_is_softened_more_and_more() {
         let gains = Gains { natural_frequency: 1.0, ..Gains::default() };

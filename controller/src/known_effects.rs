@@ -1,11 +1,11 @@
-//! What the effects of the model ask of the drives along the path: where the encoders have to be for the links to be where they should,
-//! and what the drives have to spend beyond the rigid arm.
+//! Shifts and torques of the drives along the path by the effects of the model: the encoder positions that put the links where they should be, and the torques
+//! beyond those of the rigid arm.
 //!
-//! Worked out before the run, by the laws that the plant and the diagnosis use: gaps and springs of transmissions shift the links,
-//! friction, springs and couplings take torque, encoders read late or off. Changes of the arm and radial play are not here:
-//! they are in [`crate::model::Model`]. Neither are pushes, clipping and faults of the torque and tool sensors, which no drive can
-//! make up for, nor what bends, gives or floats between the joints and the tool. A shift that jumps, as that of a gap does, is smoothed; its acceleration is not asked for, since the motor makes
-//! it alone, without the link.
+//! The controller computes a table before the run, with the laws that the plant and the diagnosis use. Gaps and springs of transmissions shift the links;
+//! friction, springs and couplings need torque; encoders may be late or have offsets. Changes of the arm and radial play are in [`crate::model::Model`], not
+//! here. The table excludes pushes, clipping and faults of the torque and tool sensors, because no drive can compensate them, and every compliance or freedom
+//! between the joints and the tool. A shift that jumps, like that of a gap, is smoothed. The controller does not demand the acceleration of that shift, since
+//! the motor crosses the gap alone, without the link.
 
 use freeplay_arm::Arm;
 use freeplay_laws::{Baseline, Effects, Injection, LawError, Placed, Readings, Trajectory};
@@ -14,11 +14,11 @@ use freeplay_shm::Reference;
 
 use crate::displacement_preview::SAME_PATH;
 
-/// Most rows of the table; a longer path is tabled more coarsely.
+/// Most rows of the table; a longer path gets a coarser step.
 pub(crate) const MOST_ROWS: f64 = 100_000.0;
-/// Half of the span over which shifts are averaged, twice, s.
+/// Half the span of the moving average over the shifts, which is applied twice, s.
 pub(crate) const HALF_SPAN: f64 = 0.01;
-/// Time in which shifts go from none to full: a run begins with the joints at the path's own start, s.
+/// Time in which shifts rise from zero to full, s, because a run begins with the joints at the start of the path.
 pub(crate) const BLEND: f64 = 0.3;
 
 /// The table; see the module.
@@ -28,18 +28,18 @@ pub struct KnownEffects {
     joints: usize,
     /// The path itself, `[row][joint]`.
     path: Vec<f64>,
-    /// How far the encoders are to be from the path, `[row][joint]`, rad (m), and how fast that changes.
+    /// Encoder positions minus the path, `[row][joint]`, rad (m), and the rate of that difference.
     shift: [Vec<f64>; 2],
-    /// What the drives spend beyond the rigid arm and its nominal friction, `[row][joint]`, N·m (N).
+    /// Torques of the drives beyond the rigid arm and its nominal friction, `[row][joint]`, N·m (N).
     torque: Vec<f64>,
-    /// The row of the last call, and whether it counts.
+    /// The row of the last call, and a flag: true if the reference was on the path.
     now: usize,
     on_path: bool,
 }
 
 impl KnownEffects {
-    /// For `effects` of `arm`, the arm with the changes that they make of it, along `path` in ticks of `period` s. `None` if they ask
-    /// nothing of the drives.
+    /// Computes the table for `effects` along `path` in ticks of `period` s; `arm` includes the changes by the effects. Returns `None` if the effects need no
+    /// shift and no torque.
     ///
     /// # Errors
     /// See [`LawError`].
@@ -53,7 +53,7 @@ impl KnownEffects {
         Self::of_motion(arm, effects, &sampled(arm, path, step), step)
     }
 
-    /// The same along a `motion` that is sampled in steps of `step` s.
+    /// Does the same along a `motion` that is sampled in steps of `step` s.
     ///
     /// # Errors
     /// See [`LawError`].
@@ -95,7 +95,8 @@ impl KnownEffects {
         }))
     }
 
-    /// Turns to the instant `t`, s since the start, at which `reference` is to be followed. Off the path nothing is known.
+    /// Selects the row of the instant `t`, s since the start, for which `reference` is wanted. If `reference` is not on the path, the table has no values for
+    /// it.
     pub fn turn_to(&mut self, t: f64, reference: &Reference) {
         let last = self.path.len() / self.joints - 1;
         self.now = ((t / self.step).round().max(0.0) as usize).min(last);
@@ -103,17 +104,17 @@ impl KnownEffects {
         self.on_path = row.iter().zip(&reference.q).all(|(own, given)| (own - given).abs() <= SAME_PATH);
     }
 
-    /// How far the encoders are to be from the desired joints, rad (m), and how fast that changes; `None` off the path.
+    /// Encoder positions minus the desired joints, rad (m), and the rate of that difference; `None` off the path.
     pub fn shift(&self) -> Option<[&[f64]; 2]> {
         self.on_path.then(|| [self.row(&self.shift[0]), self.row(&self.shift[1])])
     }
 
-    /// What the drives spend beyond the rigid arm and its nominal friction, N·m (N); `None` off the path.
+    /// Torques of the drives beyond the rigid arm and its nominal friction, N·m (N); `None` off the path.
     pub fn torque(&self) -> Option<&[f64]> {
         self.on_path.then(|| self.row(&self.torque))
     }
 
-    /// Encoder positions less the desired joints at the row `row`, rad (m).
+    /// Encoder positions minus the desired joints at the row `row`, rad (m).
     pub fn shift_at(&self, row: usize) -> &[f64] {
         &self.shift[0][row * self.joints..(row + 1) * self.joints]
     }
@@ -123,7 +124,7 @@ impl KnownEffects {
     }
 }
 
-/// The effects that act on drives and transmissions, and those of the sensors.
+/// Splits the effects into those on drives and transmissions, and those of the sensors.
 fn parted(effects: &Effects) -> (Vec<&Placed>, Vec<&Placed>) {
     let (mut laws, mut sensors) = (Vec::new(), Vec::new());
     for placed in &effects.placed {
@@ -157,7 +158,7 @@ pub(crate) fn sampled(arm: &Arm, path: &JointPath, step: f64) -> Trajectory {
     motion
 }
 
-/// Adds to `shift` by how much encoders with these `sensors` read something else than where the joints are.
+/// Adds to `shift` the error of encoders with these `sensors`.
 fn misread(sensors: &[&Placed], motion: &Trajectory, step: f64, shift: &mut [Vec<f64>]) {
     let mut injection = Injection::default();
     sensors.iter().for_each(|placed| placed.effect.inject(&mut injection));
@@ -182,7 +183,7 @@ fn misread(sensors: &[&Placed], motion: &Trajectory, step: f64, shift: &mut [Vec
     }
 }
 
-/// From 0 to 1, at rest at both ends.
+/// Smooth step from 0 to 1, at rest at both ends.
 pub(crate) fn begun(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
@@ -193,7 +194,7 @@ pub(crate) fn by_row(columns: &[Vec<f64>], rows: usize) -> Vec<f64> {
     (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect()
 }
 
-/// Mean over `half` points before and after each, fewer at the ends.
+/// Mean over `half` points before and after each point; fewer at the ends.
 pub(crate) fn averaged(column: &[f64], half: usize) -> Vec<f64> {
     let mut sums = vec![0.0];
     column.iter().for_each(|x| sums.push(sums[sums.len() - 1] + x));
@@ -250,7 +251,7 @@ mod tests {
         (q, v, reference)
     }
 
-    /// Dry friction asks F sign(q̇); late encoders are to read where the joint was; both by their own formula.
+    /// Dry friction needs F sign(q̇); late encoders read the joint position of an earlier time. The test checks both against their formulas.
     #[test]
     fn friction_takes_its_torque_and_late_encoders_their_way() {
         let (friction, path) = known(&with("coulomb_friction", Some("joint_3"), toml("coulomb = 40.0")));

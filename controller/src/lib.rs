@@ -1,33 +1,34 @@
 //! The built-in controllers and their compensation programme, on the SDK of `freeplay-controller-sdk`.
 //!
-//! A controller is a process of its own. It never sees the plant, only its states; what it knows of the arm is a model file, which
-//! may be wrong. A controller of your own needs the SDK alone, without the solver and the network that stand behind this crate.
+//! A controller is a process of its own. It never sees the plant, only its states. Its knowledge of the arm comes from a model file, which may
+//! be wrong. A controller of your own needs the SDK alone, without the solver and the network that this crate depends on.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`Task`]: the file that tells a controller its model, its reference path, its gains and its options.
-//! - [`Model`]: the arm of that model file, with the clearances that the controller believes in.
+//! - [`Task`]: the file with a controller's model, reference path, gains and options.
+//! - [`Model`]: the arm of that model file, with the clearances that the controller assumes.
 //! - [`Controller`]: the trait: [`Controller::start`] with the task and the [`RunInfo`], then [`Controller::answer`] state by state.
-//! - [`Answer`]: what a controller makes of one state.
-//! - [`serve()`]: the process of a controller: finds the run, shakes hands, answers, ends with an exit code; [`serve_with`] for those who
-//!   bring their own [`ServeOptions`].
+//! - [`Answer`]: a controller's answer to one state.
+//! - [`serve()`]: the process of a controller: it finds the run, shakes hands, answers, and ends with an exit code; [`serve_with`] takes
+//!   custom [`ServeOptions`].
 //! - [`LookAhead`]: the state of the joints when the answer takes effect.
-//! - [`ImpactDetector`]: landings of journals, seen in the encoders; after one the feedback is softer.
-//! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`freeplay_laws::Rest`].
-//! - [`Geometry`]: what another geometry than the nominal one moves the tool by.
-//! - [`DisplacementPreview`]: where the journals will be at the ticks to come, smoothed by a [`CentredAverage`].
-//! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`], where
-//!   the [`FreeMinimiser`] of its cost breaks a limit.
-//! - [`Horizon`]: the same programme over several ticks at once, which sees corners coming; of the path ahead it is told by a
-//!   [`HorizonPreview`], and where limits bind it is solved by a [`DualActiveSet`].
-//! - [`CornerSearch`]: finds where the path turns too sharply for the journals, and has a [`PassagePlanner`] plan a [`Passage`] through
-//!   each corner before the run; together they are the [`Passages`].
-//! - [`Rollout`]: a small simulation of the model that says where the journals go.
-//! - [`AccelerationProgramme`]: the joint accelerations of one tick within torque, braking and contact, from the [`PinForce`] of the bearings.
-//! - [`Correction`]: that correction over time, with its derivatives by [`Centred`] differences.
-//! - [`Tracking`]: a reference tracked while the deviation is taken out: what the compensating controllers share.
-//! - [`ToolResidual`]: what a tracked tool says that physics does not, learned online.
-//! - [`Remainder`]: what physics leaves of the deviation, as a network learned it while a tool was tracked; read from a [`WeightFile`].
+//! - [`ImpactDetector`]: detects landings of journals in the encoder signals; after a landing the feedback is softer.
+//! - [`QuasiStatic`]: the deviation of the tool by the physical prediction, from the rest position ([`freeplay_laws::Rest`]) of each journal.
+//! - [`Geometry`]: displacement of the tool by a geometry that differs from the nominal one.
+//! - [`DisplacementPreview`]: the journal displacements at the coming ticks, smoothed by a [`CentredAverage`].
+//! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; [`Qp`] solves it if the
+//!   [`FreeMinimiser`] of its cost violates a limit.
+//! - [`Horizon`]: the same programme over several ticks at once, which anticipates corners; a [`HorizonPreview`] gives it the path ahead, and
+//!   a [`DualActiveSet`] solves it if limits are active.
+//! - [`CornerSearch`]: finds the corners that are too sharp for the journals, and lets a [`PassagePlanner`] plan a [`Passage`] through each of
+//!   them before the run; together they are the [`Passages`].
+//! - [`Rollout`]: a small simulation of the model that computes the motion of the journals.
+//! - [`AccelerationProgramme`]: the joint accelerations of one tick within the limits of torque, braking and contact; the contact forces come
+//!   from [`PinForce`].
+//! - [`Correction`]: the correction over time, with its derivatives by [`Centred`] differences.
+//! - [`Tracking`]: reference tracking with compensation of the deviation; the compensating controllers share it.
+//! - [`ToolResidual`]: online estimate of the part of the tracked tool's deviation that the physical prediction misses.
+//! - [`Remainder`]: a network's prediction of that residual deviation, trained while a tool was tracked; read from a [`WeightFile`].
 //! - [`ComputedTorque`], [`QuasiStaticControl`], [`NarxQp`]: the controllers that come with the project; [`built_in()`] finds them by name.
 
 pub mod acceleration_programme;

@@ -1,14 +1,14 @@
-//! Where the joints will be when the answer takes effect.
+//! State of the joints at the instant when the answer takes effect.
 //!
-//! While a controller computes on the state of tick k, the command given before is in force; its answer, a torque, starts at tick
-//! k + 1. The nominal arm with that command gives the state there:
+//! While a controller computes on the state of tick k, the previous command is in force; the answer, a torque, starts at tick k + 1.
+//! The nominal arm under the previous command gives the state there:
 //!
 //! `(M + T S) a = τ − h − S v,  v⁺ = v + a T,  q⁺ = q + v T + ½ a T²`
 //!
-//! with M the mass matrix, h the bias and τ the torque in force. S is diagonal, the friction torque of each drive over its velocity:
-//! so friction is taken at the new velocity and brings a joint to rest but never turns it around, however steep its law is.
+//! M is the mass matrix, h the bias and τ the torque in force. S is diagonal: the friction torque of each drive divided by its
+//! velocity. Friction thus acts at the new velocity and brings a joint to rest without reversing it, however steep its law is.
 //!
-//! During tick 0 no command can be in force yet: the plant guides the joints along the reference, where they will be at tick 1.
+//! During tick 0 no command is in force yet: the plant guides the joints along the reference, which also gives their state at tick 1.
 
 use freeplay_arm::{Arm, Workspace, bias, crba};
 use freeplay_laws::DriveFriction;
@@ -24,7 +24,7 @@ pub struct JointState {
     pub v: Vec<f64>,
 }
 
-/// The prediction of one arm's joints by one tick, with its workspace.
+/// One-tick prediction of one arm's joints, with its workspace.
 pub struct LookAhead {
     workspace: Workspace,
     friction: Vec<DriveFriction>,
@@ -32,12 +32,12 @@ pub struct LookAhead {
     mass: DMatrix<f64>,
     right: DVector<f64>,
     predicted: JointState,
-    /// The tick that is predicted.
+    /// The predicted tick.
     tick: Option<u64>,
 }
 
 impl LookAhead {
-    /// For `arm` and ticks of `period` seconds.
+    /// Creates a prediction for `arm` and ticks of `period` seconds.
     pub fn new(arm: &Arm, period: f64) -> LookAhead {
         let n = arm.dof();
         LookAhead {
@@ -51,13 +51,13 @@ impl LookAhead {
         }
     }
 
-    /// What was predicted of the tick `tick`, if it was.
+    /// The prediction for the tick `tick`, if there is one.
     pub fn expected(&self, tick: u64) -> Option<&JointState> {
         (self.tick == Some(tick)).then_some(&self.predicted)
     }
 
-    /// The joints of `arm` one tick after `state`, under the command in force and the torques `external` of the surroundings, N·m (N).
-    /// `None` if the state is not finite.
+    /// Predicts the joints of `arm` one tick after `state`, under the command in force and the torques `external` of the surroundings,
+    /// N·m (N). Returns `None` if the state is not finite.
     pub fn predict(&mut self, arm: &Arm, state: &State, external: &[f64]) -> Option<&JointState> {
         let n = arm.dof();
         self.tick = state.tick.checked_add(1);
@@ -86,7 +86,7 @@ impl LookAhead {
         }
         let factor = Cholesky::new(std::mem::replace(&mut self.mass, DMatrix::zeros(0, 0)));
         let Some(factor) = factor else {
-            // The factorisation took the matrix with it; this state has no answer, so that allocating does no harm.
+            // The factorisation consumed the matrix. This state has no answer, so an allocation does no harm.
             self.mass = DMatrix::zeros(arm.dof(), arm.dof());
             return None;
         };
@@ -101,12 +101,12 @@ impl LookAhead {
     }
 }
 
-/// The friction of each drive that the arm file names.
+/// The friction of each drive according to the arm file.
 pub fn drive_frictions(arm: &Arm) -> Vec<DriveFriction> {
     arm.joints().iter().map(|joint| DriveFriction::nominal(joint.friction)).collect()
 }
 
-/// Friction torque over velocity, N·m·s/rad, ≥ 0; at rest its limit.
+/// Friction torque divided by velocity, N·m·s/rad, ≥ 0; at rest, its limit.
 fn resistance(friction: &DriveFriction, v: f64) -> f64 {
     if v == 0.0 {
         friction.viscous + friction.coulomb / DriveFriction::SMOOTHING

@@ -1,4 +1,4 @@
-//! What a controller knows of the arm: the model file of its task.
+//! A controller's model of the arm: the model file of its task.
 
 use freeplay_controller_sdk::RunInfo;
 use std::path::Path;
@@ -12,18 +12,18 @@ use crate::identity::{identity, model_identity};
 use crate::not_ready::NotReady;
 use crate::task::{LimitsFrom, PAPER_MODEL, Task};
 
-/// The arm, and the play and other effects that the controller believes its joints to have.
+/// The arm, and the play and other effects that the controller assumes.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// The arm with what its effects change of it, a payload or a tilt, with the gravity and the limits of the task.
+    /// The arm with the changes by its effects, such as a payload or a tilt, and with the gravity and the limits of the task.
     pub arm: Arm,
-    /// The arm without its effects, with the gravity of the task: deviations are counted from it.
+    /// The arm without its effects, with the gravity of the task; deviations are relative to it.
     pub nominal: Arm,
     /// All effects of the model file.
     pub effects: Arc<Effects>,
     /// Clearances by joint index of `arm`, in ascending order.
     pub clearances: Vec<(usize, Clearance)>,
-    /// Which arm it is, without its effects, and which model ([`identity`], [`model_identity`]).
+    /// Hash of the arm without its effects, and hash of the model ([`identity`], [`model_identity`]).
     pub hashes: [String; 2],
 }
 

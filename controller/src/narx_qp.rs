@@ -1,9 +1,9 @@
-//! The built-in `narx-qp`: the deviation that physics predicts plus what a network learned beyond it, taken out by the compensation
-//! programme; through the corners of its own path it goes as planned before the run ([`crate::passage`]).
+//! The built-in `narx-qp`: the compensation programme corrects the deviation by the physical prediction plus the learned remainder. Through the
+//! corners of its own path the controller follows passages planned before the run ([`crate::passage`]).
 //!
-//! The network's remainder ([`Remainder`]) comes from a weight file of the task that was proved for its model; without one the controller runs on
-//! physics. With a tracked tool what is left of both is learned online ([`ToolResidual`]): a wrong clearance, a friction that the model
-//! leaves out.
+//! The learned remainder ([`Remainder`]) comes from a weight file of the task with a proof for its model; without one, the controller uses the
+//! physical prediction alone. With a tracked tool, the controller learns the residual of both online ([`ToolResidual`]), for example by a wrong
+//! clearance or by friction that the model lacks.
 
 use freeplay_controller_sdk::{Answer, Controller, ControllerError, RunInfo};
 use std::path::Path;
@@ -24,7 +24,7 @@ use crate::tracking::{Plan, Tracking, TrackingOptions};
 /// Name of the controller.
 pub const NARX_QP: &str = "narx-qp";
 
-/// What the controller understands in the task's `[options]`.
+/// Options of the controller in the task's `[options]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct NarxQpOptions {
@@ -36,16 +36,16 @@ pub struct NarxQpOptions {
     pub horizon: f64,
     /// Weights of the compensation's cost.
     pub cost: Weights,
-    /// Whether passages through the corners of the path are planned before the run; see [`crate::passage`].
+    /// If true, passages through the corners of the path are planned before the run; see [`crate::passage`].
     pub passages: bool,
-    /// What they are judged by.
+    /// Options of the planning of passages.
     pub passage: PassageOptions,
-    /// Age of the tracker's readings, ticks.
+    /// Delay of the tracker, ticks.
     pub tracker_delay: u64,
-    /// Whether the feedback is softer for a while after a journal has landed, with play in one joint only where it goes on bouncing; see
+    /// If true, the feedback is softer for a while after a journal has landed; with play in one joint, only while the journal keeps bouncing. See
     /// [`crate::impact_detector`].
     pub soft_landing: bool,
-    /// Whether commands make up for what the servos of the model do to them; mode servo. See [`crate::command_filter`].
+    /// If true, the commands compensate the dynamics of the servos in the model; mode servo. See [`crate::command_filter`].
     pub command_filter: bool,
 }
 
@@ -139,7 +139,7 @@ impl Controller for NarxQp {
     }
 }
 
-/// The learned remainder of `task`, if it names one; says so where that is not proved.
+/// The learned remainder of `task`, if it names one; the function reports a file without a proof.
 fn learned(task: &Task, model: &Model) -> Result<Option<Remainder>, NotReady> {
     let Some(name) = &task.weights else { return Ok(None) };
     let file = WeightFile::load(Path::new(name))?;

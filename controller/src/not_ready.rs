@@ -1,4 +1,4 @@
-//! Why a built-in controller cannot start.
+//! Errors of a built-in controller that cannot start.
 
 use freeplay_arm::{ArmError, ModelError};
 use freeplay_controller_sdk::ControllerError;
@@ -34,15 +34,15 @@ pub enum NotReady {
     /// The file of a learned remainder cannot be used.
     #[error(transparent)]
     Weights(#[from] WeightError),
-    /// The file of a learned remainder is for something else.
+    /// The file of a learned remainder is for another machine or model.
     #[error("{file}: {source}")]
     OtherWeights {
         /// The weight file.
         file: String,
-        /// What they are for.
+        /// The difference.
         source: Box<WeightError>,
     },
-    /// Task and plant don't fit together.
+    /// Task and plant contradict each other.
     #[error(transparent)]
     Task(#[from] ControllerError),
 }

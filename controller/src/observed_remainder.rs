@@ -1,4 +1,4 @@
-//! What a recording says of the remainder: the tracked tool less what the model says of the motion that was sent.
+//! The remainder in a recording: the tracked tool minus the model's prediction for the commanded motion.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_laws::{ArmWithPlay, Trajectory};
@@ -13,23 +13,24 @@ use crate::model::Model;
 use crate::not_ready::NotReady;
 use crate::tracking::TrackingOptions;
 
-/// What was observed of one motion, evenly sampled.
+/// Observation of one motion, evenly sampled.
 pub struct Observed<'a> {
-    /// The arm from which deviations are counted: the one that planned the reference. A diagnosis may have moved the model's own within its tolerances.
+    /// The nominal arm, which planned the reference; deviations are relative to it. A diagnosis may have changed the arm of the model within its
+    /// tolerances.
     pub nominal: &'a Arm,
     /// The reference motion, without corrections.
     pub reference: &'a Trajectory,
-    /// Where the encoders were sent but for what follows, `[joint][point]`, rad (m).
+    /// Commanded encoder positions, without the shifts by encoders and transmissions, `[joint][point]`, rad (m).
     pub sent: &'a [Vec<f64>],
-    /// What the controller expected of the tool's deviation and took out, base frame, m; empty if it took nothing out. Such a controller also makes
-    /// up for what encoders and transmissions shift.
+    /// Deviation of the tool that the controller predicted and compensated, base frame, m; empty if it compensated nothing. A compensating controller
+    /// also corrects the shifts of encoders and transmissions.
     pub taken_out: &'a [Vector3<f64>],
-    /// Where the tool was, `[axis][point]`, base frame, m.
+    /// Measured tool positions, `[axis][point]`, base frame, m.
     pub tool: &'a [Vec<f64>; 3],
 }
 
-/// What `model` leaves of the tool's deviation, point by point, base frame, m: the tool less where the model has it with its joints sent along
-/// `observed`. It is the same physics as the compensation's, with the journals smoothed over the same span.
+/// Residual of `model` in the tool's position, point by point, base frame, m: the measured tool minus the tool of the model along `observed`. The
+/// physics is that of the compensation, with the journals smoothed over the same span.
 ///
 /// # Errors
 /// A model whose arm with play cannot be built.
@@ -73,7 +74,7 @@ fn journals(model: &Model, motion: &Trajectory, period: f64) -> Result<Vec<Vec<f
     let (mut q, mut v, mut a) = (vec![0.0; joints], vec![0.0; joints], vec![0.0; joints]);
     let mut mean = vec![0.0; width];
     let mut smoothed = Vec::with_capacity(points);
-    // The ends stand still for the half of the span that is beyond them.
+    // Beyond either end the motion rests for half the span.
     for instant in 0..points + 2 * half {
         let point = instant.saturating_sub(half).min(points - 1);
         motion.at(point, &mut q, &mut v, &mut a);

@@ -1,20 +1,20 @@
-//! Passages: how the arm goes through the corners of its path, planned before the run.
+//! Passages: motions of the arm through the corners of its path, planned before the run.
 //!
-//! Where the acceleration of the reference jumps, the force in a joint with play turns to another side of the bearing at once. The
-//! quasi-static prediction then has the journal jump across the bearing, which it cannot: it flies, lands and bounces. A passage
-//! is a motion of joints and journals through the corner that physics allows: every journal rolls along its bearing, pressed
-//! against it all the time, and what that costs of the tool's accuracy is least (see [`crate::passage_planner`]). It joins the quasi-static
-//! correction before and after the corner.
+//! If the acceleration of the reference jumps, the force in a joint with play changes at once to another side of the bearing. The
+//! quasi-static prediction then lets the journal jump across the bearing. A real journal cannot jump: it flies, lands and bounces. A
+//! passage is a physically possible motion of joints and journals through the corner: every journal rolls along its bearing and stays
+//! pressed against it, and the planner minimises the deviation of the tool (see [`crate::passage_planner`]). The passage joins the
+//! quasi-static correction before and after the corner.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::qp::{QpError, QpStatus};
 
-/// Why there is no passage through a corner; the quasi-static correction then goes through it as it is.
+/// Reasons why there is no passage through a corner; the arm then passes it with the quasi-static correction.
 #[derive(Debug, Error)]
 pub enum PassageFault {
-    /// A bearing pushes too little before the corner for its journal to have a side.
+    /// The bearing force before the corner is too small to define the side of its journal.
     #[error("the bearing of joint {joint} pushes with {force:.2} N only before the corner")]
     NoPush {
         /// Index of the joint.
@@ -28,37 +28,37 @@ pub enum PassageFault {
     /// The solver refused the data.
     #[error(transparent)]
     Refused(#[from] QpError),
-    /// The steps of the planning did not lead to a course that physics allows.
+    /// The steps of the planning did not reach a physically possible course.
     #[error("after the last step the forces at a journal leave {0:.3} mm unexplained")]
     NotConsistent(f64),
-    /// In a rollout of the model the planned passage leaves more deviation than the quasi-static correction.
+    /// In a rollout of the model, the planned passage has a larger deviation than the quasi-static correction.
     #[error("in a rollout it leaves {planned:.4} mm RMS, the quasi-static correction {plain:.4} mm")]
     NoGain {
         /// RMS of the tool's deviation with the passage, mm.
         planned: f64,
-        /// And without, mm.
+        /// RMS without the passage, mm.
         plain: f64,
     },
-    /// More corners than are planned before a run.
+    /// The path has more corners than are planned before a run.
     #[error("the passages planned before a run may take {0} ticks")]
     TooMany(usize),
 }
 
-/// What a course is judged by, and where its planning starts.
+/// Cost and starting point of the planning.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PassageOptions {
     /// ε_a, mm²/(rad/s²)²: weight of the correction's acceleration. By default 100 rad/s² cost as much as 0.1 mm.
     pub acceleration: f64,
-    /// F_min, N: least force that a bearing is to push with.
+    /// F_min, N: least force of a bearing on its journal.
     pub least_push: f64,
-    /// γ, mm²/N: what a missing newton costs.
+    /// γ, mm²/N: cost of a newton below F_min.
     pub missing_push: f64,
-    /// How much more large deviations count than small ones: Σ‖e‖^(2 + emphasis) is minimised.
+    /// Emphasis on large deviations: the planner minimises Σ‖e‖^(2 + emphasis).
     pub emphasis: f64,
-    /// Turn by which the journals' angles in the middle of the first course differ from the quasi-static ones, rad: another start.
+    /// Turn of the journals' angles in the middle of the first course relative to the quasi-static ones, rad: another starting point.
     pub detour: f64,
-    /// Time that a passage takes before and after its corner, s.
+    /// Time of a passage before and after its corner, s.
     pub margin: f64,
 }
 
@@ -75,7 +75,7 @@ impl Default for PassageOptions {
     }
 }
 
-/// What a passage says of one tick.
+/// One tick of a passage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step<'a> {
     /// Corrections of the joints, rad (m).
@@ -98,8 +98,8 @@ pub struct Passage {
 }
 
 impl Passage {
-    /// From the tick `first` on: corrections of the joints, rad (m), displacements of the journals, m, and moments of their friction, N·m,
-    /// tick by tick.
+    /// Creates a passage that begins at the tick `first`, from its values tick by tick: corrections of the joints, rad (m), displacements
+    /// of the journals, m, and moments of their friction, N·m.
     pub fn new(first: u64, corrections: &[Vec<f64>], journals: &[Vec<f64>], moments: &[Vec<f64>]) -> Passage {
         Passage {
             first,
@@ -110,7 +110,7 @@ impl Passage {
         }
     }
 
-    /// The same motion from the tick `first` on.
+    /// The same motion, beginning at the tick `first`.
     pub fn starting_at(&self, first: u64) -> Passage {
         Passage { first, ..self.clone() }
     }
@@ -125,7 +125,7 @@ impl Passage {
         self.ticks
     }
 
-    /// What it says of the tick `tick`, if that is within.
+    /// The step of the passage at the tick `tick`, if the passage contains it.
     pub fn at(&self, tick: u64) -> Option<Step<'_>> {
         let k = usize::try_from(tick.checked_sub(self.first)?).ok().filter(|&k| k < self.ticks)?;
         let row = |values: &'_ [f64]| -> std::ops::Range<usize> {
@@ -140,18 +140,18 @@ impl Passage {
     }
 }
 
-/// A corner through which there is no passage.
+/// A corner without a passage.
 #[derive(Debug)]
 pub struct Unplanned {
     /// Its first tick.
     pub first: u64,
     /// Its last tick.
     pub last: u64,
-    /// Why.
+    /// Reason.
     pub fault: PassageFault,
 }
 
-/// The passages of one path, in the order of time.
+/// The passages of one path, in chronological order.
 #[derive(Debug, Default)]
 pub struct Passages {
     planned: Vec<Passage>,
@@ -159,37 +159,37 @@ pub struct Passages {
 }
 
 impl Passages {
-    /// Of the passages `planned` and the corners `unplanned`, each in the order of time.
+    /// Collects the passages `planned` and the corners `unplanned`, each in chronological order.
     pub fn new(planned: Vec<Passage>, unplanned: Vec<Unplanned>) -> Passages {
         Passages { planned, unplanned }
     }
 
-    /// What the passage at the tick `tick`, if there is one, says: see [`Passage::at`].
+    /// The step at the tick `tick` of the passage that contains it, if there is one; see [`Passage::at`].
     pub fn at(&self, tick: u64) -> Option<Step<'_>> {
         let after = self.planned.partition_point(|passage| passage.first <= tick);
         self.planned[..after].last()?.at(tick)
     }
 
-    /// Why there is no passage through the corner at the tick `tick`, if it lies in one without.
+    /// The reason why the corner at the tick `tick` has no passage, if the tick lies in such a corner.
     pub fn fault(&self, tick: u64) -> Option<&PassageFault> {
         let after = self.unplanned.partition_point(|corner| corner.first <= tick);
         let corner = self.unplanned[..after].last()?;
         (tick <= corner.last).then_some(&corner.fault)
     }
 
-    /// Whether a corner through which no passage could be planned begins at the tick `tick`. Where the quasi-static correction is the
-    /// better way through, none is lacking.
+    /// Returns true if a corner without a passage begins at the tick `tick`. A corner where the quasi-static correction is better needs no
+    /// passage and does not count.
     pub fn lacks_one_from(&self, tick: u64) -> bool {
         let corner = self.unplanned.binary_search_by_key(&tick, |corner| corner.first);
         corner.is_ok_and(|at| !matches!(self.unplanned[at].fault, PassageFault::NoGain { .. }))
     }
 
-    /// The passages.
+    /// The planned passages.
     pub fn planned(&self) -> &[Passage] {
         &self.planned
     }
 
-    /// The corners without one.
+    /// The corners without a passage.
     pub fn unplanned(&self) -> &[Unplanned] {
         &self.unplanned
     }

@@ -1,4 +1,4 @@
-//! A corner: what the programme of a passage through it is made from, and the cost of a course.
+//! A corner: the data of a passage's programme, and the cost of a course.
 
 use freeplay_arm::Limits;
 use freeplay_laws::ArmWithPlay;
@@ -9,7 +9,7 @@ use crate::passage_layout::{Layout, MILLI, second_difference, stencil};
 use crate::passage_trajectory::{JournalContact, PassageTrajectory};
 use crate::pin_force::PinForce;
 
-/// The part of a passage that stays the same while it is planned, tick by tick.
+/// Constant data of a passage, tick by tick.
 pub struct Frame {
     /// Jacobian of the tool for joints and slides, 6 × (n + 2 plays).
     pub tool: DMatrix<f64>,
@@ -17,21 +17,21 @@ pub struct Frame {
     pub mass: DMatrix<f64>,
 }
 
-/// All that the programme of one passage is made from.
+/// Data of the programme of one passage.
 pub struct Corner<'a> {
     /// The arm with play.
     pub arm: &'a ArmWithPlay,
     /// The limits of its joints.
     pub limits: &'a [Limits],
-    /// What does not change, tick by tick.
+    /// Constant data, tick by tick.
     pub frames: &'a [Frame],
     /// Weights of the tool's deviation, linear and angular, 1/mm² and 1/mrad².
     pub weights: [f64; 6],
-    /// F_0, N: what the bearings push with before the corner.
+    /// F_0, N: bearing forces before the corner.
     pub rest: &'a [f64],
-    /// What it is judged by.
+    /// Options of the planning.
     pub options: PassageOptions,
-    /// How much the deviation of each tick counts.
+    /// Weight of the deviation at each tick.
     pub emphasis: Vec<f64>,
 }
 
@@ -40,7 +40,7 @@ impl Corner<'_> {
         Layout { joints: self.limits.len(), plays: self.arm.plays().len(), ticks: course.ticks() }
     }
 
-    /// Lets large deviations of `course` count more than small ones, as far as the options say.
+    /// Raises the weights of ticks with large deviations of `course`, by the exponent `emphasis` of the options.
     pub fn emphasise(&mut self, course: &PassageTrajectory) {
         if self.options.emphasis > 0.0 {
             let left = |k: usize| self.deviation(course, k).rows(0, 3).norm();
@@ -51,13 +51,13 @@ impl Corner<'_> {
         }
     }
 
-    /// What is left of the deviation of the tool at tick `k`, mm and mrad.
+    /// The remaining deviation of the tool at tick `k`, mm and mrad.
     pub fn deviation(&self, course: &PassageTrajectory, k: usize) -> DVector<f64> {
         let moved = [course.corrections[k].as_slice(), &course.journals(k)].concat();
         &self.frames[k].tool * DVector::from_vec(moved) * MILLI
     }
 
-    /// The displacement, mm, that the unexplained force of `meeting` would cause.
+    /// The displacement, mm, equivalent to the unexplained force of `meeting`.
     pub(crate) fn side(
         &self,
         course: &PassageTrajectory,
@@ -72,7 +72,7 @@ impl Corner<'_> {
         MILLI * course.radii[k][play] / self.rest[play]
     }
 
-    /// The largest displacement that the forces of `course` leave unexplained, mm; infinite where a bearing would have to pull.
+    /// The largest displacement equivalent to the unexplained forces of `course`, mm; infinite if a bearing would have to pull.
     pub fn unexplained(&self, course: &PassageTrajectory, pin: &mut PinForce) -> f64 {
         let mut most: f64 = 0.0;
         for k in 1..course.ticks() - 1 {
@@ -111,7 +111,8 @@ impl Corner<'_> {
         cost
     }
 
-    /// How the force along `direction` (coordinate of the arm with play, share) at tick `k` changes with the accelerations.
+    /// Derivative of the force along `direction` (coordinate of the arm with play, share) at tick `k` with respect to the
+    /// accelerations.
     pub(crate) fn force_row(
         &self,
         course: &PassageTrajectory,

@@ -1,13 +1,13 @@
-//! Where the variables of a passage's programme are, and how the accelerations of a course depend on them.
+//! Indices of the variables of a passage's programme, and the derivatives of a course's accelerations.
 
 use crate::passage_trajectory::PassageTrajectory;
 
 /// From SI to mm and mrad.
 pub const MILLI: f64 = 1e3;
-/// Ticks at either end of a passage that keep their place, so that it joins what comes before and after with two derivatives.
+/// Fixed ticks at either end of a passage; position, velocity and acceleration thus join the motion before and after.
 pub const FIXED: usize = 2;
 
-/// Where the variables of the programme are.
+/// Indices of the variables of the programme.
 pub struct Layout {
     /// Number of joints.
     pub joints: usize,
@@ -18,44 +18,44 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Whether tick `k` may change.
+    /// Returns true if tick `k` may change.
     pub fn is_free(&self, k: usize) -> bool {
         k >= FIXED && k + FIXED < self.ticks
     }
 
-    /// Variables of one tick: δΔq, δφ, y, s.
+    /// Number of variables of one tick: δΔq, δφ, y, s.
     pub fn width(&self) -> usize {
         self.joints + 3 * self.plays
     }
 
-    /// δΔq of `joint` at tick `k`.
+    /// Index of δΔq of `joint` at tick `k`.
     pub fn joint(&self, k: usize, joint: usize) -> usize {
         k * self.width() + joint
     }
 
-    /// δφ of `play` at tick `k`.
+    /// Index of δφ of `play` at tick `k`.
     pub fn angle_index(&self, k: usize, play: usize) -> usize {
         self.joint(k, self.joints + play)
     }
 
-    /// y of `play` at tick `k`.
+    /// Index of y of `play` at tick `k`.
     pub fn lateral_index(&self, k: usize, play: usize) -> usize {
         self.joint(k, self.joints + self.plays + play)
     }
 
-    /// s of `play` at tick `k`.
+    /// Index of s of `play` at tick `k`.
     pub fn slack_index(&self, k: usize, play: usize) -> usize {
         self.joint(k, self.joints + 2 * self.plays + play)
     }
 }
 
-/// The ticks and shares of the second difference at tick `k`, 1/s².
+/// The ticks and coefficients of the second difference at tick `k`, 1/s².
 pub fn stencil(period: f64, k: usize) -> [(usize, f64); 3] {
     let share = 1.0 / (period * period);
     [(k - 1, share), (k, -2.0 * share), (k + 1, share)]
 }
 
-/// How the acceleration of joint `i` at tick `k` changes with the corrections, rad/s² per mrad.
+/// Derivative of the acceleration of joint `i` at tick `k` with respect to the corrections, rad/s² per mrad.
 pub fn second_difference(
     course: &PassageTrajectory,
     layout: &Layout,

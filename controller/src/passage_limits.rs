@@ -1,4 +1,4 @@
-//! The limits of the joints as rows of a passage's programme: where the course is past half of them.
+//! The limits of the joints as rows of a passage's programme; a limit gets a row if the course uses more than half of it.
 
 use std::collections::BTreeSet;
 
@@ -7,24 +7,25 @@ use crate::passage_layout::{Layout, MILLI, second_difference};
 use crate::passage_trajectory::PassageTrajectory;
 use crate::sparse_programme::{Row, SparseProgramme};
 
-/// Share of a limit from which on it is watched.
+/// Share of a limit above which the programme contains it.
 const WATCHED: f64 = 0.5;
 
-/// A limit that a course came near to: tick, joint.
+/// A limit near the course: tick, joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Watch {
-    /// Of the position.
+    /// Position limit.
     Position(usize, usize),
-    /// Of the speed.
+    /// Speed limit.
     Speed(usize, usize),
-    /// Of the acceleration.
+    /// Acceleration limit.
     Acceleration(usize, usize),
-    /// Of the torque.
+    /// Torque limit.
     Torque(usize, usize),
 }
 
 impl Corner<'_> {
-    /// The rows of the limits at tick `k`, where `forces` act; limits that the course comes near to are added to `watched`.
+    /// Adds the rows of the limits at tick `k` under `forces`. The function adds the limits that the course comes near to
+    /// `watched`.
     pub(crate) fn add_limits(
         &self,
         course: &PassageTrajectory,
@@ -65,7 +66,7 @@ impl Corner<'_> {
     }
 }
 
-/// Demands that `value`, changed by `entries`, stays within ±`limit`.
+/// Adds the constraint that `value`, changed by `entries`, stays within ±`limit`.
 fn bound(programme: &mut SparseProgramme, value: f64, limit: f64, entries: &[(usize, f64)]) {
     for sign in [1.0, -1.0] {
         let entries = entries.iter().map(|&(at, share)| (at, sign * share / limit)).collect();

@@ -1,11 +1,11 @@
-//! Plans a passage: the course of joints and journals through a corner on which the tool deviates least.
+//! Planner of passages: it finds the course of joints and journals through a corner with the least deviation of the tool.
 //!
-//! The unknowns are the corrections of the joints and the angles at which the journals lie in their bearings, at every tick of the
-//! passage. They are found by Gauss–Newton steps, each a sparse quadratic programme (see [`crate::passage_programme`]), from the
-//! quasi-static correction. The law of contact, that the bearing pushes along its normal and rubs along its tangent, enters as a
-//! square whose weight grows tenfold from step to step; a step that does not lower the cost is halved. Where the steps lead to nothing that
-//! physics allows, they are taken again from other starts. Before a passage is handed out, it
-//! must do better in a rollout of the model than the quasi-static correction ([`TrialMotion`]).
+//! The unknowns are the corrections of the joints and the contact angles of the journals in their bearings, at every tick of the passage.
+//! Gauss–Newton steps find them, starting from the quasi-static correction; each step is a sparse quadratic programme (see
+//! [`crate::passage_programme`]). The law of contact, a bearing force along the normal with friction along the tangent, enters as a square
+//! whose weight grows tenfold from step to step. The planner halves a step that does not lower the cost. If the steps reach no physically
+//! possible course, the planner repeats them from other starting points. It returns a passage only if the passage does better in a rollout
+//! of the model than the quasi-static correction ([`TrialMotion`]).
 
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
@@ -21,23 +21,23 @@ use crate::passage_trajectory::{Change, Instant, PassageTrajectory};
 use crate::pin_force::PinForce;
 use crate::trial::TrialMotion;
 
-/// Weights of the law of contact, step by step; the last is kept.
+/// Weights of the law of contact, step by step; later steps use the last weight.
 const CONTACT: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
 /// Most steps of the planning.
 const STEPS: usize = 12;
-/// Further starts where no passage comes of the first, rad: turns of the journals' angles in the middle of the corner.
+/// Further starting points if the first gives no passage, rad: turns of the journals' angles in the middle of the corner.
 const OTHER_STARTS: [f64; 2] = [0.3, -0.3];
 /// Halvings of a step that does not lower the cost.
 const HALVINGS: i32 = 4;
 /// Largest turn of an angle in one step, rad.
 const LONGEST_TURN: f64 = 0.5;
-/// Planning ends when no angle turns by more than this, rad,
+/// The planning ends when no angle turns by more than this, rad,
 const LAST_TURN: f64 = 5e-3;
-/// and the forces leave no more displacement unexplained than this, mm.
+/// and the displacement by unexplained forces is at most this, mm.
 const EXPLAINED: f64 = 0.005;
-/// Displacement that the forces of a course may leave unexplained at most, mm.
+/// Largest displacement by unexplained forces in an accepted course, mm.
 const UNEXPLAINED: f64 = 0.05;
-/// Least force with which a bearing must push before the corner, N.
+/// Least bearing force before the corner, N.
 const LEAST_REST: f64 = 5.0;
 
 /// The planner of one arm with play.
@@ -53,7 +53,8 @@ pub struct PassagePlanner {
 }
 
 impl PassagePlanner {
-    /// For `arm`, which is `with_play` with its plays, ticks of `period` seconds, the compensation's `weights` and `options`.
+    /// Creates a planner for `arm`, ticks of `period` seconds, the compensation's `weights` and `options`; `with_play` is `arm` with its
+    /// plays.
     pub fn new(
         arm: &Arm,
         with_play: &ArmWithPlay,
@@ -73,14 +74,14 @@ impl PassagePlanner {
         }
     }
 
-    /// The passage from the tick `first` on along `reference` (positions of the joints, tick by tick), which begins and ends with the
-    /// quasi-static correction of `journals` (their displacements, m, two for each joint with play).
+    /// Plans the passage that begins at the tick `first` along `reference` (positions of the joints, tick by tick). It begins and ends with
+    /// the quasi-static correction of `journals` (their displacements, m, two for each joint with play).
     ///
     /// # Errors
     /// See [`PassageFault`].
     ///
     /// # Panics
-    /// If there are fewer than eight ticks: a corner with what comes before and after has more.
+    /// If there are fewer than eight ticks; a corner with its margins has more.
     pub fn plan(
         &mut self,
         first: u64,
@@ -102,7 +103,7 @@ impl PassagePlanner {
         other.map_or(first_try, Ok)
     }
 
-    /// As [`Self::plan`], from the quasi-static `course` with its angles turned by up to `detour`, rad.
+    /// Plans as [`Self::plan`] does, from the quasi-static `course` with its angles turned by up to `detour`, rad.
     fn plan_from(
         &mut self,
         first: u64,
@@ -165,7 +166,7 @@ impl PassagePlanner {
         [x, y, z, turn, turn, turn]
     }
 
-    /// What does not change at the posture `q`.
+    /// The quantities that depend on the posture `q` only.
     fn frame(&mut self, q: &[f64]) -> Frame {
         let with_play = self.pin.arm();
         let (n, m) = (self.arm.dof(), with_play.arm().dof());
@@ -184,7 +185,8 @@ impl PassagePlanner {
         Frame { tool, mass: self.pin.mass().clone() }
     }
 
-    /// The course that takes out the displacements `journals`, with their angles and, from the first to the last, their radii.
+    /// The course that compensates the displacements `journals`, with their angles and radii; radii are interpolated from the first tick to
+    /// the last.
     fn quasi_static(
         &self,
         reference: Vec<Vec<f64>>,
@@ -218,7 +220,7 @@ impl PassagePlanner {
         }
     }
 
-    /// The correction of the joints that takes out the displacements `journals`: damped least squares.
+    /// The correction of the joints that compensates the displacements `journals`: damped least squares.
     fn take_out(&self, frame: &Frame, journals: &[f64]) -> Vec<f64> {
         let n = self.arm.dof();
         let weights = DMatrix::from_diagonal(&DVector::from_row_slice(&self.tool_weights()));
@@ -232,7 +234,7 @@ impl PassagePlanner {
         }
     }
 
-    /// The moments of the contacts' friction on the joints with play, N·m, tick by tick; at either end that of the tick beside it.
+    /// The moments of the contacts' friction on the joints with play, N·m, tick by tick; the first and last tick copy their neighbours.
     fn moments(&mut self, course: &PassageTrajectory) -> Vec<Vec<f64>> {
         let plays = self.pin.arm().plays().to_vec();
         let last = course.ticks() - 1;
@@ -246,7 +248,7 @@ impl PassagePlanner {
         rows.collect()
     }
 
-    /// What the bearings push with before the corner, N.
+    /// The bearing forces before the corner, N.
     fn resting_forces(&mut self, course: &PassageTrajectory) -> Result<Vec<f64>, PassageFault> {
         let forces = course.forces(1, &mut self.pin);
         let plays = self.pin.arm().plays().iter();
@@ -260,7 +262,7 @@ impl PassagePlanner {
     }
 }
 
-/// `course` moved along `change`, by as much of it as lowers the cost; `None` if nothing does.
+/// Moves `course` along `change` by the largest tried share that lowers the cost; returns `None` if no share does.
 fn improve(
     corner: &Corner<'_>,
     pin: &mut PinForce,

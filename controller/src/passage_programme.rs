@@ -73,7 +73,7 @@ impl Corner<'_> {
         k: usize,
         programme: &mut SparseProgramme,
     ) {
-        // A variable that no term touches would make the programme's minimum not unique.
+        // A small cost keeps every variable determined: a variable in no other term would make the minimiser ambiguous.
         for i in 0..layout.width() {
             programme.add_square(1e-9, 0.0, &[(layout.joint(k, i), 1.0)]);
         }

@@ -1,15 +1,15 @@
-//! A course through a corner: the corrections of the joints and the sides on which the journals lie, tick by tick.
+//! A course through a corner: the corrections of the joints and the contact angles of the journals, tick by tick.
 //!
-//! On a course every journal lies against its bearing, displaced by d = r (cos φ, sin φ) at the angle φ in the plane of its slides,
-//! where r, clearance and penetration, is given. Derivatives are centred differences over a tick, which is also what a torque or
-//! an acceleration that is held for a tick makes of a motion.
+//! On a course every journal touches its bearing, displaced by d = r (cos φ, sin φ) at the angle φ in the plane of its slides. The
+//! radius r, clearance plus penetration, is given. Derivatives are centred differences over a tick; a torque or an acceleration
+//! that is held for a tick has the same effect on the motion.
 
 use freeplay_laws::{Clearance, Play};
 
 use crate::compensation::Motion;
 use crate::pin_force::PinForce;
 
-/// A motion of joints or journals at one tick that owns its numbers: positions, velocities, accelerations.
+/// Motion of joints or journals at one tick, with its own storage: positions, velocities, accelerations.
 #[derive(Clone, Debug)]
 pub struct Instant {
     /// Positions.
@@ -21,7 +21,7 @@ pub struct Instant {
 }
 
 impl Instant {
-    /// Between three values a tick of `period` seconds apart.
+    /// Computes the motion by centred differences of three values a tick of `period` seconds apart.
     pub fn centred(values: [&[f64]; 3], period: f64) -> Instant {
         let [before, now, after] = values;
         let each = |of: fn(f64, f64, f64) -> f64, scale: f64| {
@@ -34,7 +34,7 @@ impl Instant {
         }
     }
 
-    /// The numbers.
+    /// The instant as a [`Motion`].
     pub fn as_motion(&self) -> Motion<'_> {
         Motion { q: &self.q, v: &self.v, a: &self.a }
     }
@@ -70,14 +70,14 @@ impl Change {
     }
 }
 
-/// How one journal meets its bearing on a course.
+/// Contact of one journal with its bearing on a course.
 #[derive(Clone, Copy, Debug)]
 pub struct JournalContact {
     /// Normal n = (cos φ, sin φ), towards the bearing's wall.
     pub normal: [f64; 2],
     /// Tangent t = (sin φ, −cos φ).
     pub tangent: [f64; 2],
-    /// Force with which the bearing pushes, −nᵀb, N; where negative, it would have to pull.
+    /// Force of the bearing on the journal, −nᵀb, N; if negative, the bearing would have to pull.
     pub push: f64,
     /// Force of the bearing along the tangent, tᵀb, N.
     pub across: f64,
@@ -86,7 +86,7 @@ pub struct JournalContact {
 }
 
 impl JournalContact {
-    /// tᵀb + μ F_N, N: what the friction of the contact leaves of the force across. On a course that physics allows it is zero.
+    /// tᵀb + μ F_N, N: the tangential force beyond friction. It is zero on a physically possible course.
     pub fn residual(&self) -> f64 {
         self.across + self.friction[0] * self.push
     }
@@ -109,17 +109,17 @@ impl PassageTrajectory {
         sides.flat_map(|(angle, radius)| [radius * angle.cos(), radius * angle.sin()]).collect()
     }
 
-    /// How the displacement of journal `play` at tick `k` changes with its angle, m.
+    /// Derivative of the displacement of journal `play` at tick `k` with respect to its angle, m.
     pub fn swing(&self, k: usize, play: usize) -> [f64; 2] {
         let (sin, cos) = self.angles[k][play].sin_cos();
         [-self.radii[k][play] * sin, self.radii[k][play] * cos]
     }
 
-    /// This course with the angles turned by up to `turn`, rad, in the middle, and not at the ends.
+    /// This course with the angles turned by up to `turn`, rad, in the middle, and unchanged at the ends.
     pub fn detoured(mut self, turn: f64) -> PassageTrajectory {
         let ticks = self.angles.len();
         for (k, row) in self.angles.iter_mut().enumerate() {
-            // sin⁴ has three derivatives that vanish at the ends.
+            // The first three derivatives of sin⁴ vanish at the ends.
             let share = (std::f64::consts::PI * k as f64 / (ticks - 1) as f64).sin().powi(4);
             row.iter_mut().for_each(|angle| *angle += turn * share);
         }
@@ -141,19 +141,19 @@ impl PassageTrajectory {
         }
     }
 
-    /// The joints, correction included, at tick `k`, not the first nor the last.
+    /// Motion of the joints, correction included, at tick `k`, neither the first nor the last.
     pub fn joints_at(&self, k: usize) -> Instant {
         let rows = [k - 1, k, k + 1].map(|k| self.joints(k));
         Instant::centred([&rows[0], &rows[1], &rows[2]], self.period)
     }
 
-    /// The reference at tick `k`, not the first nor the last.
+    /// Motion of the reference at tick `k`, neither the first nor the last.
     pub fn reference_at(&self, k: usize) -> Instant {
         let rows = [k - 1, k, k + 1].map(|k| self.reference[k].as_slice());
         Instant::centred(rows, self.period)
     }
 
-    /// The journals at tick `k`, not the first nor the last.
+    /// Motion of the journals at tick `k`, neither the first nor the last.
     pub fn journals_at(&self, k: usize) -> Instant {
         let rows = [k - 1, k, k + 1].map(|k| self.journals(k));
         Instant::centred([&rows[0], &rows[1], &rows[2]], self.period)
@@ -163,12 +163,12 @@ impl PassageTrajectory {
         self.reference[k].iter().zip(&self.corrections[k]).map(|(q, correction)| q + correction).collect()
     }
 
-    /// The forces along all coordinates of the arm with play at tick `k`, not the first nor the last, N or N·m.
+    /// The forces along all coordinates of the arm with play at tick `k`, neither the first nor the last, N or N·m.
     pub fn forces(&self, k: usize, pin: &mut PinForce) -> Vec<f64> {
         pin.forces(self.joints_at(k).as_motion(), self.journals_at(k).as_motion()).to_vec()
     }
 
-    /// How the journal `index`, that of `play`, meets its bearing at tick `k` under `forces`, those of [`Self::forces`].
+    /// Contact of the journal `index`, that of `play`, at tick `k` under `forces`, those of [`Self::forces`].
     pub fn meeting(&self, k: usize, index: usize, play: &Play, forces: &[f64]) -> JournalContact {
         let (sin, cos) = self.angles[k][index].sin_cos();
         let (normal, tangent) = ([cos, sin], [sin, -cos]);

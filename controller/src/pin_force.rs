@@ -1,11 +1,12 @@
-//! The force that a bearing must give its journal: affine in the accelerations of the joints.
+//! Force of a bearing on its journal, which is affine in the accelerations of the joints.
 //!
-//! With M and h the mass matrix and the bias of the arm with play, c the two slide rows of a joint with play, r the other rows:
+//! M and h are the mass matrix and the bias of the arm with play, c denotes the two slide rows of a joint with play, and r the
+//! other rows:
 //!
 //! `b(a) = M_ca a + M_cc p̈ + h_c`
 //!
-//! is the force on the journal along the two slides while the joints accelerate by a and the journals by p̈. A journal that lies
-//! against its bearing with the normal n stays there while `−nᵀ b(a) > 0`: the bearing can push, not pull.
+//! is the force on the journal along the two slides while the joints accelerate by a and the journals by p̈. A journal in contact
+//! with its bearing along the normal n stays in contact while `−nᵀ b(a) > 0`: the bearing can push, not pull.
 
 use freeplay_arm::{Workspace, crba, rnea};
 use freeplay_laws::ArmWithPlay;
@@ -25,7 +26,7 @@ pub struct PinForce {
 }
 
 impl PinForce {
-    /// For the arm with play `arm`.
+    /// Creates the forces of the arm with play `arm`.
     pub fn new(arm: &ArmWithPlay) -> PinForce {
         let m = arm.arm().dof();
         PinForce {
@@ -45,20 +46,21 @@ impl PinForce {
     }
 
     /// The forces, N or N·m, in the coordinates of the arm with play, that move its joints along `joints` and its journals along
-    /// `journals` (two displacements for each joint with play, m, with derivatives). Those of the slides are the bearings'.
+    /// `journals` (two displacements for each joint with play, m, with derivatives). The rows of the slides are the bearing
+    /// forces.
     pub fn forces(&mut self, joints: Motion<'_>, journals: Motion<'_>) -> &[f64] {
         self.place(joints, journals);
         rnea(self.arm.arm(), &mut self.workspace, &self.q, &self.v, &self.a, &mut self.force);
         &self.force
     }
 
-    /// Works out [`Self::mass`] where [`Self::forces`] was last asked for.
+    /// Computes [`Self::mass`] at the posture of the last call of [`Self::forces`].
     pub fn weigh(&mut self) {
         crba(self.arm.arm(), &mut self.workspace, &self.q, &mut self.mass);
     }
 
-    /// The mass matrix of the arm with play, in its coordinates, of the last [`Self::weigh`]: the change of the forces with the
-    /// accelerations.
+    /// The mass matrix of the arm with play, in its coordinates, of the last [`Self::weigh`]: the derivative of the forces with
+    /// respect to the accelerations.
     pub fn mass(&self) -> &DMatrix<f64> {
         &self.mass
     }

@@ -1,11 +1,12 @@
 //! A small dense quadratic programme of fixed size, solved again every tick by Clarabel.
 //!
-//! `min ½ xᵀP x + qᵀx  subject to  A x ≤ b`, with P symmetric positive semi-definite, the places of A's entries fixed at construction,
-//! and P, q, b (and where it changes, A) new for every solve. The solver is built once and its data are overwritten in place.
+//! `min ½ xᵀP x + qᵀx  subject to  A x ≤ b`, with P symmetric positive semi-definite. The sparsity pattern of A is fixed at
+//! construction; P, q, b (and optionally the entries of A) are new for every solve. The solver is built once, and each solve
+//! overwrites its data in place.
 //!
-//! Settings, with what they are for (Clarabel 0.11): presolve off, or the data could not be updated; iterative refinement off, the
-//! largest gain in time at this size; a limit on the iterations instead of on the time, because Clarabel's clock accumulates over
-//! updates (its issue 233). Scale the problem so that variables and rows are of the order of one (mm, mrad).
+//! Settings and their reasons (Clarabel 0.11): presolve is off, because otherwise the data could not be updated; iterative refinement
+//! is off, which saves most time at this size; the limit is on the iterations instead of the time, because Clarabel's clock
+//! accumulates over updates (its issue 233). Scale the problem so that variables and rows are of the order of one (mm, mrad).
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus, SupportedConeT};
@@ -15,7 +16,7 @@ use thiserror::Error;
 /// Most iterations of one solve; a programme of this size takes about ten.
 pub const MAX_ITERATIONS: u32 = 25;
 
-/// Why a programme could not be set up.
+/// Errors when a programme is set up.
 #[derive(Debug, Error)]
 pub enum QpError {
     /// No variable or no row.
@@ -41,14 +42,14 @@ pub enum QpError {
     Refused(#[from] SolverError),
 }
 
-/// How a solve ended; every end has its name.
+/// Status of a solve; every outcome has a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum QpStatus {
     /// Solved to the full tolerance (1e-8).
     Solved,
     /// Solved to the reduced tolerance only (1e-4).
     AlmostSolved,
-    /// No point fulfils all rows.
+    /// No point satisfies all rows.
     Infeasible,
     /// The cost has no lower bound.
     Unbounded,
@@ -56,12 +57,12 @@ pub enum QpStatus {
     IterationLimit,
     /// The factorisation failed or the steps became too short.
     NumericalFailure,
-    /// P, q or b holds a number that is not finite; nothing was solved.
+    /// P, q or b has an entry that is not finite; the solver was not called.
     BadData,
 }
 
 impl QpStatus {
-    /// Whether [`Qp::solution`] is the minimiser, to at least the reduced tolerance.
+    /// Returns true if [`Qp::solution`] is the minimiser, to at least the reduced tolerance.
     pub fn is_usable(self) -> bool {
         matches!(self, QpStatus::Solved | QpStatus::AlmostSolved)
     }
@@ -83,16 +84,16 @@ impl From<SolverStatus> for QpStatus {
     }
 }
 
-/// One solve: how it ended and how long it took.
+/// Result of one solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QpReport {
-    /// How the solve ended.
+    /// Status of the solve.
     pub status: QpStatus,
     /// Iterations of the interior-point method.
     pub iterations: u32,
 }
 
-/// A programme of fixed size and rows, with room for the data of the next solve.
+/// A programme with fixed sizes, and buffers for the data of the next solve.
 pub struct Qp {
     solver: DefaultSolver<f64>,
     variables: usize,
@@ -110,7 +111,7 @@ impl Qp {
     /// Sets up the programme with the rows A (m×n) and, until the first solve, P = 1, q = 0, b = 1.
     ///
     /// # Errors
-    /// A without rows or columns, a coefficient that is not finite, or Clarabel's refusal.
+    /// A without rows or columns, a coefficient that is not finite, or an error of Clarabel.
     pub fn new(rows: &DMatrix<f64>) -> Result<Qp, QpError> {
         let (m, n) = rows.shape();
         if m == 0 || n == 0 {
@@ -142,7 +143,7 @@ impl Qp {
     /// Overwrites the rows A (m×n). An entry that was zero at construction stays zero.
     ///
     /// # Panics
-    /// If the shape is not the programme's: a mistake of the caller, found at the first call.
+    /// If the shape differs from that of the programme: a mistake of the caller that the first call reveals.
     pub fn set_rows(&mut self, rows: &DMatrix<f64>) {
         assert_eq!(rows.shape(), (self.bounds.len(), self.variables), "shape of A");
         for (slot, &(row, column)) in self.entries.iter_mut().zip(&self.pattern) {
@@ -161,10 +162,11 @@ impl Qp {
         self.bounds.len()
     }
 
-    /// Solves with the cost P (n×n; only its upper triangle is read) and `linear` q (n), and the right-hand sides `bounds` b (m).
+    /// Solves the programme with the cost P (n×n; only its upper triangle is used) and `linear` q (n), and the right-hand sides
+    /// `bounds` b (m).
     ///
     /// # Panics
-    /// If a shape is not the programme's: a mistake of the caller, found at the first call.
+    /// If a shape differs from that of the programme: a mistake of the caller that the first call reveals.
     pub fn solve(&mut self, cost: &DMatrix<f64>, linear: &[f64], bounds: &[f64]) -> QpReport {
         assert_eq!(cost.shape(), (self.variables, self.variables), "shape of P");
         let mut next = 0;
@@ -220,14 +222,14 @@ fn packed_identity(n: usize) -> Vec<f64> {
     (0..n).flat_map(|column| (0..=column).map(move |row| if row == column { 1.0 } else { 0.0 })).collect()
 }
 
-/// The full upper triangle as compressed columns; entries that are zero now keep their place.
+/// The full upper triangle as compressed columns; zero entries stay in the pattern.
 fn upper_triangle(n: usize, packed: &[f64]) -> CscMatrix<f64> {
     let starts = (0..=n).map(|column| column * (column + 1) / 2).collect();
     let row_of = (0..n).flat_map(|column| 0..=column).collect();
     CscMatrix::new(n, n, starts, row_of, packed.to_vec())
 }
 
-/// Row and column of each entry that is not zero, column after column: the order of Clarabel's compressed columns.
+/// Row and column of each nonzero entry, column after column: the order of Clarabel's compressed columns.
 fn pattern(dense: &DMatrix<f64>) -> Vec<(usize, usize)> {
     let (rows, columns) = dense.shape();
     let all = (0..columns).flat_map(|column| (0..rows).map(move |row| (row, column)));

@@ -1,6 +1,6 @@
-//! The built-in `quasi-static`: no learning; the deviation that physics predicts, taken out by the compensation programme.
+//! The built-in `quasi-static`: the compensation programme corrects the deviation by the physical prediction, without learning.
 //!
-//! All of it is in [`Tracking`].
+//! [`Tracking`] contains the whole algorithm.
 
 use freeplay_controller_sdk::{Answer, Controller, ControllerError, RunInfo};
 use freeplay_path::JointPath;

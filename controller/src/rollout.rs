@@ -1,9 +1,9 @@
-//! A small simulation of the model: where the journals go while the joints are driven.
+//! A small simulation of the model: it computes the motion of the journals while the joints are driven.
 //!
-//! The arm with play of the model file is stepped as the plant steps its own, with fewer sub-steps: drift to the middle, forces there
-//! (contacts by the laws of the model: Lankarani & Nikravesh 1990, friction), kick, drift on (leapfrog; Hairer, Lubich & Wanner 2006,
-//! §I.1.4). A journal detaches, flies and lands by itself: nothing is assumed about contact. A Hertz impact of this arm lasts
-//! 0.5 ms; sub-steps of 50 µs find its peak to 1 %, its time to a sub-step.
+//! The simulation steps the arm with play of the model file as the plant does, with fewer sub-steps: it drifts to the middle,
+//! evaluates the forces there (contacts by the laws of the model: Lankarani & Nikravesh 1990, friction), kicks, and drifts on
+//! (leapfrog; Hairer, Lubich & Wanner 2006, §I.1.4). The simulation assumes nothing about contact: a journal detaches, flies and
+//! lands by itself. A Hertz impact of this arm lasts 0.5 ms; sub-steps of 50 µs resolve its peak to 1 % and its time to a sub-step.
 
 use freeplay_arm::{Drive, Workspace, hybrid_aba};
 use freeplay_laws::{ArmWithPlay, Journal, bearing_contact};
@@ -13,7 +13,7 @@ use crate::compensation::Motion;
 /// Longest sub-step that resolves a contact, s.
 pub const LONGEST_SUBSTEP: f64 = 5e-5;
 
-/// What moves the joints during a tick.
+/// Input that moves the joints during a tick.
 #[derive(Clone, Copy, Debug)]
 pub enum Driven<'a> {
     /// Torques of the motors without drive friction, N·m (N), held for the tick.
@@ -22,14 +22,14 @@ pub enum Driven<'a> {
     Acceleration(&'a [f64]),
 }
 
-/// The contact of one journal so far.
+/// Contact record of one journal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Touch {
-    /// Whether the journal touches.
+    /// True if the journal touches its bearing.
     pub touching: bool,
     /// Approach speed at the last landing, m/s.
     pub impact_speed: f64,
-    /// How often it landed since the start.
+    /// Number of landings since the start.
     pub landings: u32,
     /// Time in flight since the start, s.
     pub flight: f64,
@@ -55,7 +55,7 @@ pub struct Rollout {
 }
 
 impl Rollout {
-    /// Of the arm with play `arm`, in ticks of `period` seconds.
+    /// Creates a simulation of the arm with play `arm`, in ticks of `period` seconds.
     pub fn new(arm: &ArmWithPlay, period: f64) -> Rollout {
         let m = arm.arm().dof();
         let zeros = vec![0.0; m];
@@ -75,8 +75,8 @@ impl Rollout {
         }
     }
 
-    /// Puts the joints and the journals (two displacements for each joint with play, m) where `joints` and `journals` say, with their
-    /// velocities and accelerations. A journal that touches there is taken to have come to rest in its bearing.
+    /// Sets the positions, velocities and accelerations of the joints to `joints` and those of the journals to `journals` (two
+    /// displacements for each joint with play, m). A journal in contact counts as settled in its bearing.
     pub fn start(&mut self, joints: Motion<'_>, journals: Motion<'_>) {
         let parts = [
             (&mut self.q, joints.q, journals.q),
@@ -97,7 +97,7 @@ impl Rollout {
         }
     }
 
-    /// Moves on by one tick.
+    /// Advances by one tick.
     pub fn tick(&mut self, driven: Driven<'_>) {
         let step = self.period / f64::from(self.substeps);
         for _ in 0..self.substeps {
@@ -133,7 +133,7 @@ impl Rollout {
         }
     }
 
-    /// Lets the bearings act.
+    /// Applies the contact forces of the bearings.
     fn touch(&mut self, step: f64) {
         for (play, touch) in self.arm.plays().iter().zip(&mut self.touches) {
             let approach = journal(&self.middle_q, &self.middle_v, play).approach(&play.clearance);

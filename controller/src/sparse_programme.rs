@@ -1,4 +1,5 @@
-//! A sparse quadratic programme, put together entry by entry and solved once by Clarabel. For plans made before a run; it allocates.
+//! A sparse quadratic programme, assembled entry by entry and solved once by Clarabel. It serves plans made before a run; it
+//! allocates.
 //!
 //! `min ½ xᵀP x + qᵀx  subject to  E x = f,  A x ≤ b`, with P symmetric positive semi-definite.
 
@@ -12,19 +13,19 @@ use crate::qp::{QpError, QpStatus};
 /// Most iterations of one solve.
 const MAX_ITERATIONS: u32 = 50;
 
-/// Tolerance of the solution: the programmes are steps towards something, not the thing itself.
+/// Tolerance of the solution; it may be coarse, because the programmes are steps of an iteration.
 const TOLERANCE: f64 = 1e-6;
 
 /// One row: coefficients by variable, and the right-hand side.
 #[derive(Clone, Debug, Default)]
 pub struct Row {
-    /// Coefficients; those of one variable add up.
+    /// Coefficients; entries of the same variable add up.
     pub entries: Vec<(usize, f64)>,
     /// The right-hand side.
     pub bound: f64,
 }
 
-/// A programme being put together.
+/// A programme during its assembly.
 #[derive(Clone, Debug)]
 pub struct SparseProgramme {
     /// Upper triangle of P by (column, row).
@@ -35,7 +36,7 @@ pub struct SparseProgramme {
 }
 
 impl SparseProgramme {
-    /// A programme of `variables` variables without cost or rows.
+    /// Creates a programme of `variables` variables without cost or rows.
     pub fn new(variables: usize) -> SparseProgramme {
         SparseProgramme {
             cost: BTreeMap::new(),
@@ -60,12 +61,12 @@ impl SparseProgramme {
         self.linear[variable] += slope;
     }
 
-    /// Demands Σ entries · x = bound.
+    /// Adds the constraint Σ entries · x = bound.
     pub fn equal(&mut self, row: Row) {
         self.equalities.push(row);
     }
 
-    /// Demands Σ entries · x ≤ bound.
+    /// Adds the constraint Σ entries · x ≤ bound.
     pub fn at_most(&mut self, row: Row) {
         self.inequalities.push(row);
     }
@@ -73,7 +74,7 @@ impl SparseProgramme {
     /// The minimiser.
     ///
     /// # Errors
-    /// `Ok(Err(status))` names how the solve ended if not with a minimiser; `Err` is Clarabel's refusal of the data.
+    /// `Ok(Err(status))` gives the status of a solve without a minimiser; `Err` means that Clarabel refused the data.
     pub fn solve(self) -> Result<Result<Vec<f64>, QpStatus>, QpError> {
         let n = self.linear.len();
         let cones = [

@@ -1,19 +1,20 @@
-//! What the tracked tool says that physics does not: the slowly varying part of the deviation beyond the prediction, learned online.
+//! Online estimate of the residual of the tracked tool: the slowly varying part of the deviation that the physical prediction misses.
 //!
-//! At tick k the tool is where the joints were sent, plus what the plan did not know: `r = p_tool − FK(q_target) − d`, with q_target
-//! the corrected motion meant for that tick and d the deviation that physics predicted there. In the frame of the contact (first
-//! axis along d, carried along as d turns) a wrong clearance is a constant, and so is a friction that was left out, for as long as
-//! the joint turns one way. There r passes two first-order filters, and what comes out is added to the deviations planned for. With
-//! the plan's own correction taken out of r, the loop is an internal-model control: its filter makes an integral action on the tool,
-//! and the ticks between plan and measurement cost speed but not stability (Morari & Zafiriou 1989, ch. 4).
+//! At tick k the tool deviates from the plan by the residual `r = p_tool − FK(q_target) − d`, where q_target is the corrected motion for
+//! that tick and d the deviation that the physical prediction gave. The filter works in the frame of the contact, whose first axis follows
+//! d. In that frame a wrong clearance gives a constant residual, and so does a missing friction while the joint turns in one direction.
+//! Two first-order low-pass filters smooth r, and the result is added to the planned deviations. Because r excludes the plan's own
+//! correction, the loop is an internal-model control: its filter acts as an integrator on the tool, and the ticks between plan and
+//! measurement reduce the speed but not the stability (Morari & Zafiriou 1989, ch. 4).
 //!
-//! While the command in force is not the controller's own (it stands by, or a hand-over blends) the joints are not sent along its plan.
-//! Then FK takes the measured joints: the part of r that the play makes is the same whoever moves the arm, so that a standby has learned
-//! it by the time it takes over. To take the plan for what was not carried out would teach it the other's correction. Once its own command
-//! is in force, the joints settle for `SETTLING`, and then what is expected goes over from the one to the other within `RETURN`.
+//! While another controller's command is in force (this one is a standby, or a hand-over blends), the joints do not follow this
+//! controller's plan. FK then uses the measured joints: the part of r by the play is the same whichever controller moves the arm, so a
+//! standby has learned it before it takes over. With its own plan in FK, the standby would learn the other controller's correction. Once
+//! its own command is in force, the controller uses the measured joints for another `SETTLING`, and then blends to the plan within
+//! `RETURN`.
 //!
-//! Bounces are no slow residual: a step of the filter is never longer than [`LONGEST_STEP`] of the reach, and while r moves by more
-//! than [`BOUNCE`] of it within `BOUNCE_TICKS` ticks the estimate stands still.
+//! Bounces are no slow residual. One step of the filter is limited to [`LONGEST_STEP`] of the reach, and the estimate is frozen while r
+//! moves by more than [`BOUNCE`] of the reach within `BOUNCE_TICKS` ticks.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_shm::{Joints, State};
@@ -22,40 +23,40 @@ use nalgebra::{Rotation3, Vector3};
 use crate::compensation::Motion;
 use crate::tracking::Plan;
 
-/// Longest innovation that counts in full, share of the reach.
+/// Longest innovation that is not limited, share of the reach.
 pub const LONGEST_STEP: f64 = 0.05;
-/// Movement of the residual that is a bounce, share of the reach.
+/// Movement of the residual that counts as a bounce, share of the reach.
 pub const BOUNCE: f64 = 0.05;
-/// Ticks within which it is one, and for which the estimate stands still after it.
+/// Ticks within which that movement counts as a bounce, and for which the estimate is frozen after it.
 const BOUNCE_TICKS: usize = 10;
 /// Largest estimate, share of the reach.
 pub const LARGEST: f64 = 0.5;
 /// Time constant of the first filter, s.
 const FILTER: f64 = 0.05;
-/// Time constant of the second, which smooths what is to be differentiated twice, s.
+/// Time constant of the second filter, s; it smooths the signal for two differentiations.
 const SMOOTHING: f64 = 0.02;
-/// Time for which a controller that has taken over still expects the tool where the measured joints put it, s.
+/// After a takeover, the expected tool position comes from the measured joints for this time, s.
 const SETTLING: f64 = 0.2;
-/// Time in which it then goes back to expecting what it planned, s.
+/// Time of the blend back to the planned joints, s.
 const RETURN: f64 = 0.2;
-/// Reach where the model knows of no play, m.
+/// Reach if the model has no play, m.
 const REACH_WITHOUT_PLAY: f64 = 1e-3;
-/// A deviation below this share of the reach has no direction worth following.
+/// If the deviation is below this share of the reach, the frame does not follow its direction.
 const LEAST_DIRECTION: f64 = 0.2;
-/// Oldest reading of a tracker that is understood, ticks.
+/// Largest delay of the tracker that the estimate accepts, ticks.
 pub const LONGEST_DELAY: u64 = 50;
-/// Instants that are remembered: more than lie between plan and measurement.
+/// Number of stored instants; more than lie between plan and measurement.
 const REMEMBERED: usize = 64;
 
-/// What was expected of one instant.
+/// Expected values of one instant.
 #[derive(Clone, Copy)]
 struct Expected {
     tick: u64,
-    /// From the frame of the contact to the base frame.
+    /// Rotation from the frame of the contact to the base frame.
     frame: Rotation3<f64>,
     /// Deviation by physics, base frame, m.
     physics: Vector3<f64>,
-    /// Tool of the perfect arm at the corrected motion, base frame, m, once that is known.
+    /// Tool of the perfect arm at the corrected motion, base frame, m; `None` until it is known.
     tool: Option<Vector3<f64>>,
 }
 
@@ -68,22 +69,23 @@ pub struct ToolResidual {
     /// Age of a measured tool pose, ticks.
     delay: u64,
     expected: [Option<Expected>; REMEMBERED],
-    /// The last answer: during the next tick it is in force if its controller is in charge.
+    /// The last answer. It is in force during the next tick if its controller is active.
     said: Option<Joints>,
-    /// Time for which the own command has been in force, s; no longer than what matters.
+    /// Time for which the own command has been in force, s; limited to `SETTLING` + `RETURN`.
     in_force: f64,
     frame: Rotation3<f64>,
     /// The latest residuals, frame of the contact, m.
     latest: [Vector3<f64>; BOUNCE_TICKS],
     measured: usize,
-    /// Ticks for which the estimate still stands still.
+    /// Remaining ticks for which the estimate is frozen.
     waiting: usize,
     estimate: Vector3<f64>,
     smooth: Vector3<f64>,
 }
 
 impl ToolResidual {
-    /// For the nominal `arm` whose plays together reach `reach` m, ticks of `period` s, and tool poses that are `delay` ticks old.
+    /// Creates an estimate for the nominal `arm` whose plays reach `reach` m together, ticks of `period` s, and tool poses that are
+    /// `delay` ticks old.
     pub fn new(arm: &Arm, reach: f64, period: f64, delay: u64) -> ToolResidual {
         ToolResidual {
             workspace: Workspace::new(arm),
@@ -103,14 +105,14 @@ impl ToolResidual {
         }
     }
 
-    /// Forgets what was expected, for a motion that does not continue the last one; what was learned stays.
+    /// Clears the expected values, for a motion that does not continue the last one; the estimate stays.
     pub fn restart(&mut self) {
         self.expected = [None; REMEMBERED];
         self.said = None;
         self.measured = 0;
     }
 
-    /// The estimate in the frame of the contact, m: along the deviation, and across it.
+    /// The estimate in the frame of the contact, m: along the deviation, then across it.
     pub fn learned(&self) -> &Vector3<f64> {
         &self.smooth
     }
@@ -120,7 +122,7 @@ impl ToolResidual {
         self.frame * self.smooth
     }
 
-    /// Takes the measured tool of `state`, if there is one that the plan was for.
+    /// Updates the estimate by the measured tool of `state`, if there is one for a planned instant.
     pub fn observe(&mut self, state: &State) {
         self.follow(state);
         let Some(residual) = self.residual(state) else { return };
@@ -141,7 +143,7 @@ impl ToolResidual {
         self.smooth += (self.estimate - self.smooth) * (self.period / SMOOTHING).min(1.0);
     }
 
-    /// r at the instant of the measurement in `state`, frame of the contact.
+    /// The residual r at the instant of the measurement in `state`, frame of the contact.
     fn residual(&self, state: &State) -> Option<Vector3<f64>> {
         let tracked = state.has(State::FLAG_TOOL_TRACKED) && !state.has(State::FLAG_FALLBACK);
         let instant = state.tick.checked_sub(self.delay).filter(|_| tracked)?;
@@ -152,7 +154,7 @@ impl ToolResidual {
         finite.then(|| expected.frame.inverse_transform_vector(&beyond))
     }
 
-    /// Remembers the deviation of `plan` and says what to add to it, base frame, m.
+    /// Stores the deviation of `plan` and returns the estimate to add to it, base frame, m.
     pub fn beyond(&mut self, plan: &Plan<'_>) -> Vector3<f64> {
         if plan.deviation.norm() > LEAST_DIRECTION * self.reach {
             let now = self.frame * Vector3::x();
@@ -163,13 +165,13 @@ impl ToolResidual {
         self.frame * self.smooth
     }
 
-    /// Remembers that the answer `said` sends the joints along `target` at the instant of `tick`.
+    /// Stores that the answer `said` sends the joints along `target` at the instant of `tick`.
     pub fn aim(&mut self, tick: u64, target: Motion<'_>, said: &Joints) {
         self.said = Some(*said);
         self.expect(tick, target.q);
     }
 
-    /// Expects the joints where `state` measured them, as far as they are not sent along the plan.
+    /// Sets the expected joints to the measured ones of `state`, as far as the joints do not follow the plan.
     fn follow(&mut self, state: &State) {
         let joints = state.joints as usize;
         let is_own = self.said.is_none_or(|said| said[..joints] == state.applied[..joints]);
@@ -187,7 +189,7 @@ impl ToolResidual {
         }
     }
 
-    /// Expects the tool where it is with the joints at `q`, at the instant of `tick`.
+    /// Computes and stores the expected tool position for the joints at `q`, at the instant of `tick`.
     fn expect(&mut self, tick: u64, q: &[f64]) {
         let tool = forward_kinematics(&self.arm, &mut self.workspace, q).translation.vector;
         if let Some(expected) = self.expected[slot(tick)].as_mut().filter(|expected| expected.tick == tick) {
@@ -196,8 +198,8 @@ impl ToolResidual {
     }
 }
 
-/// The smallest rotation that takes the direction of `from` to that of `to`; none where they point against each other, since then any
-/// half turn would do. By the arc tangent: the arc cosine of a product rounded to above 1 is not a number.
+/// The smallest rotation from the direction of `from` to that of `to`. The function returns no rotation if they are opposite, since then
+/// the axis is undefined. It uses the arc tangent, because the arc cosine of a product rounded to above 1 is NaN.
 fn least_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Rotation3<f64> {
     let axis = from.cross(to);
     let sine = axis.norm();
@@ -212,7 +214,7 @@ fn slot(tick: u64) -> usize {
     (tick % REMEMBERED as u64) as usize
 }
 
-/// `vector`, no longer than `most`.
+/// `vector`, limited to the length `most`.
 fn shortened(vector: Vector3<f64>, most: f64) -> Vector3<f64> {
     let length = vector.norm();
     if length > most { vector * (most / length) } else { vector }
@@ -228,12 +230,12 @@ mod tests {
     use nalgebra::Vector3;
 
     const PERIOD: f64 = 1e-3;
-    /// What physics predicts, and what there is beyond it, m.
+    /// Deviation by the physical prediction, and the deviation beyond it, m.
     const PHYSICS: Vector3<f64> = Vector3::new(0.0, 0.0, -0.5e-3);
     const BEYOND: Vector3<f64> = Vector3::new(0.0, 0.0, -0.04e-3);
 
-    /// What is learned along the deviation in `ticks` ticks in which the joints stand at zero while the plan has them elsewhere, if the
-    /// command in force is the own one from the tick `takes_over` on, when the joints go along the plan.
+    /// Returns the estimate along the deviation after `ticks` ticks. The joints stay at zero while the plan has them elsewhere; from the
+    /// tick `takes_over` on, the own command is in force and the joints follow the plan.
     fn learned(ticks: u64, takes_over: u64) -> f64 {
         let arm = paper_arm().arm;
         let n = arm.dof();

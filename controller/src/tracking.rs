@@ -1,12 +1,12 @@
-//! Tracking of a reference while the deviation that the play causes is taken out: what `quasi-static` and `narx-qp` share.
+//! Reference tracking with compensation of the deviation that the play causes; `quasi-static` and `narx-qp` share it.
 //!
-//! The reference path is planned here, so that it is known where the journals will rest at the ticks to come: that is smoothed by a
-//! centred moving average, the joints are corrected for it ([`Correction`]) and the corrected motion is tracked by inverse dynamics
-//! with feedback, with the motion of the journals and the friction of their contacts fed forward. A torque is held for a tick: it is
-//! computed for the middle of the tick and for the mean acceleration from its start to its end. Where the reference in the state
-//! is not that of the own path, the deviation is predicted from that reference alone, without a look ahead. With the option
-//! `passages`, corners are passed as planned before the run ([`crate::passage`]); one that could not be planned is passed without, which
-//! is said at the start, and the answer at its first tick has the status `QpFailed`.
+//! The module plans the reference path, so that the rest positions of the journals at the coming ticks are known. A centred moving average
+//! smooths these positions, [`Correction`] corrects the joints for them, and inverse dynamics with feedback tracks the corrected motion. The
+//! motion of the journals and the friction of their contacts are fed forward. The drives hold a torque for a tick, so the controller computes
+//! the torque for the middle of the tick and for the mean acceleration from its start to its end. If the reference in the state is not that
+//! of the planned path, the controller predicts the deviation from that reference alone, without a look ahead. With the option `passages`,
+//! the arm passes corners as planned before the run ([`crate::passage`]). A corner that could not be planned is passed without a passage; the
+//! controller reports it at the start, and the answer at its first tick has the status `QpFailed`.
 
 use freeplay_arm::Arm;
 use freeplay_controller_sdk::Answer;
@@ -36,35 +36,35 @@ use crate::passage::{PassageOptions, Passages, Unplanned};
 use crate::qp::QpStatus;
 use crate::task::{Gains, Task, TaskError, TaskMode};
 
-/// Shortest span of the moving average, s: where the predicted journals jump, less of it asks for wild torques.
+/// Shortest span of the moving average, s. The predicted journals jump; a shorter span would demand very large torques.
 pub const SHORTEST_AVERAGE: f64 = 0.01;
-/// Missed ticks that are caught up one by one; after more, the correction starts anew from where it was.
+/// After up to this many missed ticks, the controller catches up tick by tick; after more, the correction restarts from its last value.
 const MOST_CAUGHT_UP: u64 = 3;
-/// Ticks between the instant of an answer and the newest that is planned for: as many as [`Centred`] looks ahead.
+/// Ticks between the instant of an answer and the newest planned instant: the look-ahead of [`Centred`].
 const AHEAD: u64 = 2;
 
-/// How a reference is tracked and corrected.
+/// Options of the tracking and of the correction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackingOptions {
     /// Time in which the correction goes from none to full, s.
     pub blend: f64,
-    /// Span of the moving average over the predicted journals, s: 0 for none, else at least [`SHORTEST_AVERAGE`].
+    /// Span of the moving average over the predicted journals, s: 0 for none, otherwise at least [`SHORTEST_AVERAGE`].
     pub average: f64,
-    /// Span of the horizon over which corrections are planned, s: 0 for none, each tick by itself; else 1 to
-    /// [`MOST_TICKS`] ticks. With one, the journals are not averaged for what is taken out of the
-    /// deviation (`weights.acceleration` keeps the corrections smooth), only for what is fed forward; see [`crate::horizon`].
+    /// Span of the horizon over which corrections are planned, s: 0 plans each tick by itself, otherwise 1 to [`MOST_TICKS`] ticks. With a
+    /// horizon, the average smooths the journals only for the feedforward, not for the compensation, because `weights.acceleration` keeps the
+    /// corrections smooth; see [`crate::horizon`].
     pub horizon: f64,
     /// Weights of the compensation.
     pub weights: Weights,
-    /// Whether passages through the corners of the path are planned before the run; see [`crate::passage`].
+    /// If true, passages through the corners of the path are planned before the run; see [`crate::passage`].
     pub passages: bool,
-    /// What they are judged by.
+    /// Options of the planning of passages.
     pub passage: PassageOptions,
-    /// Whether commands make up for what the servos of the model do to them; mode servo. See [`crate::command_filter`].
+    /// If true, the commands compensate the dynamics of the servos in the model; mode servo. See [`crate::command_filter`].
     pub command_filter: bool,
-    /// Whether the feedback is softer for a while after a journal has landed, with play in one joint only where it goes on bouncing; see
-    /// [`crate::impact_detector`].
+    /// If true, the feedback is softer for a while after a journal has landed; with play in one joint, only while the journal keeps bouncing.
+    /// See [`crate::impact_detector`].
     pub soft_landing: bool,
 }
 
@@ -89,10 +89,10 @@ impl TrackingOptions {
         (self.horizon / period).round() as usize
     }
 
-    /// Whether the options of the controller `controller` are in their ranges, at ticks of `period` seconds.
+    /// Checks the ranges of the options of the controller `controller`, at ticks of `period` seconds.
     ///
     /// # Errors
-    /// [`TaskError::OptionValue`] names the first that is not.
+    /// [`TaskError::OptionValue`] names the first option outside its range.
     pub fn check(&self, controller: &str, period: f64) -> Result<(), TaskError> {
         let within = |value: f64, least: f64, most: f64| value >= least && value <= most;
         let fault = if !within(self.blend, 1e-3, 60.0) {
@@ -112,36 +112,37 @@ impl TrackingOptions {
 pub struct Plan<'a> {
     /// The tick of the instant.
     pub tick: u64,
-    /// The motion there without the correction.
+    /// Motion at that instant without the correction.
     pub motion: Motion<'a>,
-    /// The deviation that physics predicts there, smoothed, base frame, m.
+    /// Deviation by the physical prediction at that instant, smoothed, base frame, m.
     pub deviation: Vector3<f64>,
 }
 
-/// What is known of the deviation at a planned instant beyond physics, base frame, m. Called once for each instant, in order.
+/// Callback that returns the deviation beyond the physical prediction at a planned instant, base frame, m. It is called once for each
+/// instant, in order.
 pub type Beyond<'a> = dyn FnMut(&Plan<'_>) -> Vector3<f64> + 'a;
 
-/// The tracking of one arm; see the module.
+/// Tracking of one arm; see the module.
 pub struct Tracking {
     arm: Arm,
     mode: TaskMode,
     gains: Gains,
     period: f64,
-    /// Whether the predicted journals are smooth enough to be differentiated.
+    /// True if the predicted journals are smooth enough to be differentiated.
     smooth: bool,
     friction: Vec<DriveFriction>,
-    /// What the geometry of the model moves the tool by; none if it is the nominal one.
+    /// Displacement of the tool by the geometry of the model; none if the geometry is nominal.
     geometry: Option<Geometry>,
-    /// What other effects of the model ask of the drives; none if there are none.
+    /// Shifts and torques by the other effects of the model; none if there are no such effects.
     known: Option<KnownEffects>,
     filter: Option<CommandFilter>,
     look_ahead: LookAhead,
-    /// Landings, where the feedback is softer after one.
+    /// Detector of landings, after which the feedback is softer.
     knocks: Option<ImpactDetector>,
     outlook: DisplacementPreview,
-    /// What the horizon sees, if there is one.
+    /// Preview of the horizon, if there is one.
     foresight: Option<HorizonPreview>,
-    /// Predicts for the instant of the answer and feeds forward.
+    /// Predictor for the instant of the answer; its result is fed forward.
     predictor: QuasiStatic,
     correction: Correction,
     /// The smoothed displacements of the journals, m.
@@ -150,11 +151,11 @@ pub struct Tracking {
     tick: Option<u64>,
     planned: JointMotion,
     target: JointMotion,
-    /// Where the links are meant to be at that instant: the target without what encoders and transmissions shift.
+    /// Desired positions of the links at that instant: the target without the shifts of encoders and transmissions.
     links: JointMotion,
     /// Moments of the contacts' friction on the joints with play during the tick of the answer, N·m.
     moments: Vec<f64>,
-    /// What they, the known effects and the motion of the journals do to the joints during that tick, N·m (N).
+    /// Torques of these moments, the known effects and the motion of the journals on the joints during that tick, N·m (N).
     external: Vec<f64>,
     acceleration: Vec<f64>,
     /// Mean accelerations of the reference during the tick of the answer, rad/s² (m/s²).
@@ -163,17 +164,17 @@ pub struct Tracking {
     halfway: JointMotion,
     journals_halfway: JointMotion,
     passages: Passages,
-    /// Whether the last reference was that of the own path.
+    /// True if the last reference was that of the planned path.
     own: bool,
-    /// What geometry and learning say beyond the journals of the instant before the newest, and of the newest, m.
+    /// Deviations by geometry and learning, beyond the journals, at the last but one and the newest instant, m.
     learned: [Vector3<f64>; 2],
 }
 
 impl Tracking {
-    /// Gets ready to track `path` for `ticks` ticks with `model`, whose gains, mode and rate are those of `task`.
+    /// Prepares the tracking of `path` for `ticks` ticks with `model`. Gains, mode and rate are those of `task`.
     ///
     /// # Errors
-    /// A model whose play cannot be, or the solver's refusal.
+    /// A model with impossible play, or an error of the solver.
     pub fn new(
         task: &Task,
         model: &Model,
@@ -205,7 +206,7 @@ impl Tracking {
         } else {
             Passages::default()
         };
-        // All that the first answer, to tick 0, needs but the newest value.
+        // Prepares everything that the first answer, to tick 0, needs, except the newest value.
         outlook.at(task.mode.lead() + AHEAD - 1);
         let mut predictor = QuasiStatic::new(&with_play, period);
         if let Some(foresight) = &mut foresight {
@@ -245,8 +246,8 @@ impl Tracking {
         })
     }
 
-    /// Answers `state`. What `beyond` says of an instant planned for is added to the deviation that physics predicts there: base
-    /// frame, m. `None` if there is no answer: the state or the prediction is not finite.
+    /// Answers `state`. The function adds the result of `beyond` for each planned instant to the deviation of the physical prediction, base
+    /// frame, m. It returns `None` if the state or the prediction is not finite.
     pub fn answer(&mut self, state: &State, beyond: &mut Beyond<'_>, answer: &mut Answer) -> Option<()> {
         let n = self.arm.dof();
         let measured = state.q[..n].iter().chain(&state.qd[..n]);
@@ -285,7 +286,7 @@ impl Tracking {
         }
         let is_finite = answer.is_finite();
         if !is_finite {
-            // What nonsense does to the joints is not carried on to the next tick.
+            // Clears torques that are not finite, so that the next tick does not inherit them.
             self.external.fill(0.0);
         }
         is_finite.then_some(())
@@ -301,12 +302,13 @@ impl Tracking {
         self.target.as_motion()
     }
 
-    /// Where the links are meant to be at the instant of the last answer: the corrected motion without what encoders and transmissions shift.
+    /// Desired positions of the links at the instant of the last answer: the corrected motion without the shifts of encoders and
+    /// transmissions.
     pub fn links(&self) -> Motion<'_> {
         self.links.as_motion()
     }
 
-    /// Brings the correction to where it was to be at `state`: starts it, or makes up for missed ticks.
+    /// Brings the correction up to the tick of `state`: starts it, or catches up on missed ticks.
     fn catch_up(&mut self, state: &State, beyond: &mut Beyond<'_>, answer: &mut Answer) {
         let n = self.arm.dof();
         match self.tick {
@@ -333,8 +335,8 @@ impl Tracking {
         self.tick = Some(state.tick);
     }
 
-    /// Plans the correction of the answer to `tick`: the newest is for [`AHEAD`] ticks after the instant of the answer.
-    /// `reference` is that of the answer; without one, the path is taken to be followed.
+    /// Plans the correction of the answer to `tick`; the newest correction is for [`AHEAD`] ticks after the instant of the answer.
+    /// `reference` is that of the answer. Without one, the function assumes that the arm follows the path.
     fn plan(
         &mut self,
         tick: u64,
@@ -390,7 +392,7 @@ impl Tracking {
             (None, Some(horizon)) => {
                 let found = self.correction.look_ahead(&self.arm, planned, horizon, &learned);
                 found.unwrap_or_else(|HorizonReport { status, iterations }| {
-                    // What is left undone has its name, and the programme of one tick does what it can.
+                    // The status names the failure of the horizon; the programme of one tick does what it can.
                     answer.status = match status {
                         HorizonStatus::IterationLimit => CommandStatus::QpLimit,
                         _ => CommandStatus::QpFailed,
@@ -414,7 +416,7 @@ impl Tracking {
         }
     }
 
-    /// The deviation during `reference`, not smoothed.
+    /// The deviation at `reference`, not smoothed.
     fn predict(&mut self, reference: &Reference) -> Vector3<f64> {
         let n = self.arm.dof();
         let motion = Motion { q: &reference.q[..n], v: &reference.qd[..n], a: &reference.qdd[..n] };
@@ -453,7 +455,7 @@ impl Tracking {
             *held += correction;
         }
         feedback(gains, Motion { a: &self.held, ..target }, ahead, &mut self.acceleration);
-        // The torque is held for the tick: it is that of the middle.
+        // The drives hold the torque for the tick, so it is computed for the middle of the tick.
         self.halfway.coast(&ahead.q, &ahead.v, &self.acceleration, 0.5 * self.period);
         let journals = self.journals.motion();
         self.journals_halfway.coast(journals.q, journals.v, self.journals.held(), 0.5 * self.period);

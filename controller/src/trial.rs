@@ -1,8 +1,8 @@
 //! Tests a planned passage before its use: one rollout of the model follows the passage, another the quasi-static correction.
 //!
-//! In both rollouts the joints follow their commands exactly while the journals are free to detach, fly and bounce. The acceleration of
-//! a tick is held from half a tick before it to half a tick after it, which leads through the positions of all ticks; the deviation
-//! is taken half-way between ticks.
+//! In both rollouts the joints follow their commands exactly, while the journals are free to detach, fly and bounce. The rollout holds the
+//! acceleration of a tick from half a tick before it to half a tick after it, so that the motion passes through the positions of all ticks. It
+//! evaluates the deviation half-way between ticks.
 
 use freeplay_laws::ArmWithPlay;
 
@@ -29,14 +29,14 @@ impl TrialMotion<'_> {
         Instant::centred([&rows[0], &rows[1], &rows[2]], period)
     }
 
-    /// Half a tick after tick `k`: positions and velocities of a row of numbers whose accelerations are held around each tick.
+    /// Positions and velocities half a tick after tick `k`, for accelerations that are held around each tick.
     fn half_way(now: &Instant, after: &[f64], period: f64) -> Instant {
         let v: Vec<f64> = now.q.iter().zip(after).map(|(now, after)| (after - now) / period).collect();
         let held = |i: usize| now.q[i] + 0.5 * period * v[i] - 0.125 * period * period * now.a[i];
         Instant { q: (0..v.len()).map(held).collect(), a: now.a.clone(), v }
     }
 
-    /// RMS of what is left of the tool's deviation in a rollout of `arm`, mm; `frames` hold the Jacobians, tick by tick.
+    /// RMS of the tool's remaining deviation in a rollout of `arm`, mm; `frames` contain the Jacobians, tick by tick.
     pub fn remaining(&self, arm: &ArmWithPlay, frames: &[Frame], period: f64) -> f64 {
         let mut rollout = Rollout::new(arm, period);
         let ticks = self.reference.len();

@@ -1,8 +1,8 @@
-//! A controller of one's own, to copy: gravity compensation and a PD law on each joint.
+//! A template for a controller of your own: gravity compensation and a PD law on each joint.
 //!
 //! Build it with `cargo build --release -p freeplay-controller-sdk --example minimal` and let a run use it:
 //! `freeplay run --controller target/release/examples/minimal`. A crate of your own depends on `freeplay-controller-sdk` and
-//! `freeplay-shm`, and on `freeplay-arm` where it wants dynamics.
+//! `freeplay-shm`, and on `freeplay-arm` if it needs dynamics.
 
 use std::error::Error;
 use std::path::Path;

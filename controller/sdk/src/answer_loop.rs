@@ -1,4 +1,4 @@
-//! The loop of a controller's process: wait for a state, answer it, send the answer.
+//! The loop of a controller's process: it waits for a state, answers it and sends the answer.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -17,14 +17,14 @@ use crate::run_info::RunInfo;
 use crate::serve_error::ServeError;
 use crate::serve_options::ServeOptions;
 
-/// How long before a tick is due a paced controller stops sleeping, ns: the system wakes sleepers 40 to 130 µs late.
+/// A paced controller stops sleeping this long before a tick is due, ns, because the system wakes sleepers 40 to 130 µs late.
 const EARLY_NS: u64 = 200_000;
-/// Longest sleep between two looks at the signals, ns.
+/// Longest sleep between two checks of the signals, ns.
 const LONGEST_SLEEP_NS: u64 = 100_000_000;
-/// How long nothing may come before the controller looks whether the run still lives, ns.
+/// After this long without a state, the controller checks that the run still lives, ns.
 const LOOK_AROUND_NS: u64 = 200_000_000;
 
-/// Whether SIGINT or SIGTERM has come. The handlers are removed when this is dropped.
+/// Flag that SIGINT or SIGTERM has arrived. Dropping it removes the handlers.
 pub struct Stop {
     asked: Arc<AtomicBool>,
     handlers: Vec<SigId>,
@@ -41,7 +41,7 @@ impl Stop {
     }
 
     fn is_asked(&self) -> bool {
-        // A lone flag: nothing else is read on the strength of it.
+        // The flag stands alone: no other data depends on it, so relaxed ordering suffices.
         self.asked.load(Ordering::Relaxed)
     }
 }
@@ -54,27 +54,28 @@ impl Drop for Stop {
     }
 }
 
-/// Runs `action` on `controller` and turns a panic into an error, so that the link is left in order. `at` says when it happened.
+/// Runs `action` on `controller` and turns a panic into an error, so that the link is left in order. `at` gives the time of the
+/// panic for the error.
 pub fn guarded<T>(
     controller: &mut dyn Controller,
     at: impl FnOnce() -> String,
     action: impl FnOnce(&mut dyn Controller) -> T,
 ) -> Result<T, ServeError> {
-    // The controller is not used again after a panic, but for its name.
+    // After a panic, the loop uses only the controller's name.
     catch_unwind(AssertUnwindSafe(|| action(controller)))
         .map_err(|_| ServeError::Panicked { controller: controller.name().to_owned(), at: at() })
 }
 
-/// How a controller's process ended well.
+/// Regular end of a controller's process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// The last state of the run was answered.
+    /// The controller answered the last state of the run.
     LastTick,
-    /// SIGINT or SIGTERM came.
+    /// SIGINT or SIGTERM arrived.
     Interrupted,
 }
 
-/// The loop with its link.
+/// Answer loop of one link.
 pub struct AnswerLoop {
     link: ControllerLink,
     run: RunInfo,
@@ -83,15 +84,15 @@ pub struct AnswerLoop {
     patience: Duration,
     parent: Option<rustix::process::Pid>,
     backoff: Backoff,
-    /// When the next state is due in a paced run, `CLOCK_MONOTONIC`, ns.
+    /// Due time of the next state in a paced run, `CLOCK_MONOTONIC`, ns.
     due_ns: u64,
-    /// Whether another controller is in charge: nobody waits for this one before the tick has begun.
+    /// True if another controller is active: the plant does not wait for this one before the tick has begun.
     stands_by: bool,
     answered: u64,
 }
 
 impl AnswerLoop {
-    /// A loop over `link` in the run `run`, whose messages carry `run_hash`.
+    /// Creates a loop over `link` in the run `run`, whose messages carry `run_hash`.
     pub fn new(link: ControllerLink, run: RunInfo, options: &ServeOptions, run_hash: u64) -> AnswerLoop {
         AnswerLoop {
             link,
@@ -107,7 +108,7 @@ impl AnswerLoop {
         }
     }
 
-    /// How many states have been answered.
+    /// Number of answered states.
     pub fn answered(&self) -> u64 {
         self.answered
     }
@@ -117,10 +118,10 @@ impl AnswerLoop {
         &self.link
     }
 
-    /// Answers state after state until the last of the run or a signal.
+    /// Answers state after state until the last one of the run or a signal.
     ///
     /// # Errors
-    /// The plant is gone, a message is not to be used, the link fails, or the controller panics.
+    /// The plant is gone, a message is invalid, the link fails, or the controller panics.
     pub fn run(&mut self, controller: &mut dyn Controller, stop: &Stop) -> Result<Ended, ServeError> {
         loop {
             let Some(state) = self.wait(stop)? else { return Ok(Ended::Interrupted) };
@@ -143,7 +144,8 @@ impl AnswerLoop {
         }
     }
 
-    /// Waits for the next state: in lockstep every one in order, in a paced run the newest. `None` when a signal has come.
+    /// Waits for the next state: in lockstep for every one in order, in a paced run for the newest. Returns `None` after a
+    /// signal.
     fn wait(&mut self, stop: &Stop) -> Result<Option<State>, ServeError> {
         self.backoff.reset();
         let begun_ns = now_ns();
@@ -157,7 +159,7 @@ impl AnswerLoop {
                 Pace::RealTime => self.link.newest_state()?,
             };
             if let Some(state) = state {
-                // Where the two sides' clocks do not agree, no later than the next state can come.
+                // If the clocks of the two sides disagree, the state is due one period from now at the latest.
                 self.due_ns = (state.scheduled_ns + self.run.period_ns).min(now_ns() + self.run.period_ns);
                 self.stands_by = state.next_in_charge() != self.slot;
                 return Ok(Some(state));
@@ -171,13 +173,13 @@ impl AnswerLoop {
         }
     }
 
-    /// Lets time pass as the pace asks for: sleep, then poll hard about when the state is due, else back off.
+    /// Waits according to the pace: sleeps, then polls busily around the due time, and otherwise backs off.
     fn pass_time(&mut self, now: u64) {
         if self.run.pace == Pace::Lockstep || now > self.due_ns + self.run.period_ns {
             self.backoff.wait();
             return;
         }
-        // Standbys that poll before the tick would keep the one in charge from its core where there are few.
+        // On few cores, standbys that poll before the tick would occupy the core of the active controller.
         let early_ns = if self.stands_by { 0 } else { EARLY_NS };
         let wake_ns = self.due_ns.saturating_sub(early_ns).min(now + LONGEST_SLEEP_NS);
         if now < wake_ns {
@@ -187,7 +189,7 @@ impl AnswerLoop {
         }
     }
 
-    /// Nothing has come for `waited`: does the run still live?
+    /// Checks that the run still lives after `waited` without a state.
     fn look_around(&self, waited: Duration) -> Result<(), ServeError> {
         let cause = if !self.link.plant_lives() {
             ": its process has ended"
@@ -211,7 +213,7 @@ impl AnswerLoop {
     }
 
     fn command(&self, state: &State, answer: &Answer, received_ns: u64) -> Command {
-        // Beside a torque the motion is for who watches in the same process.
+        // In mode torque the command carries no motion; only an observer in the same process uses it.
         let motion = |of: &Joints| if self.run.mode == Mode::Torque { [0.0; MAX_JOINTS] } else { *of };
         Command {
             status: answer.status.code(),

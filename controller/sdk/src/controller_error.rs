@@ -1,4 +1,4 @@
-//! The errors of a controller that cannot start: its task cannot be used, or does not fit the run.
+//! The errors of a controller that cannot start: its task is unusable or does not match the run.
 
 use freeplay_shm::Mode;
 use thiserror::Error;
@@ -6,7 +6,7 @@ use thiserror::Error;
 use crate::run_info::RunInfo;
 use crate::task::{Task, TaskError, TaskMode};
 
-/// Why a controller cannot start.
+/// Reasons why a controller cannot start.
 #[derive(Debug, Error)]
 pub enum ControllerError {
     /// The task file cannot be used.
@@ -21,10 +21,10 @@ pub enum ControllerError {
         model: String,
         /// Its number of joints.
         found: usize,
-        /// The plant's.
+        /// The number of joints of the plant.
         expected: usize,
     },
-    /// Task and plant disagree.
+    /// Task and plant contradict each other.
     #[error("the task says {key} = {task}, the plant says {plant}: write the same in both")]
     Disagreement {
         /// The key of the task.
@@ -34,7 +34,7 @@ pub enum ControllerError {
         /// The plant's value.
         plant: String,
     },
-    /// A fault of the controller's own: its model, its options, its set-up.
+    /// A fault of the controller's own: its model, its options or its set-up.
     #[error("{0}")]
     Custom(Box<dyn std::error::Error + Send + Sync>),
 }
@@ -61,7 +61,7 @@ impl Task {
                 plant: format!("{:?}", run.mode).to_lowercase(),
             });
         }
-        // The plant counts in whole nanoseconds.
+        // The plant rounds the period to whole nanoseconds.
         if (self.period() * 1e9 - run.period_ns as f64).abs() > 1.0 {
             return Err(ControllerError::Disagreement {
                 key: "rate",

@@ -1,15 +1,15 @@
-//! The SDK for controllers: a trait to implement, a function to call, and nothing that solves or learns behind them.
+//! The SDK for controllers: a trait to implement and a function to call, without a solver or a network behind them.
 //!
-//! A controller is a process of its own. It never sees the plant, only its states; what it knows of the arm is a model file, which
-//! may be wrong.
+//! A controller is a process of its own. It never sees the plant, only its states. Its knowledge of the arm comes from a model file,
+//! which may be wrong.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`Task`]: the file that tells a controller its model, its reference path, its gains and its options.
+//! - [`Task`]: the file with a controller's model, reference path, gains and options.
 //! - [`Controller`]: the trait: [`Controller::start`] with the task and the [`RunInfo`], then [`Controller::answer`] state by state.
 //! - [`Answer`]: the controller's answer to one state.
-//! - [`serve()`]: the process of a controller: finds the run, shakes hands, answers, ends with an exit code; [`serve_with`] takes
-//!   [`ServeOptions`].
+//! - [`serve()`]: the process of a controller: it finds the run, shakes hands, answers, and ends with an exit code; [`serve_with`]
+//!   takes [`ServeOptions`].
 //!
 //! The messages themselves, `State` and `Command`, are those of `freeplay-shm`.
 

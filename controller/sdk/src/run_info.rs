@@ -1,4 +1,4 @@
-//! The plant's words about a run.
+//! The plant's description of a run.
 
 use freeplay_shm::{Mode, Pace};
 
@@ -7,9 +7,9 @@ use freeplay_shm::{Mode, Pace};
 pub struct RunInfo {
     /// Number of joints of the arm.
     pub joints: usize,
-    /// Who moves the joints.
+    /// Mode of the joints' motion.
     pub mode: Mode,
-    /// When the plant takes its next step.
+    /// Pace of the plant's steps.
     pub pace: Pace,
     /// Time between two ticks, ns.
     pub period_ns: u64,

@@ -14,23 +14,24 @@ use crate::serve_error::ServeError;
 use crate::serve_options::ServeOptions;
 use crate::task::Task;
 
-/// What a controller's process did.
+/// Result of a controller's process.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ServeReport {
-    /// How it ended.
+    /// End of the process.
     pub ended: Ended,
-    /// States answered.
+    /// Number of answered states.
     pub answered: u64,
-    /// States that were lost because this side was slow.
+    /// Number of states lost because this side was slow.
     pub lost: u64,
-    /// States passed over because a newer one was there.
+    /// Number of states skipped in favour of a newer one.
     pub skipped: u64,
-    /// What became of the request for real time.
+    /// Result of the request for real time.
     pub realtime: RtReport,
 }
 
-/// Serves the run that the command line or the environment names (see [`ServeOptions::from_args`]) until it ends; the exit code of
-/// the process: 0 done, 2 usage, 3 bad input, 5 peer missing, 70 internal fault, 130 interrupted. Errors go to standard error.
+/// Serves the run that the command line or the environment names (see [`ServeOptions::from_args`]) until it ends. Returns the exit
+/// code of the process: 0 done, 2 usage, 3 bad input, 5 peer missing, 70 internal fault, 130 interrupted. Errors go to standard
+/// error.
 ///
 /// ```no_run
 /// # use freeplay_controller_sdk::{Answer, Controller, ControllerError, RunInfo, Task, serve};
@@ -58,7 +59,7 @@ pub fn serve(mut controller: impl Controller) -> ExitCode {
 }
 
 /// Joins the run of `options`, starts `controller` with its task and answers until the run ends, the plant is gone, or SIGINT or
-/// SIGTERM comes. Leaves the run in order in every case, a panic of the controller included.
+/// SIGTERM arrives. The function leaves the run in order in every case, even after a panic of the controller.
 ///
 /// # Errors
 /// See [`ServeError`].

@@ -1,4 +1,4 @@
-//! The errors of a controller's process that ended otherwise than at the last tick.
+//! The errors of a controller's process that ended before the last tick.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use thiserror::Error;
 use crate::controller_error::ControllerError;
 use crate::task::TaskError;
 
-/// Why a controller's process ended otherwise than at the last tick.
+/// Reasons why a controller's process ended before the last tick.
 #[derive(Debug, Error)]
 pub enum ServeError {
     /// The command line cannot be understood.
@@ -20,7 +20,7 @@ pub enum ServeError {
     /// The controller could not start.
     #[error(transparent)]
     Controller(#[from] ControllerError),
-    /// The welcome says something that this version does not know.
+    /// The welcome contains a value that this version does not know.
     #[error(
         "the plant's welcome says {field} = {code}, which this version does not know: rebuild both sides from one version"
     )]
@@ -36,11 +36,11 @@ pub enum ServeError {
     /// The plant is gone.
     #[error("the plant is gone: no state for {waited:?} after {states} states{cause}")]
     PlantGone {
-        /// The time for which nothing came.
+        /// The waiting time without a state.
         waited: Duration,
-        /// How many states had come.
+        /// Number of states received before.
         states: u64,
-        /// More that is known of the cause, beginning with a separator.
+        /// Further information on the cause, beginning with a separator.
         cause: &'static str,
     },
     /// The controller panicked; its message has been printed.
@@ -48,7 +48,7 @@ pub enum ServeError {
     Panicked {
         /// Name of the controller.
         controller: String,
-        /// When.
+        /// Time of the panic.
         at: String,
     },
     /// The handlers of the signals could not be installed.

@@ -13,24 +13,24 @@ pub const SLOT_ENV: &str = "FREEPLAY_SLOT";
 /// Environment variable with the least time, s, for which a controller waits for its plant; `freeplay run` sets it to the patience of the scenario.
 pub const PATIENCE_ENV: &str = "FREEPLAY_PATIENCE";
 
-/// A controller waits this long for its plant if nobody asks for more.
+/// A controller waits this long for its plant if no longer time is requested.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Which run to join and how.
+/// Options for joining a run.
 #[derive(Clone, Debug)]
 pub struct ServeOptions {
-    /// Where the run is.
+    /// Address of the run.
     pub address: Address,
-    /// The slot to ask for.
+    /// The requested slot.
     pub slot: u32,
     /// The longest wait for the plant's welcome, and for each state.
     pub patience: Duration,
-    /// The priority and the core that the answering thread asks the system for.
+    /// The priority and the core that the answering thread requests from the system.
     pub realtime: RtRequest,
 }
 
 impl ServeOptions {
-    /// For the run at `address`, slot 0, ten seconds of patience or what [`PATIENCE_ENV`] says if that is longer, nothing asked of the system.
+    /// Options for the run at `address`: slot 0, a patience of ten seconds or [`PATIENCE_ENV`], whichever is longer, and no real-time request.
     pub fn new(address: Address) -> ServeOptions {
         let asked = std::env::var(PATIENCE_ENV).ok().and_then(|seconds| seconds.parse().ok());
         let asked = asked.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
@@ -38,11 +38,10 @@ impl ServeOptions {
         ServeOptions { address, slot: 0, patience, realtime: RtRequest::default() }
     }
 
-    /// From the arguments of a command line (`--run ADDRESS`, `--slot N`; others are left alone), else from the environment variables
-    /// [`RUN_ENV`] and [`SLOT_ENV`].
+    /// Options from the arguments of a command line (`--run ADDRESS`, `--slot N`; others are ignored), or else from the environment variables
     ///
     /// # Errors
-    /// [`ServeError::Usage`] for a flag without a value or a slot that is no number; [`ServeError::Link`] without a valid address.
+    /// [`ServeError::Usage`] for a flag without a value or a slot that is not a number; [`ServeError::Link`] without a valid address.
     pub fn from_args(arguments: impl IntoIterator<Item = String>) -> Result<ServeOptions, ServeError> {
         let mut arguments = arguments.into_iter();
         let (mut run, mut slot) = (std::env::var(RUN_ENV).ok(), std::env::var(SLOT_ENV).ok());

@@ -1,9 +1,9 @@
-//! The task file: all that a controller is given of a run.
+//! The task file: the complete input of a controller for a run.
 //!
 //! ```toml
 //! model = "paper"              # or the path of an arm file, relative to this file
-//! weights = "model.weights.json"  # optional: what a network learned beyond the model
-//! gravity = [0.0, 0.0, -9.81]  # optional; else the model's
+//! weights = "model.weights.json"  # optional: the learned remainder beyond the model
+//! gravity = [0.0, 0.0, -9.81]  # optional; default: that of the model
 //! mode = "torque"              # or "driven"
 //! rate = 1000.0                # ticks per second
 //! limits = "model"             # or "none"
@@ -12,10 +12,10 @@
 //! [gains]
 //! natural_frequency = 50.0     # rad/s
 //! damping_ratio = 1.0
-//! [options]                    # what the controller itself understands
+//! [options]                    # options of the controller
 //! ```
 //!
-//! The true clearances of the plant are not in it. The model may name clearances of its own, right or wrong.
+//! The file does not contain the true clearances of the plant. The model may assume clearances of its own, right or wrong.
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ use thiserror::Error;
 /// Name of the model that ships with the project: the arm of Erkaya (2018), Table 1.
 pub const PAPER_MODEL: &str = "paper";
 
-/// Who moves the joints, and so what the controller's answers are.
+/// Mode of the joints' motion, which defines the meaning of the controller's answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TaskMode {
@@ -43,8 +43,8 @@ pub enum TaskMode {
 }
 
 impl TaskMode {
-    /// Ticks from a state to the instant for which its answer is computed: a torque and the command of a servo act from the start of the next
-    /// tick, a driven position is reached at its end.
+    /// Ticks from a state to the instant of its answer: a torque and the command of a servo act from the start of the next tick; a joint
+    /// reaches a driven position at its end.
     pub fn lead(self) -> u64 {
         match self {
             TaskMode::Torque | TaskMode::Servo => 1,
@@ -53,7 +53,7 @@ impl TaskMode {
     }
 }
 
-/// Where the limits of the joints come from.
+/// Source of the joint limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LimitsFrom {

@@ -1,4 +1,4 @@
-//! The process of a controller, played in threads: handshake, answers, and every way in which it ends.
+//! Tests of a controller's process, run in threads: handshake, answers, and every way of ending.
 
 #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 
@@ -17,7 +17,7 @@ use freeplay_shm::{
 
 const LONG: Duration = Duration::from_secs(10);
 
-/// Answers with the tick; panics or gives up where it is told to.
+/// A controller that answers with the tick; it panics or gives up at given ticks.
 struct Probe {
     panic_at: Option<u64>,
     give_up_at: Option<u64>,
@@ -50,7 +50,7 @@ impl Controller for Probe {
     }
 }
 
-/// A run with the plant's end of it in this thread.
+/// A run whose plant side is in this thread.
 struct Bench {
     link: PlantLink,
     address: Address,
@@ -115,7 +115,7 @@ impl Bench {
 
 const TASK: &str = "model = \"paper\"";
 
-/// Serves `controller` in a thread while `plant` plays the plant.
+/// Serves `controller` in a thread while `plant` acts as the plant.
 fn play(
     mut bench: Bench,
     controller: impl Controller + Send + 'static,
@@ -131,7 +131,7 @@ fn play(
     served.join().unwrap()
 }
 
-/// As [`play`], but the plant stays until the controller's process has ended.
+/// Works as [`play`] does, but the plant stays until the controller's process has ended.
 fn play_to_its_end(
     mut bench: Bench,
     controller: impl Controller + Send + 'static,
@@ -224,7 +224,7 @@ fn endings_have_their_exit_codes() {
             bench.publish(0, false);
             bench.answer();
             bench.publish(1, false);
-            // The slot is free again although the controller panicked.
+            // The slot is free again after the panic.
             let begun = Instant::now();
             while bench.link.is_held(0) {
                 assert!(begun.elapsed() < LONG, "the slot of a controller that panicked is still held");

@@ -1,5 +1,5 @@
-//! The weight file of a learned remainder: JSON that says on which machine, model and conditions it was trained, its error there, and where it
-//! may be used.
+//! The weight file of a learned remainder: JSON with the machine, model and conditions of its training, its error there, and its
+//! region of validity.
 //!
 //! ```text
 //! { "format": "freeplay.remainder", "version": 2,
@@ -25,10 +25,10 @@ use crate::task::{Gains, Task, TaskMode};
 
 /// Name of the format.
 pub const FORMAT: &str = "freeplay.remainder";
-/// Version written, and the only one read.
+/// Version of written files; the reader accepts no other.
 pub const VERSION: u64 = 2;
 
-/// Why a weight file cannot be used.
+/// Reasons why a weight file cannot be used.
 #[derive(Debug, Error)]
 pub enum WeightError {
     /// The file cannot be read.
@@ -39,7 +39,7 @@ pub enum WeightError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// It is not JSON, or a field is missing, unknown or of another type (line and column are given).
+    /// The file is not JSON, or a field is missing, unknown or of another type (the message gives line and column).
     #[error("{path}: not a weight file: {}; give one that freeplay train --recording wrote", plain_words(&source.to_string()))]
     Syntax {
         /// The file.
@@ -47,7 +47,7 @@ pub enum WeightError {
         /// Error of the parser, with line and column.
         source: serde_json::Error,
     },
-    /// It is JSON, but something else, or of another version.
+    /// The file is JSON of another format or version.
     #[error("{path}: it says {found}, not {FORMAT:?} version {VERSION}: train again with this program")]
     OtherFormat {
         /// The file.
@@ -55,16 +55,16 @@ pub enum WeightError {
         /// Format and version found.
         found: String,
     },
-    /// Its numbers don't fit together.
+    /// The numbers of the file contradict each other.
     #[error("the weights don't fit together: {what}; train again or restore the file")]
     Inconsistent {
         /// The contradiction, in words.
         what: String,
     },
-    /// The network in it cannot be used.
+    /// The network in the file cannot be used.
     #[error(transparent)]
     Network(#[from] WeightFileError),
-    /// It was trained for another machine, model or way of running.
+    /// The weights were trained for another machine, model, mode, rate or feedback.
     #[error(
         "the weights are for {what} {trained}, this run has {wanted}: train for it; they were made by: {command}"
     )]
@@ -75,30 +75,30 @@ pub enum WeightError {
         trained: String,
         /// Its value in this run.
         wanted: String,
-        /// The command that made them.
+        /// The command that made the weights.
         command: String,
     },
 }
 
-/// The machine, model and feedback to which a remainder belongs.
+/// Machine, model and feedback to which a remainder belongs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Machine {
     /// Name of the arm.
     pub arm: String,
-    /// Hash of what its dynamics are made of ([`crate::identity::identity`]).
+    /// Hash of the dynamics of the arm ([`crate::identity::identity`]).
     pub arm_hash: String,
-    /// Hash of the model whose remainder it is, arm and effects ([`crate::identity::model_identity`]).
+    /// Hash of the model that the remainder complements, arm and effects ([`crate::identity::model_identity`]).
     pub model_hash: String,
     /// The mode in which the joints move: torque, driven or servo.
     pub mode: TaskMode,
     /// Ticks per second, 1/s.
     pub rate: f64,
-    /// Feedback of the joints: what a torque without a name comes to depends on it.
+    /// Feedback of the joints; the deviation by an unmodelled torque depends on it.
     pub gains: Gains,
 }
 
-/// One recording that trained.
+/// One training recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Condition {
@@ -106,7 +106,7 @@ pub struct Condition {
     pub name: String,
     /// Its duration, s.
     pub duration: f64,
-    /// RMS of what the model leaves along x, y and z, µm.
+    /// RMS of the residual of the model along x, y and z, µm.
     pub rms_um: [f64; 3],
 }
 
@@ -114,24 +114,24 @@ pub struct Condition {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// Least and greatest remainder in training, m, no farther from zero than they were seen: the answer stays between them.
+    /// Least remainder in training, m, limited to zero or below; the answer stays between the two limits.
     pub lowest: f64,
-    /// See above.
+    /// Greatest remainder in training, m, limited to zero or above.
     pub highest: f64,
-    /// Share of the answer that held-out paths confirmed, 0 to 1; 0 where they did not.
+    /// Share of the answer that held-out paths confirmed, 0 to 1; 0 if they confirmed none.
     pub share: f64,
-    /// RMS of the remainder on held-out paths, and of what was left of it, µm.
+    /// RMS of the remainder on held-out paths, µm.
     pub rms_um: f64,
-    /// See above.
+    /// RMS on held-out paths after subtracting the answer, µm.
     pub left_um: f64,
-    /// Correlation of answer and remainder there; none where one of them is constant.
+    /// Correlation of answer and remainder on held-out paths; `None` if one of them is constant.
     pub r: Option<f64>,
 }
 
 impl Axis {
-    /// The answer `said`, m, within what was proved.
+    /// The answer `said`, m, limited to the range of the training and scaled by the confirmed share.
     pub fn bounded(&self, said: f64) -> f64 {
-        // Not `clamp`: it panics for bounds that are no numbers.
+        // `clamp` would panic for NaN bounds; `max` and `min` do not.
         said.max(self.lowest).min(self.highest) * self.share
     }
 
@@ -144,52 +144,52 @@ impl Axis {
     }
 }
 
-/// A simulated run that decided.
+/// A simulated run of the proof.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rehearsed {
-    /// The path: that of this recording, which did not train the weights of the run.
+    /// Name of the recording whose path the run follows; this recording did not train the weights of the run.
     pub name: String,
     /// RMS of the tool's deviation after the start without the network, mm.
     pub without_mm: f64,
-    /// With it.
+    /// RMS of the tool's deviation after the start with the network, mm.
     pub with_mm: f64,
 }
 
-/// The proof by simulated runs: a network without it moves nothing.
+/// The proof by simulated runs. A network without a proof has no effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Receipt {
-    /// True if the runs were better with the network, not by chance, and no run was worse.
+    /// True if the runs were significantly better with the network and no run was worse.
     pub proved: bool,
-    /// Probability of runs this much better or more if the network were of no use, 0 to 1.
+    /// p-value: probability of an improvement at least as large if the network had no effect, 0 to 1.
     pub chance: f64,
     /// The runs.
     pub runs: Vec<Rehearsed>,
 }
 
 impl Default for Receipt {
-    /// No runs, nothing proved.
+    /// A receipt without runs and without a proof.
     fn default() -> Self {
         Receipt { proved: false, chance: 1.0, runs: Vec::new() }
     }
 }
 
-/// A learned remainder, the recordings that trained it and the region of its use: a weight file without the network and its receipt.
+/// A learned remainder, its training recordings and its region of validity: a weight file without the network and its receipt.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Learned {
     /// The machine to which the remainder belongs.
     pub machine: Machine,
-    /// The command that made it.
+    /// The command that made the weights.
     pub command: String,
     /// The recordings that trained the network.
     pub conditions: Vec<Condition>,
-    /// The groups of signals that are the network's inputs.
+    /// The groups of signals that are the inputs of the network.
     pub inputs: Vec<InputGroup>,
     /// Axes x, y and z of the base frame.
     pub axes: [Axis; 3],
-    /// Where it may be used.
+    /// Region of validity.
     pub region: Region,
 }
 
@@ -207,10 +207,10 @@ pub struct WeightFile {
 }
 
 impl WeightFile {
-    /// A file of `network` and what it `learned`, not proved yet.
+    /// Creates a file of `network` and `learned`, without a proof.
     ///
     /// # Errors
-    /// [`WeightError::Inconsistent`] for parts that don't fit together.
+    /// [`WeightError::Inconsistent`] for parts that contradict each other.
     pub fn new(network: &Narx, learned: Learned) -> Result<WeightFile, WeightError> {
         let inconsistent =
             |error: serde_json::Error| WeightError::Inconsistent { what: plain_words(&error.to_string()) };
@@ -263,14 +263,14 @@ impl WeightFile {
     /// The text of the file.
     ///
     /// # Errors
-    /// [`WeightError::Inconsistent`] for numbers that JSON cannot hold.
+    /// [`WeightError::Inconsistent`] for numbers that JSON cannot express.
     pub fn to_json(&self) -> Result<String, WeightError> {
         let text = serde_json::to_string_pretty(self);
         text.map(|text| text + "\n")
             .map_err(|error| WeightError::Inconsistent { what: plain_words(&error.to_string()) })
     }
 
-    /// The network, if all numbers fit together.
+    /// The network, if all numbers are consistent.
     ///
     /// # Errors
     /// See [`WeightError`].
@@ -295,10 +295,10 @@ impl WeightFile {
         Ok(narx)
     }
 
-    /// Whether the file is for `machine`, whose arm has `joints` joints.
+    /// Checks that the file is for `machine`, whose arm has `joints` joints.
     ///
     /// # Errors
-    /// [`WeightError::Other`] names the first that differs.
+    /// [`WeightError::Other`] names the first property that differs.
     pub fn check(&self, machine: &Machine, joints: usize) -> Result<(), WeightError> {
         let (own, wanted) = (&self.learned.machine, machine);
         let arm = |machine: &Machine| format!("`{}` ({})", machine.arm, machine.arm_hash);
@@ -335,13 +335,13 @@ impl WeightFile {
     }
 }
 
-/// Names of the numbers of `groups` for an arm of `joints` joints.
+/// Names of the input channels of `groups` for an arm of `joints` joints.
 pub fn input_names(groups: &[InputGroup], joints: usize) -> Vec<String> {
     groups.iter().flat_map(|group| group.names(joints)).collect()
 }
 
 impl Machine {
-    /// What a run of `task` with the model of these hashes is.
+    /// The machine of a run of `task`, with the hashes of its arm and model.
     pub fn of(arm: &str, arm_hash: String, model_hash: String, task: &Task) -> Machine {
         Machine {
             arm: arm.to_owned(),

@@ -1,41 +1,41 @@
-//! What the network looks at: numbers of the planned motion alone, in groups that are taken or left as a whole.
+//! Inputs of the network: groups of signals of the planned motion alone; a network uses a group as a whole or not at all.
 
 use freeplay_arm::{Arm, Workspace, rnea};
 use serde::{Deserialize, Serialize};
 
 use crate::compensation::Motion;
 
-/// Travel in which [`InputGroup::Turn`] goes from one direction to the other, rad (m): friction turns round within a few mrad.
+/// Travel over which [`InputGroup::Turn`] changes from one direction to the other, rad (m): friction reverses within a few mrad.
 const TURN: f64 = 2e-3;
 
-/// Numbers that are taken or left together.
+/// A group of input signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InputGroup {
     /// Positions of the joints, rad (m).
     Position,
-    /// Their velocities, rad/s (m/s).
+    /// Velocities of the joints, rad/s (m/s).
     Velocity,
-    /// Torques that the model's rigid arm takes, N·m (N).
+    /// Torques of the model's rigid arm, N·m (N).
     Load,
-    /// Direction of each joint with the distance since it turned round: s + (h₀ − s) exp(−x/δ), with s = ±1 the direction, x the travel since
-    /// the reversal and h₀ what it was there (the state of Dahl 1968).
+    /// Direction of each joint with the distance since its reversal: s + (h₀ − s) exp(−x/δ), with s = ±1 the direction, x the travel since
+    /// the reversal and h₀ the value at the reversal (the state variable of Dahl 1968).
     Turn,
     /// Time since the motion began, s.
     Elapsed,
 }
 
 impl InputGroup {
-    /// All groups, those first that tell the most on most machines.
+    /// All groups, roughly in the order of their information on most machines.
     pub const ALL: [InputGroup; 5] =
         [InputGroup::Position, InputGroup::Velocity, InputGroup::Turn, InputGroup::Load, InputGroup::Elapsed];
 
-    /// How many numbers it has for an arm of `joints` joints.
+    /// Number of channels of the group for an arm of `joints` joints.
     pub fn width(self, joints: usize) -> usize {
         if self == InputGroup::Elapsed { 1 } else { joints }
     }
 
-    /// Names of its numbers.
+    /// Names of the channels.
     pub fn names(self, joints: usize) -> Vec<String> {
         let name = match self {
             InputGroup::Position => "position",
@@ -48,13 +48,13 @@ impl InputGroup {
     }
 }
 
-/// The numbers along one motion; nothing is allocated after [`Inputs::new`].
+/// The input signals along one motion; nothing is allocated after [`Inputs::new`].
 pub struct Inputs {
     arm: Arm,
     workspace: Workspace,
     groups: Vec<InputGroup>,
     period: f64,
-    /// Instant of the last call, and the joints there.
+    /// Instant of the last call, and the joint positions there.
     last: Option<u64>,
     before: Vec<f64>,
     turns: Vec<f64>,
@@ -63,7 +63,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Of `groups`, for the nominal `arm` of the model in ticks of `period` s.
+    /// Creates the signals of `groups` for the nominal `arm` of the model in ticks of `period` s.
     pub fn new(arm: &Arm, groups: &[InputGroup], period: f64) -> Inputs {
         let joints = arm.dof();
         let width = groups.iter().map(|group| group.width(joints)).sum();
@@ -80,17 +80,17 @@ impl Inputs {
         }
     }
 
-    /// How many numbers there are.
+    /// Number of channels.
     pub fn len(&self) -> usize {
         self.row.len()
     }
 
-    /// Whether there are none.
+    /// Returns true if there is no channel.
     pub fn is_empty(&self) -> bool {
         self.row.is_empty()
     }
 
-    /// The numbers at the instant of `tick` on `motion`. Called instant by instant; after a gap no joint has a direction yet.
+    /// The inputs at the instant of `tick` on `motion`. Call it for one instant after another; after a gap no joint has a direction yet.
     pub fn at(&mut self, tick: u64, motion: Motion<'_>) -> &[f64] {
         if self.groups.contains(&InputGroup::Turn) {
             self.turn(tick, motion.q);
@@ -119,13 +119,13 @@ impl Inputs {
 }
 
 impl Inputs {
-    /// Moves the direction of each joint on to the joints `q` at the instant of `tick`.
+    /// Updates the direction of each joint for the positions `q` at the instant of `tick`.
     fn turn(&mut self, tick: u64, q: &[f64]) {
         let follows = self.last.is_some_and(|last| last.checked_add(1) == Some(tick));
         for (joint, turn) in self.turns.iter_mut().enumerate() {
             let travel = q[joint] - self.before[joint];
             if !follows {
-                // The way is not known; the first 2 mrad tell.
+                // The direction is unknown at first; it builds up over the first 2 mrad.
                 *turn = 0.0;
             } else if travel != 0.0 {
                 let way = travel.signum();
@@ -141,8 +141,8 @@ mod tests {
     use crate::compensation::Motion;
     use freeplay_arm::paper_arm;
 
-    /// After a long way and a travel of δ beyond a reversal the state is 1 − 2/e of the way, whatever the speed; a gap starts anew, and
-    /// a joint that stands still has no direction.
+    /// After a long travel and then δ beyond a reversal, the state is (1 − 2/e) times the direction, at any speed. A gap resets the state,
+    /// and a joint at rest has no direction.
     #[test]
     fn the_direction_turns_with_the_travel_and_not_with_time() {
         let arm = paper_arm().arm;

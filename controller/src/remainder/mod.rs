@@ -1,11 +1,12 @@
-//! The learned remainder: what a model leaves of the tool's deviation, as a network learned it while the tool was tracked.
+//! The learned remainder: a network's prediction of the tool's deviation beyond the model, trained while the tool was tracked.
 //!
-//! The network looks at nothing but the planned motion ([`Inputs`]), so that it says the same on standby and after a hand-over, needs no
-//! tracker, and closes no loop that could swing. What it says is bounded three times, axis by axis of the base frame:
+//! The only input of the network is the planned motion ([`Inputs`]). Its output is therefore the same on standby and after a hand-over,
+//! needs no tracker, and closes no loop that could oscillate. Three bounds limit the output, axis by axis of the base frame:
 //!
-//! - by the [`Axis`]: it is multiplied by the share that held-out paths confirmed, and never leaves the range that was seen in training;
-//! - by the [`Region`]: it fades with the distance of the motion from those that trained, as fast as held-out paths say;
-//! - by the receipt of the [`WeightFile`]: a file that was not proved in simulated runs is not used.
+//! - by the [`Axis`]: the output is multiplied by the share that held-out paths confirmed, and never leaves the range of the training;
+//! - by the [`Region`]: the output fades with the distance of the motion from the training motions, at the rate that held-out paths
+//!   gave;
+//! - by the receipt of the [`WeightFile`]: the controller does not use a file without a proof in simulated runs.
 
 mod file;
 mod inputs;
@@ -35,28 +36,28 @@ pub struct Remainder {
     usage: Usage,
 }
 
-/// How far a motion was inside the trained region, and what was taken out there.
+/// Statistics of the trust in the network and of its output along a motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Usage {
-    /// Instants asked for.
+    /// Number of evaluated instants.
     pub instants: u64,
-    /// Of these, the instants at which the region trusts the network at least by half.
+    /// Number of instants at which the trust is at least one half.
     pub inside: u64,
-    /// Of these, the instants at which nothing was said: beyond the region.
+    /// Number of instants outside the region, with zero output.
     pub outside: u64,
-    /// Instants at which the network had no finite answer; nothing was said.
+    /// Number of instants at which the network's output was not finite; the output is then zero.
     pub not_finite: u64,
     /// Sum of the trust over all instants.
     pub trust: f64,
-    /// Greatest length of what was said, m.
+    /// Greatest length of the output, m.
     pub greatest: f64,
 }
 
 impl Remainder {
-    /// The remainder that `file` holds, for the nominal `arm` of its model and ticks of `period` s.
+    /// Creates the remainder of `file`, for the nominal `arm` of its model and ticks of `period` s.
     ///
     /// # Errors
-    /// Numbers that don't fit together.
+    /// Numbers that contradict each other.
     pub fn new(file: &WeightFile, arm: &Arm, period: f64) -> Result<Remainder, WeightError> {
         let network = file
             .narx()?
@@ -74,8 +75,8 @@ impl Remainder {
         })
     }
 
-    /// What is expected beyond the model's deviation at the instant of `tick`, where the arm moves along `motion`: base frame, m. To be
-    /// called for instants in their order; after a gap the memory of the motion starts anew.
+    /// Expected deviation beyond the model at the instant of `tick`, where the arm moves along `motion`: base frame, m. Call it for
+    /// instants in their order; after a gap the history of the motion restarts.
     pub fn at(&mut self, tick: u64, motion: Motion<'_>) -> Vector3<f64> {
         let row = self.inputs.at(tick, motion);
         let trust = self.region.trust_at(self.nearest.distance(row));
@@ -86,7 +87,7 @@ impl Remainder {
             self.usage.outside += 1;
             return Vector3::zeros();
         }
-        // What the network looks at stands first in what the region looks at.
+        // The inputs of the network come first among those of the region.
         let said = self.network.forward(&row[..self.network.inputs()], &mut self.scratch);
         let said = Vector3::new(said[0], said[1], said[2]);
         if !said.iter().all(|value| value.is_finite()) {
@@ -98,7 +99,7 @@ impl Remainder {
         bounded
     }
 
-    /// What became of the instants so far.
+    /// Statistics of all instants so far.
     pub fn usage(&self) -> Usage {
         self.usage
     }

@@ -1,5 +1,5 @@
-//! Where a learned remainder may be used: the distance of a motion from those that trained, and how much held-out motions at that
-//! distance confirmed.
+//! Region of validity of a learned remainder: the distance of a motion from the training motions, and the share of the output that held-out
+//! motions at that distance confirmed.
 
 use freeplay_predictor::scaling::LEAST_RANGE;
 use serde::{Deserialize, Serialize};
@@ -8,35 +8,36 @@ use crate::remainder::InputGroup;
 
 /// The trained region; see the module.
 ///
-/// It looks at position and velocity even where the network does not: a path that is elsewhere is elsewhere, whatever the network looks at.
-/// An input x is scaled channel by channel, s = x · gain. The distance of x is that from the nearest of the `centres` (Euclidean, scaled), a
-/// selection of the trained inputs. The trust at that distance is interpolated in `trust`.
+/// The region includes position and velocity even if the network does not use them, because the network is not valid on a path elsewhere. An
+/// input x is scaled channel by channel, s = x · gain. The distance of x is that from the nearest of the `centres` (Euclidean, scaled), a
+/// selection of the training inputs. The trust at that distance is interpolated in `trust`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Region {
-    /// What it looks at: first what the network looks at, then what else counts ([`Region::inputs_for`]).
+    /// Inputs of the region: first those of the network, then position and velocity ([`Region::inputs_for`]).
     pub inputs: Vec<InputGroup>,
-    /// Gain of each channel: 2 over its trained range.
+    /// Gain of each channel: 2 over its training range.
     pub gain: Vec<f64>,
-    /// Trained inputs, scaled; one row each.
+    /// Training inputs, scaled; one row each.
     pub centres: Vec<Vec<f64>>,
-    /// Distances, rising, with the share of the network's answer that held-out paths confirmed there, falling, 0 to 1. Beyond the last: 0.
+    /// Pairs of distance, rising, and confirmed share of the network's output, falling, 0 to 1. Beyond the last distance the share is 0.
     pub trust: Vec<[f64; 2]>,
 }
 
 impl Region {
-    /// What the region of a network looks at that looks at `network`: that, position and velocity.
+    /// Inputs of the region for a network with the inputs `network`: these, position and velocity.
     pub fn inputs_for(network: &[InputGroup]) -> Vec<InputGroup> {
         let more =
             [InputGroup::Position, InputGroup::Velocity].into_iter().filter(|group| !network.contains(group));
         network.iter().copied().chain(more).collect()
     }
 
-    /// The region around `rows`, the trained `inputs` of an arm with `joints` joints, with at most `most` centres and no trust yet: the inputs that are farthest from those taken
-    /// before, one after the other (Gonzalez 1985: within twice the least radius that so many centres can have).
+    /// Creates the region around `rows`, the training `inputs` of an arm with `joints` joints, with at most `most` centres and without trust.
+    /// The centres are selected one after the other; each is the input farthest from those already selected (Gonzalez 1985: within twice the
+    /// least radius for that number of centres).
     ///
-    /// A channel counts in units of half its trained range, but its range is at least [`LEAST_RANGE`] of the widest of its group: one that
-    /// never moved in training would else be at an infinite distance for a rounding error.
+    /// A channel is scaled by half its training range, but its range is at least [`LEAST_RANGE`] of the widest of its group. Otherwise a
+    /// channel that never moved in training would have an infinite distance for a rounding error.
     pub fn around(rows: &[Vec<f64>], inputs: &[InputGroup], joints: usize, most: usize) -> Region {
         let width = rows.first().map_or(0, Vec::len);
         let range = |channel: usize| {
@@ -60,7 +61,7 @@ impl Region {
         Region { inputs: inputs.to_vec(), gain, centres: spread(&scaled, most), trust: Vec::new() }
     }
 
-    /// The distance of `row` from the trained inputs; not finite for one that is not.
+    /// The distance of `row` from the training inputs; not finite if `row` is not.
     pub fn distance(&self, row: &[f64]) -> f64 {
         let square = |centre: &Vec<f64>| -> f64 {
             row.iter().zip(&self.gain).zip(centre).map(|((x, gain), c)| (x * gain - c).powi(2)).sum()
@@ -68,12 +69,12 @@ impl Region {
         self.centres.iter().map(square).fold(f64::INFINITY, f64::min).sqrt()
     }
 
-    /// How far the network is to be trusted at `row`, 0 to 1.
+    /// Trust in the network at `row`, 0 to 1.
     pub fn trust(&self, row: &[f64]) -> f64 {
         self.trust_at(self.distance(row))
     }
 
-    /// The same at the distance `distance`.
+    /// Trust at the distance `distance`.
     pub fn trust_at(&self, distance: f64) -> f64 {
         let Some(after) = self.trust.iter().position(|[at, _]| *at >= distance) else { return 0.0 };
         let [to, share] = self.trust[after];
@@ -84,7 +85,7 @@ impl Region {
         before + (share - before) * way
     }
 
-    /// Whether its numbers fit together.
+    /// Returns true if the numbers are consistent.
     pub fn is_usable(&self) -> bool {
         let width = self.gain.len();
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
@@ -98,20 +99,20 @@ impl Region {
     }
 }
 
-/// Centres whose distances are computed side by side.
+/// Number of centres whose distances are computed in parallel.
 const LANES: usize = 8;
 
-/// The distance from the nearest centre of a region, for use inside the tick: numbers in the order in which they are used, nothing allocated.
+/// The distance from the nearest centre of a region, for use within a tick: numbers in the order of their use, nothing allocated.
 #[derive(Clone, Debug)]
 pub(crate) struct NearestCentre {
     gain: Vec<f64>,
     scaled: Vec<f64>,
-    /// Blocks of [`LANES`] centres, in each channel by channel; the last block is filled up with its first centre.
+    /// Blocks of [`LANES`] centres, each stored channel by channel; copies of its first centre fill the last block.
     blocks: Vec<[f64; LANES]>,
 }
 
 impl NearestCentre {
-    /// Of the centres of `region`.
+    /// Stores the centres of `region`.
     pub fn new(region: &Region) -> Self {
         let width = region.gain.len();
         let of_block = |centres: &[Vec<f64>]| -> Vec<[f64; LANES]> {
@@ -122,7 +123,7 @@ impl NearestCentre {
         Self { gain: region.gain.clone(), scaled: vec![0.0; width], blocks }
     }
 
-    /// As [`Region::distance`].
+    /// Same result as [`Region::distance`].
     pub fn distance(&mut self, row: &[f64]) -> f64 {
         self.scaled.iter_mut().zip(row).zip(&self.gain).for_each(|((scaled, x), gain)| *scaled = x * gain);
         let mut least = [f64::INFINITY; LANES];
@@ -133,7 +134,7 @@ impl NearestCentre {
                     *square += (x - centre) * (x - centre);
                 }
             }
-            // A comparison with NaN is false: what is no number is at no distance.
+            // A comparison with NaN is false, so that a NaN never becomes the least distance.
             for (least, square) in least.iter_mut().zip(squares) {
                 *least = if square < *least { square } else { *least };
             }
@@ -142,7 +143,7 @@ impl NearestCentre {
     }
 }
 
-/// Of `rows` those that are farthest from the ones taken before, the first first, at most `most`.
+/// Selects at most `most` of `rows`, starting from the first; each next one is the farthest from those already selected.
 fn spread(rows: &[Vec<f64>], most: usize) -> Vec<Vec<f64>> {
     let square = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
     let Some(first) = rows.first() else { return Vec::new() };
@@ -163,7 +164,7 @@ mod tests {
     use super::{NearestCentre, Region};
     use crate::remainder::InputGroup;
 
-    /// Any number of centres, also one that does not fill a block.
+    /// The test uses several numbers of centres, also ones that do not fill a block.
     #[test]
     fn the_distance_inside_the_tick_is_that_of_the_region() {
         for count in [1, 7, 8, 48, 51] {
@@ -195,7 +196,7 @@ mod tests {
         }
     }
 
-    /// One channel moved by 2, so that its unit is 1; the other never did, and counts in 5 % of that.
+    /// One channel moved by 2, so that its unit is 1; the other never moved, and its range is 5 % of that.
     #[test]
     fn distance_is_measured_in_trained_ranges_and_trust_falls_with_it() {
         let region = line();

@@ -1,5 +1,5 @@
-//! The programme of accelerations: damped least squares where nothing binds, the optimality conditions where something does, and its
-//! rows against inverse dynamics and braking by hand.
+//! Tests of the acceleration programme: damped least squares if no row is active, the optimality conditions if some are, and its
+//! rows against inverse dynamics and hand calculation of braking.
 
 use freeplay_arm::{Arm, Joint, Limits, Workspace, jacobian, paper_arm, rnea};
 use freeplay_controller::{
@@ -33,7 +33,7 @@ fn jacobian_at(arm: &Arm, q: &[f64]) -> DMatrix<f64> {
     out
 }
 
-/// Forces of the arm with play with resting journals in the middle, in its coordinates.
+/// Forces of the arm with play with the journals at rest in the centre, in its coordinates.
 fn inverse_dynamics(play: &ArmWithPlay, q: &[f64], v: &[f64], a: &[f64]) -> Vec<f64> {
     let m = play.arm().dof();
     let spread = |nominal: &[f64]| {
@@ -46,7 +46,7 @@ fn inverse_dynamics(play: &ArmWithPlay, q: &[f64], v: &[f64], a: &[f64]) -> Vec<
     force
 }
 
-/// The direction in which the journal of play `index` lies when the arm stands still: against its load.
+/// The direction of the journal of play `index` while the arm stands still: against its load.
 fn normal(play: &ArmWithPlay, index: usize) -> [f64; 2] {
     let force = inverse_dynamics(play, &Q, &REST, &REST);
     let b = play.plays()[index].slides.map(|slide| force[slide]);
@@ -120,7 +120,7 @@ fn an_acceleration_that_would_lift_the_journal_is_held_back_and_is_optimal() {
     let options = AccelerationOptions::default();
     let mut programme = AccelerationProgramme::new(&arm, &play, PERIOD, options).unwrap();
     let (j, n) = (jacobian_at(&arm, &Q), normal(&play, 0));
-    // Down, faster than the journal falls.
+    // Downward acceleration, faster than the journal falls.
     let tool = Vector6::new(0.0, 0.0, -25.0, 0.0, 0.0, 0.0);
     let joints = j.clone().svd(true, true).solve(&tool, 1e-9).unwrap();
     let wanted = Wanted { jacobian: &j, tool: &tool, joints: joints.as_slice() };
@@ -164,7 +164,7 @@ fn torques_and_braking_bind() {
         AccelerationProgramme::new(&arm, &play, PERIOD, AccelerationOptions::default()).unwrap();
     let (j, n, tool) = (jacobian_at(&arm, &Q), normal(&play, 0), Vector6::zeros());
     let limits = arm.joints()[4].limits;
-    // Joint 5 runs towards its end and must brake in time; the drives have little to spare over gravity.
+    // Joint 5 moves towards its limit and must brake in time; the drives have little torque beyond gravity.
     let mut q = Q;
     let mut v = REST;
     (q[4], v[4]) = (limits.upper - 0.02, 2.5);

@@ -1,4 +1,4 @@
-//! What the built-in controllers answer: the same again for the same states, without allocating, and nothing to nonsense.
+//! The answers of the built-in controllers: identical for identical states, without allocations, and no answer to invalid states.
 
 use crate::simulation::{Outcome, Simulation, model_file, run, run_info};
 use freeplay_controller::{Answer, BUILT_IN, Controller, Task, TaskMode, built_in};
@@ -151,7 +151,7 @@ fn nonsense_gets_no_answer_and_is_forgotten() {
                 controller.answer(&bad, &mut answer);
                 let all = [answer.value, answer.velocity, answer.acceleration];
                 assert!(all.iter().flatten().all(|value| value.is_finite()), "{name}: {answer:?}");
-                // A driven controller does not look at torques, and one without feedback not at positions.
+                // A driven controller ignores torques, and one without feedback ignores positions.
                 let touched = matches!(
                     (mode, name, state.tick % 4),
                     (_, _, 2)
@@ -181,7 +181,7 @@ fn missed_ticks_do_not_jerk_the_arm() {
     let mut controller = started("quasi-static", &task);
     let mut worst = 0.0_f64;
     for (state, expected) in outcome.states.iter().zip(&outcome.answers) {
-        // Two ticks lost in a hundred, and twenty at once.
+        // The test drops two ticks in a hundred, and twenty in a row.
         if state.tick % 100 == 50 || state.tick % 100 == 51 || (200..220).contains(&state.tick) {
             continue;
         }

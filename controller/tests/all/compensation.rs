@@ -1,4 +1,5 @@
-//! The compensation of one tick: damped least squares inside the limits, the limits where they bind, and named failures.
+//! Tests of the compensation of one tick: damped least squares inside the limits, the limits if they are active, and named
+//! failures.
 
 use crate::chain::chain;
 use freeplay_arm::{Arm, Joint, Limits, Workspace, forward_kinematics, jacobian, paper_arm};
@@ -130,7 +131,7 @@ fn position_speed_and_acceleration_limits_are_kept() {
         "largest excess {outside:.1e} rad (limit 1e-8); limits touched: position {}, speed {}, acceleration {}",
         touched[0], touched[1], touched[2]
     );
-    // The interior-point method ends within its tolerance of a bound, not on it.
+    // The interior-point method ends near a bound, within its tolerance, not exactly on it.
     assert!(outside < 1e-8);
     assert!(touched[2] > 100, "the limits never bind: {touched:?}");
 }
@@ -145,7 +146,7 @@ fn nothing_is_iterated_where_no_limit_binds_and_only_there() {
     let (mut r, mut last) = (Vector6::zeros(), DVector::zeros(6));
     let (mut free, mut apart, mut nearest) = ([0; 2], 0.0_f64, f64::INFINITY);
     for tick in 0..600 {
-        // A slow wave, which the limits let pass, and a jump every now and then, which they don't.
+        // A slow wave, which the limits permit, and an occasional jump, which they do not.
         r[2] = 2e-5 * (0.01 * f64::from(tick)).sin() + if tick % 200 > 150 { 5e-4 } else { 0.0 };
         let alone = damped_least_squares(&j, &weights, &r, &last);
         let report = compensator.advance(Motion { q: &q, v: &rest, a: &rest }, &j, &r);

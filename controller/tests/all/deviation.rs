@@ -1,4 +1,4 @@
-//! The quasi-static predictor against statics by hand, and against the laws and the dynamics it claims to solve.
+//! Tests of the quasi-static predictor against statics by hand, and against the laws and the dynamics that it solves.
 
 use freeplay_arm::{Drive, Workspace, hybrid_aba, jacobian, paper_arm};
 use freeplay_controller::compensation::Motion;
@@ -42,8 +42,8 @@ fn motion(t: f64) -> [[f64; 6]; 3] {
 
 #[test]
 fn the_bearing_forces_of_the_predicted_rest_carry_the_outer_links() {
-    // Without feedback of any kind: put the journals where the predictor says, let the contact laws act on them and the predicted
-    // torques on the joints; then the joints must accelerate as desired and the slides hardly.
+    // Without any feedback, the test puts the journals at the predicted positions, and applies the contact laws to them and the
+    // predicted torques to the joints. Then the joints must accelerate as desired and the slides hardly.
     for (joints, friction) in [(&[4][..], 0.01), (&[4], 0.2), (&[2, 4], 0.1)] {
         let table = ClearanceTable { friction, ..ClearanceTable::new(4e-4) };
         let play = arm_with_play(joints, table);

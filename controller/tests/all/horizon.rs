@@ -1,4 +1,4 @@
-//! The compensation of several ticks at once: closed form, optimality conditions, a second solver, and named failures.
+//! Tests of the compensation over several ticks: closed form, optimality conditions, a second solver, and named failures.
 
 use crate::chain::chain;
 use freeplay_arm::{Arm, Limits, Workspace, jacobian, paper_arm};
@@ -16,7 +16,7 @@ const PERIOD: f64 = 1e-3;
 const LIMITS: Limits =
     Limits { lower: -1.0, upper: 1.0, velocity: 0.5, acceleration: 4.0, effort: f64::INFINITY };
 
-/// What is known of one tick ahead.
+/// Data of one tick ahead.
 #[derive(Clone)]
 struct Ahead {
     q: Vec<f64>,
@@ -46,7 +46,8 @@ fn push_all(horizon: &mut Horizon, first: u64, ahead: &[Ahead]) {
     }
 }
 
-/// P and q of the sum of costs, in SI: the weights scale with mm and mrad alike. By difference matrices, not by the horizon's bands.
+/// P and q of the sum of costs, in SI; the weights scale the same with mm and mrad. The test builds them from difference matrices,
+/// not from the bands of the horizon.
 fn dense(
     weights: &Weights,
     ahead: &[Ahead],
@@ -153,10 +154,10 @@ fn one_tick_ahead_without_a_weight_on_accelerations_is_the_programme_of_one_tick
             }
             other => panic!("tick {tick}: {other:?}"),
         }
-        // Both go on from the same correction, so that the solver's tolerance does not add up.
+        // Both continue from the same correction, so that the solver's tolerance does not accumulate.
         (before, last) = (last, compensator.correction().to_vec());
     }
-    // Clarabel ends where the cost is within 1e-8 of the least, mrad²: a distance of √(2e-8/ρ) at most.
+    // Clarabel stops when the cost is within 1e-8 of the minimum, mrad²: a distance of √(2e-8/ρ) at most.
     let clarabel = 1e-3 * (2e-8 / weights.change).sqrt();
     println!(
         "{} ticks free, {:.1e} rad apart (limit 1e-13); {} with limits, {:.1e} rad apart (limit {clarabel:.1e})",
@@ -175,7 +176,7 @@ fn limit_rows(ahead: &[Ahead], last: &[f64], before: &[f64]) -> Vec<Limit> {
     let mut rows = Vec::new();
     for (k, ahead) in ahead.iter().enumerate() {
         for j in 0..n {
-            // The correction `back` ticks before: a variable, or one of the past.
+            // The correction `back` ticks before: a variable, or one of the past corrections.
             let then = |back: usize| match k.checked_sub(back) {
                 Some(k) => (Some(k * n + j), 0.0),
                 None => (None, if back - k == 1 { last[j] } else { before[j] }),
@@ -196,7 +197,8 @@ fn limit_rows(ahead: &[Ahead], last: &[f64], before: &[f64]) -> Vec<Limit> {
             let [least, most] = [LIMITS.lower - ahead.q[j], LIMITS.upper - ahead.q[j]];
             row(&[1.0], least, most);
             if k == 0 {
-                // The first step can still brake before the limit: s²/(2 b) + s/2 is the way that it then goes.
+                // After the first step the correction can still brake before the limit; s²/(2 b) + s/2 is the distance that it then
+                // covers.
                 let b = LEAST_SHARE * LIMITS.acceleration * PERIOD * PERIOD;
                 let longest = |way: f64| (0.25 * b * b + 2.0 * way * b).sqrt() - 0.5 * b;
                 row(&[1.0, -1.0], -room.min(longest(last[j] - least)), room.min(longest(most - last[j])));
@@ -209,7 +211,7 @@ fn limit_rows(ahead: &[Ahead], last: &[f64], before: &[f64]) -> Vec<Limit> {
     rows
 }
 
-/// Corrections for a deviation that jumps in the middle, of joints of which one is near its limit and one at high speed.
+/// Cases with a deviation that jumps in the middle; one joint is near its limit and one at high speed.
 fn hard_cases(arm: &Arm, ticks: usize, random: &mut ChaCha8Rng) -> Vec<Ahead> {
     let jump = random.random_range(3..ticks - 3);
     let r = vector(random, 3, 1.0).normalize() * 8e-5;
@@ -283,7 +285,7 @@ fn where_limits_bind_it_meets_the_optimality_conditions_and_another_solver() {
     assert!(other < 1e-5);
 }
 
-/// The same programme by Clarabel, in µrad, where its tolerance is small beside the cost; mrad.
+/// Solves the same programme by Clarabel, in µrad, so that its tolerance is small compared with the cost; mrad.
 fn by_clarabel(p: &DMatrix<f64>, q: &DVector<f64>, rows: &[Limit]) -> DVector<f64> {
     let mut programme = SparseProgramme::new(q.len());
     // A sum of squares with the matrix P: the rows of its Cholesky factor.

@@ -1,4 +1,5 @@
-//! The prediction of the joints by one tick against finer integration, and friction that stops but never turns around.
+//! Tests of the one-tick prediction of the joints against finer integration, and of friction that stops a joint without reversing
+//! it.
 
 use freeplay_arm::{Arm, Joint, JointFriction, Workspace, aba, paper_arm, rnea};
 use freeplay_controller::look_ahead::{LookAhead, drive_frictions};
@@ -24,7 +25,7 @@ fn state(q: [f64; 6], v: [f64; 6], torque: &[f64]) -> State {
     state
 }
 
-/// The state after `period` by many small midpoint steps.
+/// The state after `period`, computed with many small midpoint steps.
 fn fine(arm: &Arm, q: [f64; 6], v: [f64; 6], torque: &[f64], period: f64) -> ([f64; 6], [f64; 6]) {
     let (friction, mut workspace) = (drive_frictions(arm), Workspace::new(arm));
     let steps = 2000;
@@ -80,7 +81,7 @@ fn a_joint_held_by_friction_stays_and_a_balanced_one_keeps_its_speed() {
     let (mut look_ahead, mut workspace) = (LookAhead::new(&arm, 1e-3), Workspace::new(&arm));
     let mut torque = [0.0; 6];
     rnea(&arm, &mut workspace, &Q, &[0.0; 6], &[0.0; 6], &mut torque);
-    // Half of what would break the joints loose: without friction, joint 6 would be at 4 rad/s after a tick.
+    // Half the breakaway torque; without friction, joint 6 would reach 4 rad/s after a tick.
     torque.iter_mut().for_each(|torque| *torque += 2.5);
     let ahead = look_ahead.predict(&arm, &state(Q, [0.0; 6], &torque), &[0.0; 6]).unwrap();
     let creep = ahead.v.iter().fold(0.0, |most: f64, v| most.max(v.abs()));

@@ -1,4 +1,4 @@
-//! Passages through corners: what the law of contact says of them, their limits, and what they are worth.
+//! Tests of passages through corners: the law of contact, the limits, and the gain in accuracy.
 
 use crate::simulation::{model_file, run};
 use freeplay_arm::{Workspace, paper_arm, rnea};
@@ -39,7 +39,8 @@ fn passages_on(path: JointPath, plays: &[(usize, f64)], from: u64, to: u64) -> P
     search.passages(&mut outlook, from, to)
 }
 
-/// Positions, velocities and accelerations of the arm with play at the tick `tick` of `passage` along `path`, by differences.
+/// Positions, velocities and accelerations of the arm with play at the tick `tick` of `passage` along `path`, by finite
+/// differences.
 fn motion(play: &ArmWithPlay, path: &JointPath, passage: &Passage, tick: u64) -> [Vec<f64>; 3] {
     let m = play.arm().dof();
     let slides: Vec<usize> = play.plays().iter().flat_map(|play| play.slides).collect();

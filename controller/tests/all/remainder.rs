@@ -1,4 +1,5 @@
-//! A learned remainder in the controller: taken out where it is proved and trained, and nowhere else; weights for something else are refused.
+//! Tests of a learned remainder in the controller: it is compensated only if proved and only inside the trained region; weights for another
+//! machine are refused.
 
 use std::path::Path;
 
@@ -15,7 +16,7 @@ use freeplay_shm::{Mode, Pace, State};
 use nalgebra::Vector3;
 
 const PERIOD: f64 = 1e-3;
-/// What the network says everywhere, m.
+/// Constant output of the network, m.
 const SAID: [f64; 3] = [0.3e-3, -0.2e-3, 0.1e-3];
 
 fn task() -> Task {
@@ -27,7 +28,7 @@ fn machine() -> Machine {
     Machine::of(file.arm.name(), identity(&file.arm), model_identity(&file), &task())
 }
 
-/// A linear network of the six positions that says [`SAID`].
+/// A linear network of the six positions with the constant output [`SAID`].
 fn network() -> Narx {
     let mut text: serde_json::Value = serde_json::from_str(include_str!("../linear_network.json")).unwrap();
     let weights = SAID.iter().flat_map(|said| [vec![*said], vec![0.0; 6]].concat());
@@ -35,7 +36,7 @@ fn network() -> Narx {
     Narx::from_json(&text.to_string(), "by hand").unwrap()
 }
 
-/// Weights around the joints `centre`, trusted by 0.5 at the distance 1 (rad) and not beyond 2.
+/// Weights around the joints `centre`, with a trust of 0.5 at the distance 1 (rad) and none beyond 2.
 fn weights(centre: &[f64], share: f64) -> WeightFile {
     let axis = || Axis { lowest: -0.25e-3, highest: 0.25e-3, share, rms_um: 1.0, left_um: 0.1, r: Some(0.9) };
     let condition = Condition { name: "by hand".to_owned(), duration: 1.0, rms_um: [1.0; 3] };
@@ -66,7 +67,7 @@ fn saved(file: &WeightFile, folder: &Path) -> String {
 const RUN: RunInfo =
     RunInfo { joints: 6, mode: Mode::Driven, pace: Pace::Lockstep, period_ns: 1_000_000, ticks: 2000 };
 
-/// How far the commanded joints move the tool from the reference after `ticks` ticks, m.
+/// Displacement of the tool from the reference by the commanded joints after `ticks` ticks, m.
 fn moved(weights: Option<String>, ticks: u64) -> Vector3<f64> {
     let arm = paper_arm().arm;
     let task = Task { weights, ..task() };
@@ -100,7 +101,8 @@ fn start_of_path() -> Vec<f64> {
     q
 }
 
-/// The network says 0.3, −0.2 and 0.1 mm; the bounds cut the first to 0.25; the share halves it all; the tool goes the other way.
+/// The network gives 0.3, −0.2 and 0.1 mm; the bounds limit the first to 0.25; the share halves all; the correction moves the tool the
+/// opposite way.
 #[test]
 fn a_proved_remainder_is_taken_out_within_its_bounds() {
     let folder = tempfile::tempdir().unwrap();

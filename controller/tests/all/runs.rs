@@ -1,7 +1,8 @@
-//! The built-in controllers on the arm with play: what the compensation leaves of the deviation.
+//! Tests of the built-in controllers on the arm with play: the deviation that remains after the compensation.
 //!
-//! The figures to beat are those of an independent reference (`compensation_qs.json` and `reference_runs.csv` of the oracles, made
-//! with Python and Pinocchio): feed-forward of the quasi-static deviation under computed torque, c = 0.6 mm, after 0.5 s.
+//! The reference figures are those of an independent implementation (`compensation_qs.json` and `reference_runs.csv` of the
+//! oracles, made with Python and Pinocchio): feed-forward of the quasi-static deviation under computed torque, c = 0.6 mm, after
+//! 0.5 s.
 
 use crate::simulation::{Outcome, model_file, run};
 use freeplay_controller::{BUILT_IN, Task, TaskMode, built_in};
@@ -13,14 +14,14 @@ use freeplay_shm::CommandStatus;
 struct Case {
     mode: TaskMode,
     kind: PathKind,
-    /// Of the path, s.
+    /// Period of the path, s.
     period: f64,
-    /// How long, s.
+    /// Length of the run, s.
     seconds: f64,
     gravity: [f64; 3],
     /// True clearances: joint, m.
     truth: &'static [(usize, f64)],
-    /// What the controller's model says of the same joints, in shares of the truth.
+    /// Clearances in the controller's model as a share of the true ones.
     believed: f64,
 }
 
@@ -103,14 +104,14 @@ fn a_tracked_tool_corrects_a_wrong_clearance() {
 #[test]
 fn learning_harms_nothing_where_the_model_is_right() {
     let (without, with) = (measure("quasi-static", SMOOTH), measure("narx-qp", SMOOTH));
-    // mm; a tenth of a micrometre is below what a tracker resolves, and half a second is too short to learn it.
+    // Tolerance, mm: a tenth of a micrometre is below the resolution of a tracker, and half a second is too short to learn it.
     let resolution = 1e-4;
     assert!(with.rms() <= without.rms() + resolution && with.max() <= without.max() + resolution);
 }
 
 #[test]
 fn two_joints_with_play_are_compensated_together() {
-    // Driven: under torque, two journals bounce for up to two seconds, with or without compensation.
+    // The test uses mode driven; in mode torque, two journals bounce for up to two seconds, with or without compensation.
     let two = Case { mode: TaskMode::Driven, truth: &[(2, 3e-4), (4, 6e-4)], seconds: 0.8, ..SMOOTH };
     let without = measure("computed-torque", two);
     for name in ["quasi-static", "narx-qp"] {
@@ -119,7 +120,7 @@ fn two_joints_with_play_are_compensated_together() {
     }
 }
 
-/// The whole table; takes minutes in the dev profile:
+/// The whole table; it takes minutes in the dev profile:
 /// `cargo test --release -p freeplay-controller --test all -- runs:: --ignored --nocapture`.
 #[test]
 #[ignore = "whole runs, for the release profile"]

@@ -1,4 +1,4 @@
-//! The moving average with its look ahead, and derivatives by centred differences.
+//! Tests of the moving average with its look ahead, and of derivatives by centred differences.
 
 use std::f64::consts::PI;
 
@@ -55,7 +55,7 @@ fn centred_differences_are_exact_for_a_parabola() {
     assert!((a - 1.0).abs() < 1e-6, "what was at rest accelerates: {a}");
 }
 
-/// What is held from tick to tick leads from velocity to velocity: a motion that starts on a sine stays on it.
+/// The held acceleration leads from velocity to velocity: a motion that starts on a sine stays on it.
 #[test]
 fn what_is_held_leads_along_the_signal() {
     let (period, mut course) = (1e-3, Centred::new(1, 1e-3));
@@ -80,7 +80,8 @@ fn what_is_held_leads_along_the_signal() {
         state = Some(moved([q, v], course.held()[0]));
     }
     println!("off by {worst:.1e}; with the acceleration at the start of each tick held, by {worst_late:.1e}");
-    // By half a tick of the change of velocity, 60/s × 0.5 ms; and by a quarter of a squared tick of that of acceleration, 1800/s² × 0.25 µs².
+    // The expected errors are half a tick of the change of velocity, 60/s × 0.5 ms, and a quarter of a squared tick of that of acceleration,
+    // 1800/s² × 0.25 µs².
     assert!(worst_late > 0.02, "holding the acceleration of the start is late");
     assert!(worst < 5e-4, "what is held leads along the signal");
 }

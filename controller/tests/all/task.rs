@@ -1,4 +1,4 @@
-//! Task files: what is read, what is refused and with which words.
+//! Tests of task files: accepted texts, refused texts and the error messages.
 
 use std::path::Path;
 
@@ -98,7 +98,8 @@ fn controllers_refuse_what_does_not_fit() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 4000, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// 4000 texts made of a good file with one piece replaced by anything: read or refused, never a panic.
+    /// 4000 texts, each a valid file with one piece replaced by random text; the reader accepts or refuses them, but never
+    /// panics.
     #[test]
     fn no_text_makes_the_reader_panic(at in 0usize..400, length in 0usize..12, piece in ".{0,12}") {
         let mut task = Task { gravity: Some([0.0, 0.0, -9.81]), ..Task::default() };

@@ -1,9 +1,9 @@
-//! Arms of any number of joints.
+//! Arms with any number of joints.
 
 use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits};
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
-/// A chain of `n` joints about axes in turn, links of 0.3 m, all with the same limits.
+/// A chain of `n` joints about alternating axes, with links of 0.3 m, all with the same limits.
 pub fn chain(n: usize, limits: Limits) -> Arm {
     let joints = (0..n)
         .map(|i| Joint {

@@ -1,5 +1,5 @@
-//! A small stand-in for the plant: the arm with play under a controller, tick by tick, in this process. Semi-implicit Euler with
-//! 20 µs, contacts by the laws that the plant uses too. For tests of controllers only.
+//! A small substitute for the plant: it simulates the arm with play under a controller, tick by tick, in this process. It uses
+//! semi-implicit Euler with 20 µs and the contact laws of the plant. It serves tests of controllers only.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 pub const RUN: u64 = 4711;
 const SUBSTEPS: usize = 50;
-/// Time after which the deviation counts: the drop of a centred journal cannot be compensated, s.
+/// The deviation is evaluated after this time, s, because the drop of a centred journal cannot be compensated.
 pub const AFTER: f64 = 0.5;
 
 /// The paper's arm with the clearances `clearances` (joint, m), as a model file in `folder`.
@@ -31,7 +31,7 @@ pub fn model_file(folder: &std::path::Path, clearances: &[(usize, f64)]) -> Path
     path
 }
 
-/// What the plant says about a run of `task`.
+/// The plant's description of a run of `task`.
 pub fn run_info(task: &Task, joints: usize) -> RunInfo {
     RunInfo {
         joints,
@@ -48,7 +48,7 @@ struct Bearing {
     impact_speed: Option<f64>,
 }
 
-/// The truth.
+/// The simulated true arm.
 pub struct Simulation {
     file: ArmFile,
     play: ArmWithPlay,
@@ -68,7 +68,7 @@ pub struct Simulation {
     target: [[Joints; 3]; 2],
 }
 
-/// What came out of a run.
+/// Results of a run.
 #[derive(Default)]
 pub struct Outcome {
     pub states: Vec<State>,
@@ -180,7 +180,7 @@ impl Simulation {
         tool.translation.vector - wanted.translation.vector
     }
 
-    /// Integrates one tick under what is in force; `answer`, to this tick's state, is in force from the next.
+    /// Integrates one tick under the command in force; `answer`, to this tick's state, is in force from the next.
     pub fn step(&mut self, answer: Answer) {
         let guided = self.in_force.is_none();
         let n = self.joints();
@@ -267,7 +267,7 @@ impl Simulation {
         }
     }
 
-    /// The quintic between the ends of this tick.
+    /// The quintic from the start to the end of this tick.
     fn along(&self, joint: usize, s: f64) -> [f64; 3] {
         let h = self.period;
         let at = |end: usize, order: usize| self.target[end][order][joint];
