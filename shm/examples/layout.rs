@@ -1,4 +1,4 @@
-//! Writes `docs/messages.md` and `docs/freeplay.h` from the types of the messages: run it after changing one.
+//! Writes `docs/messages.md` and `docs/freeplay.h` from the message types. Run it after every change of a type.
 
 use std::path::Path;
 

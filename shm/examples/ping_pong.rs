@@ -1,14 +1,13 @@
-//! How long a state takes to the controller and its command back, beside the same over iceoryx2 alone; and how late a
-//! sleeper wakes.
+//! Measures the round-trip time of a state and its command over the links and over iceoryx2 alone, and the lateness of a sleeper.
 //!
 //! ```text
 //! cargo run --release -p freeplay-shm --example ping_pong [-- --fifo]
 //! ```
 //!
-//! Two processes, each tied to a core. Both ways of exchange carry the same `State` and `Command` and take turns within one
-//! run, so that what the machine does to one it does to the other. Both read each message whole, as a user of it does
-//! (`black_box`): iceoryx2 hands out a reference into shared memory, and most of the time goes into fetching what it refers
-//! to from the other core. `--fifo` asks for `SCHED_FIFO`, priority 80.
+//! Two processes exchange messages, each tied to a core. Both transports carry the same `State` and `Command` and alternate
+//! within one run, so that disturbances of the machine affect both alike. Both read each message completely, as a user does
+//! (`black_box`): iceoryx2 returns a reference into shared memory, and most of the time is spent fetching its target from the
+//! other core. `--fifo` requests `SCHED_FIFO`, priority 80.
 
 use std::env;
 use std::error::Error;
@@ -41,7 +40,7 @@ fn main() -> Outcome<()> {
     }
 }
 
-/// Asks for core `cpu` and, with `is_fifo`, for priority 80; says what is refused.
+/// Requests core `cpu` and, with `is_fifo`, priority 80; prints refusals.
 fn set_up(cpu: usize, is_fifo: bool) {
     let request = RtRequest { priority: is_fifo.then_some(80), cpu: Some(cpu), lock_memory: is_fifo };
     for line in prepare(&request).refusals() {
@@ -107,7 +106,7 @@ fn controller(ours: &Address, bare: &Address, is_fifo: bool) -> Outcome<()> {
     Ok(())
 }
 
-/// Starts this program again as the controller.
+/// Starts this program a second time as the controller.
 fn start_controller(ours: &Address, bare: &Address, is_fifo: bool) -> Outcome<Child> {
     let mut process = Process::new(env::current_exe()?);
     process.arg(ours.to_string()).arg(bare.to_string());
@@ -119,7 +118,7 @@ fn offer() -> Offer {
     Offer { joints: 7, mode: Mode::Torque, pace: Pace::Lockstep, period_ns, ticks, task: String::new() }
 }
 
-/// Times rounds after a warm-up.
+/// Measures the times of rounds after a warm-up.
 fn measure(run: u64, mut round: impl FnMut(&State) -> Outcome<()>) -> Outcome<Histogram<u64>> {
     let mut histogram = Histogram::new(3)?;
     for tick in 0..WARM_UP + ROUNDS {
@@ -181,7 +180,7 @@ fn bare_controller_round(controller: &mut BareController) -> Outcome<()> {
     }
 }
 
-/// How late [`sleep_then_spin_until`] is at 1 kHz for 5 s.
+/// Measures the lateness of [`sleep_then_spin_until`] at 1 kHz for 5 s.
 fn lateness(spin_ns: u64) -> Outcome<()> {
     let schedule = Schedule { start_ns: now_ns() + 1_000_000, period_ns: 1_000_000 };
     let mut histogram = Histogram::<u64>::new(3)?;

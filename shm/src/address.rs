@@ -1,4 +1,4 @@
-//! [`Address`]: what a process needs to find a run.
+//! [`Address`]: the information with which a process finds a run.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ pub const RUN_ENV: &str = "FREEPLAY_RUN";
 /// Longest run id, bytes.
 const MAX_ID: usize = 32;
 
-/// Where a run lives: its folder on tmpfs. The run's id is the folder's name; everything else follows from it.
+/// Location of a run: its folder on tmpfs. The run's id is the folder's name, and all other names derive from it.
 ///
 /// As text, an address is the folder's absolute path, e.g. `/dev/shm/freeplay-1000/4711-9f3c21aa`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,11 +23,11 @@ pub struct Address {
 }
 
 impl Address {
-    /// Reads an address as [`Display`](fmt::Display) writes it. Does not look whether the run lives.
+    /// Parses the text of an address as written by [`Display`](fmt::Display). The function does not check that the run lives.
     ///
     /// # Errors
-    /// [`LinkError::BadAddress`] unless `text` is an absolute path whose last part is a run id: letters, digits and
-    /// hyphens, at most 32; the path of at most 112 bytes.
+    /// [`LinkError::BadAddress`] unless `text` is an absolute path of at most 112 bytes whose last part is a run id: at most 32
+    /// letters, digits and hyphens.
     pub fn parse(text: &str) -> Result<Self, LinkError> {
         let bad = || LinkError::BadAddress { text: text.to_owned() };
         let root = Path::new(text);
@@ -42,7 +42,7 @@ impl Address {
     /// The address in the environment variable [`RUN_ENV`].
     ///
     /// # Errors
-    /// [`LinkError::NoAddress`] if it is not set, [`LinkError::BadAddress`] if it is no address.
+    /// [`LinkError::NoAddress`] if it is not set, [`LinkError::BadAddress`] if its text is not an address.
     pub fn from_env() -> Result<Self, LinkError> {
         let text = std::env::var(RUN_ENV).map_err(|_| LinkError::NoAddress)?;
         Self::parse(&text)
@@ -60,7 +60,7 @@ impl Address {
         &self.id
     }
 
-    /// Hash of the run's id as it stands in messages: FNV-1a, 64 bit (Fowler, Noll, Vo 1991).
+    /// Hash of the run's id as used in messages: FNV-1a, 64 bit (Fowler, Noll, Vo 1991).
     #[must_use]
     pub fn run(&self) -> u64 {
         self.id.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
@@ -68,7 +68,7 @@ impl Address {
         })
     }
 
-    /// First part of the names of all the run's shared memory objects; no run's prefix begins with another's.
+    /// Prefix of the names of all the run's shared memory objects; no run's prefix begins with another's.
     #[must_use]
     pub fn prefix(&self) -> String {
         format!("freeplay-{}_", self.id)

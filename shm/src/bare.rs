@@ -1,8 +1,8 @@
-//! iceoryx2 alone with its default settings, carrying the same messages: the yardstick for the links of this crate.
+//! iceoryx2 alone with its default settings and the same messages, as a baseline for the links of this crate.
 //!
-//! Nothing is checked, greeted, counted or held by a seat here. Both ends copy each message as a user of it does, and have the memory for
-//! the next one on loan before it is due, as the links have: `send_copy` would put the loan between the two stamps of a message, and the
-//! links would look faster than what they are made of.
+//! This transport has no checks, no handshake, no counters and no seats. Both ends copy each message as a user does, and loan the memory
+//! for the next message in advance, as the links do. With `send_copy` the loan would lie between the two time stamps of a message, and
+//! the links would seem faster than the transport under them.
 
 use std::fmt::Debug;
 use std::mem::MaybeUninit;
@@ -42,7 +42,7 @@ pub struct BareController {
 }
 
 impl BarePlant {
-    /// Opens the plant's end in the run at `address`, be the other there or not.
+    /// Opens the plant's end in the run at `address`, whether the other end exists or not.
     ///
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses.
@@ -66,7 +66,7 @@ impl BarePlant {
         self.states.send(state, STATES)
     }
 
-    /// The oldest command not yet taken.
+    /// Takes the oldest unread command.
     ///
     /// # Errors
     /// As [`BarePlant::open`].
@@ -78,7 +78,7 @@ impl BarePlant {
 }
 
 impl BareController {
-    /// Opens the controller's end in the run at `address`, be the other there or not.
+    /// Opens the controller's end in the run at `address`, whether the other end exists or not.
     ///
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses.
@@ -93,7 +93,7 @@ impl BareController {
         })
     }
 
-    /// The oldest state not yet taken.
+    /// Takes the oldest unread state.
     ///
     /// # Errors
     /// As [`BareController::open`].
@@ -113,9 +113,9 @@ impl BareController {
     }
 }
 
-/// A publisher with the memory for its next message on loan.
+/// A publisher that loans the memory for its next message in advance.
 struct PreloanedPublisher<Message: Debug + ZeroCopySend + 'static> {
-    // Dropped before the publisher it is loaned from.
+    // The sample must drop before the publisher that loaned it.
     next: Option<SampleMutUninit<Ipc, MaybeUninit<Message>, ()>>,
     publisher: Publisher<Ipc, Message, ()>,
 }

@@ -19,7 +19,7 @@ use crate::services::{
     self, DoorClient, STATE_SERVICE, StateSample, StateSubscriber, command_service, transport,
 };
 
-/// How often a controller looks whether the plant is there, and whether it has answered.
+/// Interval at which a controller checks for the plant and for its answer.
 const LOOK_AGAIN: Duration = Duration::from_micros(500);
 
 /// A controller's end of a run. Belongs to the thread that opened it. Dropping it frees the slot.
@@ -34,28 +34,27 @@ pub struct ControllerLink {
     lost: u64,
     skipped: u64,
     service: String,
-    // Fields are dropped in this order: the node after its ports, then the seat, the share last.
+    // Fields drop in this order: the node after its ports, then the seat, the share last.
     _node: Node<Ipc>,
     _seat: Seat,
     plant: Seat,
     _share: Share,
 }
 
-/// What a controller could open of the run before it was accepted: not what has another layout or is not there.
+/// Ports that a controller could open before it was accepted; a missing service, or one with another layout, gives `None`.
 struct Ends {
     states: Option<StateSubscriber>,
     commands: Option<Outbox<Command>>,
 }
 
 impl ControllerLink {
-    /// Finds the plant of the run at `address`, says `hello` until it answers or `patience` ends, and takes the slot.
-    /// It does not matter who starts first. Of `hello`, the claim is filled in, and the run if it is 0.
+    /// Finds the plant of the run at `address`, sends `hello` until the plant answers or `patience` ends, and takes the slot.
+    /// Plant and controller may start in any order. The function fills in the claim of `hello`, and the run if it is 0.
     ///
     /// # Errors
-    /// [`LinkError::NoRun`] if the run has ended; [`LinkError::NoPlant`] if nobody answers in time;
-    /// [`LinkError::Refused`] with the reason; [`LinkError::Planted`] if another user made a segment of this run;
-    /// [`LinkError::NoMemory`] or [`LinkError::NoRoom`] without memory;
-    /// [`LinkError::Transport`] if iceoryx2 refuses.
+    /// [`LinkError::NoRun`] if the run has ended; [`LinkError::NoPlant`] if no plant answers in time; [`LinkError::Refused`] with
+    /// the reason; [`LinkError::Planted`] if another user made a segment of this run; [`LinkError::NoMemory`] or
+    /// [`LinkError::NoRoom`] if memory is insufficient; [`LinkError::Transport`] if iceoryx2 refuses.
     pub fn connect(
         address: &Address,
         mut hello: Hello,
@@ -68,7 +67,7 @@ impl ControllerLink {
         let client = services::door_client(&door)?;
         let seat = Seat::of_controller(address, hello.slot)?;
         let is_ours = seat.take()?;
-        // Who does not get the slot listens to nothing, so that the refused cannot crowd out the others.
+        // A process without the slot opens no subscriber, so that refused processes cannot crowd out the others.
         let ends = if is_ours { Ends::open(&node, hello.slot, &mut wait)? } else { Ends::NONE };
         hello.claim = u32::from(is_ours);
         if hello.run == 0 {
@@ -98,7 +97,7 @@ impl ControllerLink {
         Ok((link, welcome))
     }
 
-    /// The oldest state not yet taken. States lost because this side was slow are counted in [`ControllerLink::lost`].
+    /// Takes the oldest unread state. [`ControllerLink::lost`] counts the states lost because this side was slow.
     ///
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses.
@@ -107,7 +106,7 @@ impl ControllerLink {
         Ok(self.next_sample()?.map(|sample| *sample.payload()))
     }
 
-    /// Takes all waiting states and returns the newest; the others are counted in [`ControllerLink::skipped`].
+    /// Takes all waiting states and returns the newest; [`ControllerLink::skipped`] counts the others.
     ///
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses.
@@ -120,34 +119,34 @@ impl ControllerLink {
         Ok(newest.map(|sample| *sample.payload()))
     }
 
-    /// How many states this side has lost so far because its buffer of [`STATE_BUFFER`](crate::STATE_BUFFER) was full.
+    /// Number of states lost so far because the buffer of [`STATE_BUFFER`](crate::STATE_BUFFER) on this side was full.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// How many states [`ControllerLink::newest_state`] has passed over so far.
+    /// Number of states that [`ControllerLink::newest_state`] has skipped so far.
     #[must_use]
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
 
-    /// Sends `command` to the plant. Never waits: if the plant does not take commands, the oldest are lost.
+    /// Sends `command` to the plant without waiting. If the plant does not read commands, the oldest are lost.
     ///
     /// # Errors
-    /// [`LinkError::Transport`] if iceoryx2 refuses. A plant that died is no error.
+    /// [`LinkError::Transport`] if iceoryx2 refuses. A plant that has died causes no error.
     #[inline]
     pub fn send(&mut self, command: &Command) -> Result<(), LinkError> {
         self.commands.send(command).map_err(transport("send on", &self.service))
     }
 
-    /// The oldest state not yet taken, where it lies in shared memory.
+    /// Takes the oldest unread state without copying it from shared memory.
     #[inline]
     fn next_sample(&mut self) -> Result<Option<StateSample>, LinkError> {
         let Some(sample) = self.states.receive().map_err(transport("take states of", STATE_SERVICE))? else {
             return Ok(None);
         };
-        // A tick that is not later than the last is that of another plant on the same run.
+        // A tick that is not later than the last one comes from another plant on the same run.
         if let Some(last) = self.last_tick.filter(|&last| sample.tick > last) {
             self.lost += sample.tick - last - 1;
         }
@@ -155,7 +154,7 @@ impl ControllerLink {
         Ok(Some(sample))
     }
 
-    /// Whether the plant lives. One system call; look when no state has come for long.
+    /// Returns true if the plant lives. It costs one system call; call it only after a long time without a state.
     #[must_use]
     pub fn plant_lives(&self) -> bool {
         self.plant.is_taken()
@@ -165,7 +164,7 @@ impl ControllerLink {
 impl Ends {
     const NONE: Self = Self { states: None, commands: None };
 
-    /// Opens what can be opened. The plant opens its door last, so what is missing now is not there at all.
+    /// Opens the existing services. The plant opens the hello service last, so a service that is missing now will not appear.
     fn open(node: &Node<Ipc>, slot: u32, wait: &mut Wait) -> Result<Self, LinkError> {
         let open_slot = || if_there(services::commands(node, slot).open());
         let open_states = || if_there(services::states(node).open());
@@ -178,7 +177,7 @@ impl Ends {
     }
 }
 
-/// The service, or `None` if there is none or one of another layout: for the plant to judge.
+/// The service, or `None` if there is none or one of another layout; the plant then decides on the refusal.
 fn if_there<Service>(
     opened: Result<Service, PublishSubscribeOpenError>,
 ) -> Result<Option<Service>, PublishSubscribeOpenError> {
@@ -194,12 +193,12 @@ fn is_accepted(welcome: &Welcome) -> bool {
     welcome.magic == MAGIC && welcome.layout == LAYOUT_VERSION && welcome.verdict() == Some(Verdict::Accepted)
 }
 
-/// Says `hello` until the plant answers.
+/// Sends `hello` until the plant answers.
 fn knock(client: &DoorClient, hello: &Hello, wait: &mut Wait) -> Result<Welcome, LinkError> {
     loop {
         wait.note("the plant is there but does not greet");
         let pending = client.send_copy(*hello).map_err(transport("knock on", services::DOOR_SERVICE))?;
-        // The answer may arrive between a look for it and the look whether anybody holds our hello: look once more.
+        // The answer may arrive between the check for it and the check that the plant still holds the hello, so check once more.
         loop {
             let is_held = pending.number_of_server_connections() > 0 && pending.is_connected();
             let answer = pending.receive().map_err(transport("hear from", services::DOOR_SERVICE))?;
@@ -214,7 +213,7 @@ fn knock(client: &DoorClient, hello: &Hello, wait: &mut Wait) -> Result<Welcome,
     }
 }
 
-/// The plant's refusal of `hello`, in words.
+/// Error with the plant's refusal of `hello` as text.
 fn refusal(hello: &Hello, welcome: &Welcome) -> LinkError {
     let verdict = welcome.verdict();
     let reason = match verdict {
@@ -252,7 +251,7 @@ fn refusal(hello: &Hello, welcome: &Welcome) -> LinkError {
     LinkError::Refused { verdict, reason }
 }
 
-/// Trying again until patience ends.
+/// Retry state: retries until the patience ends.
 struct Wait {
     patience: Duration,
     start: Instant,
@@ -264,12 +263,12 @@ impl Wait {
         Self { patience, start: Instant::now(), last: None }
     }
 
-    /// Notes what stands in the way now, to be told when patience ends.
+    /// Stores the current obstacle for the error message at the end of the patience.
     fn note(&mut self, what: &str) {
         self.last = Some(what.to_owned());
     }
 
-    /// Waits a little, or fails if patience has ended.
+    /// Waits briefly, or fails if the patience has ended.
     fn a_little(&mut self) -> Result<(), LinkError> {
         if self.start.elapsed() >= self.patience {
             return Err(LinkError::NoPlant { patience: self.patience, last: self.last.take() });
@@ -278,7 +277,7 @@ impl Wait {
         Ok(())
     }
 
-    /// Tries until it succeeds.
+    /// Repeats `attempt` until it succeeds.
     fn until_ok<T, E: Debug>(
         &mut self,
         obstacle: &str,

@@ -1,7 +1,7 @@
-//! How a controller and a plant agree to speak: [`Hello`] from the controller, [`Welcome`] from the plant.
+//! The handshake of controller and plant: [`Hello`] from the controller, [`Welcome`] from the plant.
 //!
-//! The layout of both is frozen for all time, so that any version can refuse any other in words. What the two sides
-//! may differ in (the layout version and the sizes of [`State`] and [`Command`]) stands in their first fields.
+//! The layout of both is frozen permanently, so that any version can refuse any other with a reason. Their first fields contain
+//! the properties that may differ: the layout version and the sizes of [`State`] and [`Command`].
 
 use std::mem::size_of;
 
@@ -9,13 +9,13 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::messages::{Command, LAYOUT_VERSION, MAGIC, Mode, State, from_code};
 
-/// When the plant takes its next step.
+/// Pace of the plant's steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Pace {
-    /// When the answer is there; deterministic, as fast as it goes.
+    /// The plant steps when the answer has arrived; deterministic, at full speed.
     Lockstep = 0,
-    /// When the wall clock says so; a late answer is a miss.
+    /// The plant steps by the wall clock; a late answer counts as a miss.
     RealTime = 1,
 }
 
@@ -23,13 +23,13 @@ pub enum Pace {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Verdict {
-    /// The slot is the controller's.
+    /// The controller has the slot.
     Accepted = 0,
     /// The hello does not begin with [`MAGIC`].
     WrongMagic = 1,
     /// The two sides differ in the layout version or in the size of a message.
     WrongLayout = 2,
-    /// The controller wants another number of joints than the arm has.
+    /// The controller's number of joints differs from that of the arm.
     WrongJoints = 3,
     /// Another living controller holds the slot.
     SlotTaken = 4,
@@ -42,7 +42,7 @@ pub enum Verdict {
 from_code!(Pace: Lockstep, RealTime);
 from_code!(Verdict: Accepted, WrongMagic, WrongLayout, WrongJoints, SlotTaken, WrongRun, NoSuchSlot);
 
-/// What a controller says first. Layout frozen for all time: 136 bytes.
+/// First message of a controller. Layout frozen permanently: 136 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("freeplay.Hello")]
@@ -55,11 +55,11 @@ pub struct Hello {
     pub state_size: u32,
     /// The controller's size of [`Command`], bytes.
     pub command_size: u32,
-    /// Number of joints the controller is made for; 0 takes what comes.
+    /// Number of joints of the controller; 0 accepts any number.
     pub joints: u32,
-    /// The slot the controller asks for, from 0.
+    /// The requested slot, from 0.
     pub slot: u32,
-    /// 1 if the sender holds the exclusive `flock` on `slot-<slot>.lock` in the run's folder; else 0.
+    /// 1 if the sender holds the exclusive `flock` on `slot-<slot>.lock` in the run's folder; otherwise 0.
     pub claim: u32,
     /// Process id of the controller.
     pub pid: u32,
@@ -74,8 +74,8 @@ pub struct Hello {
 }
 
 impl Hello {
-    /// A hello of this process for `slot`, with this version's layout; `joints` 0 takes what comes. A name longer than
-    /// 64 bytes is cut at a character.
+    /// A hello of this process for `slot`, with this version's layout; `joints` 0 accepts any number. A name longer than 64 bytes
+    /// is cut at a character boundary.
     #[must_use]
     pub fn new(name: &str, slot: u32, joints: usize) -> Self {
         Self {
@@ -101,7 +101,7 @@ impl Hello {
     }
 }
 
-/// What the plant answers. Layout frozen for all time: 1136 bytes.
+/// Answer of the plant. Layout frozen permanently: 1136 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("freeplay.Welcome")]
@@ -149,27 +149,27 @@ impl Welcome {
         unpadded(&self.task)
     }
 
-    /// When the plant takes its next step, or `None` if this version does not know the code.
+    /// Pace of the plant's steps, or `None` if this version does not know the code.
     #[must_use]
     pub fn pace(&self) -> Option<Pace> {
         Pace::from_code(self.pace)
     }
 
-    /// Who moves the joints, or `None` if this version does not know the code.
+    /// Mode of the joints' motion, or `None` if this version does not know the code.
     #[must_use]
     pub fn mode(&self) -> Option<Mode> {
         Mode::from_code(self.mode)
     }
 }
 
-/// What the plant tells every controller about the run.
+/// Description of the run that the plant sends to every controller.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Offer {
     /// Number of joints of the arm, 1 to [`MAX_JOINTS`](crate::MAX_JOINTS).
     pub joints: usize,
     /// The drive of the joints: torques, an ideal drive, or position servos.
     pub mode: Mode,
-    /// When the plant takes its next step.
+    /// Pace of the plant's steps.
     pub pace: Pace,
     /// Time between two ticks, ns.
     pub period_ns: u64,
@@ -201,8 +201,8 @@ impl Offer {
         }
     }
 
-    /// What this offer answers to `hello`, in `run` with `slots` slots: the first thing that does not fit, in the order
-    /// magic, layout, run, slot, joints, claim.
+    /// The plant's verdict on `hello`, in `run` with `slots` slots: the first mismatch in the order magic, layout, run, slot,
+    /// joints, claim.
     #[must_use]
     pub fn judge(&self, hello: &Hello, run: u64, slots: usize) -> Verdict {
         let sizes = (size_of::<State>() as u32, size_of::<Command>() as u32);
@@ -224,33 +224,33 @@ impl Offer {
     }
 }
 
-/// What the plant learns about a controller that knocked.
+/// Result of a handshake on the plant's side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Greeting {
     /// The slot is now this controller's.
     Accepted {
         /// Its slot.
         slot: u32,
-        /// Its process id, as it says.
+        /// Process id according to the hello.
         pid: u32,
-        /// Its name, as it says.
+        /// Name according to the hello.
         name: String,
     },
-    /// The controller was told why it may not take part.
+    /// The plant refused the controller and sent the reason.
     Refused {
-        /// The slot it asked for.
+        /// The requested slot.
         slot: u32,
-        /// Its process id, as it says.
+        /// Process id according to the hello.
         pid: u32,
-        /// Its name, as it says.
+        /// Name according to the hello.
         name: String,
-        /// Why.
+        /// Reason.
         verdict: Verdict,
     },
 }
 
 impl Greeting {
-    /// The plant's note on `hello`, answered with `verdict`.
+    /// The result for `hello`, answered with `verdict`.
     #[must_use]
     pub fn of(hello: &Hello, verdict: Verdict) -> Self {
         let (slot, pid, name) = (hello.slot, hello.pid, hello.name());
@@ -261,7 +261,7 @@ impl Greeting {
     }
 }
 
-/// `text` in N bytes, zero padded, cut at a character if it is too long.
+/// `text` in N bytes, zero padded; text that is too long is cut at a character boundary.
 fn padded<const N: usize>(text: &str) -> [u8; N] {
     let mut bytes = [0; N];
     let end = text.floor_char_boundary(N);
@@ -269,7 +269,7 @@ fn padded<const N: usize>(text: &str) -> [u8; N] {
     bytes
 }
 
-/// The text before the first zero byte; what is not UTF-8 is replaced.
+/// The text before the first zero byte; invalid UTF-8 is replaced.
 fn unpadded(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()

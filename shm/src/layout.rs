@@ -1,6 +1,6 @@
-//! The layout of the messages as data: what `docs/messages.md` and `docs/freeplay.h` are made of.
+//! The layout of the messages as data, the source of `docs/messages.md` and `docs/freeplay.h`.
 //!
-//! Offsets, sizes and types are taken from the Rust types; written here are symbol, frame, unit and meaning.
+//! Offsets, sizes and types come from the Rust types; this file adds symbol, frame, unit and meaning.
 
 use std::mem::{offset_of, size_of};
 
@@ -10,53 +10,53 @@ use crate::messages::{Command, CommandKind, CommandStatus, Joints, Mode, Referen
 /// One field of a message.
 #[derive(Clone, Debug)]
 pub struct Field {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
     /// The type of one element in C.
     pub c_type: &'static str,
-    /// Number of elements; 0 for a single one.
+    /// Number of array elements; 0 for a single value.
     pub count: usize,
-    /// Where it begins, bytes from the start of the message.
+    /// Offset from the start of the message, bytes.
     pub offset: usize,
-    /// Its size, bytes.
+    /// Size, bytes.
     pub size: usize,
-    /// Its symbol in equations; may be empty.
+    /// Symbol in equations; may be empty.
     pub symbol: &'static str,
-    /// The frame it is given in; may be empty.
+    /// Reference frame; may be empty.
     pub frame: &'static str,
-    /// Its unit; may be empty.
+    /// Unit; may be empty.
     pub unit: &'static str,
-    /// What it means.
+    /// Meaning.
     pub meaning: &'static str,
 }
 
 /// One message.
 #[derive(Clone, Debug)]
 pub struct Layout {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// Its size, bytes.
+    /// Size, bytes.
     pub size: usize,
-    /// Whether its layout never changes, whatever the version.
+    /// True if the layout never changes, in any version.
     pub frozen: bool,
-    /// What it says.
+    /// Meaning.
     pub meaning: &'static str,
-    /// Its fields in their order, without gaps.
+    /// Fields in their order, without gaps.
     pub fields: Vec<Field>,
 }
 
-/// The numbers that a field may hold.
+/// The codes of a field.
 #[derive(Clone, Debug)]
 pub struct Codes {
-    /// What they stand for.
+    /// Name of the enumeration.
     pub name: &'static str,
-    /// Where they travel.
+    /// The fields that carry it.
     pub fields: &'static str,
     /// Name, number and meaning of each.
     pub codes: Vec<(&'static str, u32, &'static str)>,
 }
 
-/// How a type travels: its element in C, and the number of elements if it is an array.
+/// Representation of a type in messages: its element in C, and the number of elements if it is an array.
 trait Wire {
     const C: &'static str;
     const COUNT: usize = 0;
@@ -107,7 +107,7 @@ macro_rules! layout {
     };
 }
 
-/// All messages, in the order in which a C compiler needs them.
+/// All messages, in the order that a C compiler needs.
 #[must_use]
 pub fn messages() -> Vec<Layout> {
     vec![reference(), state(), command(), hello(), welcome()]
@@ -205,7 +205,7 @@ fn welcome() -> Layout {
     )
 }
 
-/// The numbers that fields may hold.
+/// The codes of all enumerations.
 #[must_use]
 pub fn codes() -> Vec<Codes> {
     vec![

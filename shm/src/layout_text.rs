@@ -3,10 +3,10 @@
 use crate::layout::{Codes, Field, JOINTS, Layout, codes, messages};
 use crate::messages::{LAYOUT_VERSION, State};
 
-/// How both files can be made again.
+/// Command that regenerates both files.
 const MADE_BY: &str = "cargo run -p freeplay-shm --example layout";
 
-/// `docs/messages.md`.
+/// Returns the text of `docs/messages.md`.
 #[must_use]
 pub fn markdown() -> String {
     let mut text = format!(
@@ -37,7 +37,7 @@ pub fn markdown() -> String {
     text
 }
 
-/// What passes between whom, and in which order.
+/// Description of the protocol: who sends which message, and in which order.
 const PROTOCOL: &str = "\
 ## How it goes
 
@@ -101,7 +101,7 @@ fn push_codes(text: &mut String, group: &Codes) {
     }
 }
 
-/// The type of a field, for people.
+/// The type of a field, as text for the tables.
 fn form(field: &Field) -> String {
     let element = match field.c_type {
         "uint32_t" => "u32",
@@ -113,7 +113,7 @@ fn form(field: &Field) -> String {
     if field.count == 0 { element.to_owned() } else { format!("{element}[{}]", field.count) }
 }
 
-/// `docs/freeplay.h`.
+/// Returns the text of `docs/freeplay.h`.
 #[must_use]
 pub fn c_header() -> String {
     let mut text = format!(
@@ -162,7 +162,7 @@ fn push_struct(text: &mut String, layout: &Layout) {
     }
 }
 
-/// `CommandStatus` as `command_status`.
+/// Converts `CommandStatus` to `command_status`.
 fn snake(name: &str) -> String {
     let mut text = String::new();
     for letter in name.chars() {

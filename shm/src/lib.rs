@@ -1,26 +1,26 @@
-//! What crosses the process boundary: messages, links over iceoryx2, handshake, pacing.
+//! Communication between processes: messages, links over iceoryx2, handshake, pacing.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`RunFolder`]: the folder of one run on tmpfs; whoever starts a run holds it, dropping it leaves nothing behind.
-//! - [`Address`]: what another process needs to find that run; travels in `FREEPLAY_RUN` or `--run`.
-//! - [`Hello`]: what a controller says first; its layout is frozen for all time.
-//! - [`Welcome`]: what the plant answers, with a [`Verdict`]; its layout is frozen for all time.
-//! - [`Offer`]: what the plant tells every controller about the run.
-//! - [`Greeting`]: what the plant learns about a controller that knocked.
-//! - [`State`]: the arm at one tick, from the plant to everyone who listens; holds a [`Reference`].
+//! - [`RunFolder`]: the folder of one run on tmpfs; the process that starts a run owns it, and dropping it removes everything.
+//! - [`Address`]: the information with which another process finds that run; passed in `FREEPLAY_RUN` or `--run`.
+//! - [`Hello`]: first message of a controller; its layout is frozen permanently.
+//! - [`Welcome`]: answer of the plant, with a [`Verdict`]; its layout is frozen permanently.
+//! - [`Offer`]: description of the run that the plant sends to every controller.
+//! - [`Greeting`]: result of a handshake on the plant's side.
+//! - [`State`]: the arm at one tick, from the plant to all subscribers; contains a [`Reference`].
 //! - [`Command`]: the answer of one controller to one state.
-//! - [`MessageFault`]: why a message is not to be used.
-//! - [`PlantLink`]: the plant's end: publishes states, greets controllers, takes commands slot by slot.
-//! - [`Foreign`]: commands for a slot that did not come from its seat.
-//! - [`ControllerLink`]: a controller's end: takes states, sends commands.
-//! - [`LinkError`]: why a link could not be opened or used, with the remedy.
+//! - [`MessageFault`]: reason why a message is invalid.
+//! - [`PlantLink`]: the plant's end: publishes states, greets controllers, reads commands slot by slot.
+//! - [`Foreign`]: commands for a slot from a process that does not hold its seat.
+//! - [`ControllerLink`]: a controller's end: reads states, sends commands.
+//! - [`LinkError`]: reason why a link could not be opened or used, with the remedy.
 //! - [`Schedule`], [`Arrival`], [`now_ns`], [`sleep_then_spin_until`]: the wall clock of a paced run.
-//! - [`Backoff`]: how a lockstep run waits for its peer.
-//! - [`RtRequest`], [`RtReport`]: priority, affinity and memory locking, asked for, reported, never required.
+//! - [`Backoff`]: waiting strategy of a lockstep run for its peer.
+//! - [`RtRequest`], [`RtReport`]: priority, affinity and memory locking: requested and reported, never required.
 //! - [`layout::Layout`], [`layout_text::markdown`], [`layout_text::c_header`]: the messages described, for other languages.
-//! - [`BarePlant`], [`BareController`]: iceoryx2 alone with the same messages, to measure the links against.
-//! - [`Machine`]: the facts that timing depends on, stamped into every result.
+//! - [`BarePlant`], [`BareController`]: iceoryx2 alone with the same messages, a baseline for the links.
+//! - [`Machine`]: properties of the machine that affect timing, stored with every result.
 //!
 //! This is the only crate that names iceoryx2.
 

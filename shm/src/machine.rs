@@ -1,4 +1,4 @@
-//! [`Machine`]: the facts that timing depends on, stamped into every result.
+//! [`Machine`]: properties of the machine that affect timing, stored with every result.
 
 use std::fs;
 use std::path::Path;
@@ -13,29 +13,29 @@ use crate::run_folder::all_runs;
 /// `f_type` of tmpfs, `statfs(2)`.
 const TMPFS_MAGIC: u64 = 0x0102_1994;
 
-/// Facts of the machine and of the calling thread that timing depends on.
+/// Properties of the machine and of the calling thread that affect timing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Machine {
     /// Model name of the processor.
     pub cpu: String,
     /// Number of cores this process may use.
     pub cores: usize,
-    /// Name, release and build of the kernel; the build says how it preempts.
+    /// Name, release and build of the kernel; the build names its preemption model.
     pub kernel: String,
-    /// Whether the runs' folder is on tmpfs.
+    /// True if the runs' folder is on tmpfs.
     pub tmpfs: bool,
-    /// Scheduler in force for the calling thread: `SCHED_OTHER`, `SCHED_FIFO`, …
+    /// Current scheduler of the calling thread: `SCHED_OTHER`, `SCHED_FIFO`, …
     pub scheduler: String,
-    /// Real-time priority in force for the calling thread, 1 to 99; 0 without.
+    /// Current real-time priority of the calling thread, 1 to 99; 0 if it has none.
     pub priority: u8,
-    /// Whether pages of the process are locked in memory.
+    /// True if pages of the process are locked in memory.
     pub mlock: bool,
-    /// How lockstep waits on this machine, see [`Backoff::name`].
+    /// Waiting strategy of lockstep on this machine, see [`Backoff::name`].
     pub wait_policy: String,
 }
 
 impl Machine {
-    /// Reads the facts; what cannot be read is `unknown`, `false` or 0.
+    /// Reads the properties; unreadable ones are `unknown`, `false` or 0.
     #[must_use]
     pub fn read() -> Self {
         let unknown = || "unknown".to_owned();
@@ -67,8 +67,8 @@ fn value_of<'text>(text: &'text str, key: &str) -> Option<&'text str> {
     pairs.find(|(name, _)| name.trim() == key).map(|(_, value)| value.trim())
 }
 
-/// Scheduler and real-time priority in `/proc/<pid>/stat`: fields 41 and 40, `proc(5)`. The name of the program, field 2,
-/// may hold anything, so fields are counted from the parenthesis that closes it.
+/// Scheduler and real-time priority in `/proc/<pid>/stat`: fields 41 and 40, `proc(5)`. The name of the program, field 2, may
+/// contain any character, so the function counts fields from its closing parenthesis.
 fn scheduling(stat: &str) -> Option<(String, u8)> {
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let scheduler = match *fields.get(41 - 3)? {
@@ -83,7 +83,7 @@ fn scheduling(stat: &str) -> Option<(String, u8)> {
     Some((scheduler.to_owned(), fields.get(40 - 3)?.parse().ok()?))
 }
 
-/// Whether `path`, or the next folder above it that is there, is on tmpfs.
+/// Returns true if `path`, or its nearest existing parent, is on tmpfs.
 fn is_tmpfs(path: &Path) -> bool {
     let file_system = path.ancestors().find_map(|path| statfs(path).ok());
     file_system.is_some_and(|found| found.f_type as u64 == TMPFS_MAGIC)

@@ -3,8 +3,8 @@
 //! Both are `repr(C)`, of fixed size and without padding, so that a program in any language can map them. All numbers
 //! are in the byte order of the machine. Joint arrays always have [`MAX_JOINTS`] entries; the first `joints` are used,
 //! in the order of the arm file from base to tool, the rest are zero. A revolute joint counts in rad, rad/s, rad/s²,
-//! N·m; a prismatic joint in m, m/s, m/s², N. Sizes and offsets are pinned by `tests/layout.rs`; changing any of
-//! them means raising [`LAYOUT_VERSION`].
+//! N·m; a prismatic joint in m, m/s, m/s², N. `tests/layout.rs` pins sizes and offsets; whoever changes one of them must raise
+//! [`LAYOUT_VERSION`].
 
 use iceoryx2::prelude::ZeroCopySend;
 use thiserror::Error;
@@ -21,7 +21,7 @@ pub const MAGIC: u64 = u64::from_ne_bytes(*b"FREEPLAY");
 /// One number per joint; the first `joints` entries are used, the rest are zero.
 pub type Joints = [f64; MAX_JOINTS];
 
-/// Who moves the joints: the controller's torque, an ideal drive that follows commanded positions, or position servos.
+/// Mode of the joints' motion: the controller's torque, an ideal drive that follows commanded positions, or position servos.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Mode {
@@ -33,7 +33,7 @@ pub enum Mode {
     Servo = 2,
 }
 
-/// What [`Command::value`] means.
+/// Meaning of [`Command::value`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum CommandKind {
@@ -43,31 +43,31 @@ pub enum CommandKind {
     Position = 1,
 }
 
-/// How the controller arrived at its command.
+/// Status of the controller's computation of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum CommandStatus {
-    /// Computed as intended.
+    /// Computed without a fault.
     Ok = 0,
-    /// The quadratic program failed; the command is the controller's own fallback.
+    /// The quadratic programme failed; the command is the controller's own fallback.
     QpFailed = 1,
-    /// The quadratic program stopped at its iteration limit; the command is its last iterate or the fallback.
+    /// The quadratic programme stopped at its iteration limit; the command is its last iterate or the fallback.
     QpLimit = 2,
-    /// The controller has no answer to this state; the plant's gate takes its fallback.
+    /// The controller has no answer to this state; the plant's gate applies its fallback.
     NoAnswer = 3,
 }
 
-/// Reads an enum back from the number that travels in a message; `None` for a number this version does not know.
+/// Converts the code in a message to an enum; `None` for a code that this version does not know.
 macro_rules! from_code {
     ($name:ident: $($variant:ident),+) => {
         impl $name {
-            /// The variant with this number, or `None` if this version knows no such number.
+            /// The variant with this code, or `None` if this version does not know the code.
             #[must_use]
             pub fn from_code(code: u32) -> Option<Self> {
                 [$(Self::$variant),+].into_iter().find(|variant| *variant as u32 == code)
             }
 
-            /// The number that travels in messages.
+            /// The code in messages.
             #[must_use]
             pub fn code(self) -> u32 {
                 self as u32
@@ -81,7 +81,7 @@ from_code!(Mode: Torque, Driven, Servo);
 from_code!(CommandKind: Torque, Position);
 from_code!(CommandStatus: Ok, QpFailed, QpLimit, NoAnswer);
 
-/// Where the arm should be at one tick.
+/// Desired motion of the arm at one tick.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("freeplay.Reference")]
@@ -117,11 +117,11 @@ pub struct State {
     pub tick: u64,
     /// Time of tick k on the schedule, ns: `CLOCK_MONOTONIC` in real time, simulated time from 0 in lockstep.
     pub scheduled_ns: u64,
-    /// When the plant published this state, `CLOCK_MONOTONIC`, ns.
+    /// Time at which the plant published this state, `CLOCK_MONOTONIC`, ns.
     pub published_ns: u64,
     /// Code of the run's [`Mode`].
     pub mode: u32,
-    /// Sum of the `FLAG_…` bits that hold.
+    /// Sum of the set `FLAG_…` bits.
     pub flags: u32,
     /// q: measured joint positions, joint frame, rad (m).
     pub q: Joints,
@@ -133,28 +133,28 @@ pub struct State {
     pub applied: Joints,
     /// Reference at tick k.
     pub reference: Reference,
-    /// Reference at the instant that the answer to this state is for: in mode torque the start of tick k + 1, from which a
-    /// torque is held; in mode driven its end, where a position is to be reached.
+    /// Reference at the instant of the answer to this state: in mode torque the start of tick k + 1, when the torque takes
+    /// effect; in mode driven its end, when the joint reaches the position.
     pub reference_next: Reference,
-    /// Measured pose of frame `tool0` in the base frame: x y z, m; unit quaternion qx qy qz qw, 1. NaN if not tracked.
+    /// Measured pose of frame `tool0` in the base frame: x y z, m; unit quaternion qx qy qz qw, 1. NaN without tracking.
     pub tool: [f64; 7],
 }
 
 impl State {
     /// Bit of [`State::flags`]: this is the last tick of the run.
     pub const FLAG_LAST: u32 = 1;
-    /// Bit of [`State::flags`]: [`State::tool`] holds a measurement.
+    /// Bit of [`State::flags`]: [`State::tool`] contains a measurement.
     pub const FLAG_TOOL_TRACKED: u32 = 1 << 1;
     /// Bit of [`State::flags`]: the gate's fallback, not a controller, is in force during this tick.
     pub const FLAG_FALLBACK: u32 = 1 << 2;
     /// Lowest of the four bits of [`State::flags`] with the slot whose command is in force during this tick.
     pub const IN_CHARGE_SHIFT: u32 = 8;
-    /// Lowest of the four bits of [`State::flags`] with the slot whose answer to this state is to be put in force.
+    /// Lowest of the four bits of [`State::flags`] with the slot whose answer to this state comes into force.
     pub const NEXT_SHIFT: u32 = 12;
-    /// What a slot takes up in [`State::flags`].
+    /// Mask of a slot in [`State::flags`].
     const SLOT_MASK: u32 = 0xf;
 
-    /// A state at rest at tick 0 of `run` for an arm of `joints` joints; the tool is not tracked.
+    /// A state at rest at tick 0 of `run` for an arm of `joints` joints, without tool tracking.
     #[must_use]
     pub fn new(run: u64, joints: usize) -> Self {
         Self {
@@ -177,7 +177,7 @@ impl State {
         }
     }
 
-    /// Whether all of `flag` is set.
+    /// Returns true if all bits of `flag` are set.
     #[must_use]
     pub fn has(&self, flag: u32) -> bool {
         self.flags & flag == flag
@@ -189,8 +189,8 @@ impl State {
         self.flags >> Self::IN_CHARGE_SHIFT & Self::SLOT_MASK
     }
 
-    /// The slot whose answer to this state is to be put in force: another one than [`State::in_charge`] where a swap is
-    /// planned for this tick.
+    /// The slot whose answer to this state comes into force. It differs from [`State::in_charge`] if a swap is planned for this
+    /// tick.
     #[must_use]
     pub fn next_in_charge(&self) -> u32 {
         self.flags >> Self::NEXT_SHIFT & Self::SLOT_MASK
@@ -202,10 +202,10 @@ impl State {
         (in_charge & Self::SLOT_MASK) << Self::IN_CHARGE_SHIFT | (next & Self::SLOT_MASK) << Self::NEXT_SHIFT
     }
 
-    /// Whether this message is one of `run` that this version can read.
+    /// Checks that this message belongs to `run` and that this version can read it.
     ///
     /// # Errors
-    /// The first of magic, layout, run, joints that does not fit.
+    /// The first mismatch of magic, layout, run and joints.
     pub fn check(&self, run: u64) -> Result<(), MessageFault> {
         check(self.magic, self.layout, self.run, self.joints, run)
     }
@@ -230,31 +230,31 @@ pub struct Command {
     pub slot: u32,
     /// Code of the [`CommandStatus`].
     pub status: u32,
-    /// When the controller took the state, `CLOCK_MONOTONIC`, ns.
+    /// Time at which the controller took the state, `CLOCK_MONOTONIC`, ns.
     pub received_ns: u64,
-    /// How long the prediction took, ns; 0 if there was none.
+    /// Time of the prediction, ns; 0 without a prediction.
     pub predict_ns: u64,
-    /// How long the quadratic program took, ns; 0 if there was none.
+    /// Time of the quadratic programme, ns; 0 without one.
     pub qp_ns: u64,
-    /// When the controller sent this, `CLOCK_MONOTONIC`, ns.
+    /// Time at which the controller sent this command, `CLOCK_MONOTONIC`, ns.
     pub sent_ns: u64,
-    /// Iterations of the quadratic program; 0 if there was none, or no limit binds.
+    /// Iterations of the quadratic programme; 0 without one, or if no limit is active.
     pub qp_iterations: u32,
     /// Code of the [`CommandKind`].
     pub kind: u32,
-    /// τ, joint frame, N·m (N), or q, joint frame, rad (m), by `kind`.
+    /// τ, joint frame, N·m (N), or q, joint frame, rad (m), depending on `kind`.
     pub value: Joints,
-    /// q̇: with kind position, joint frame, rad/s (m/s); else zero.
+    /// q̇: with kind position, joint frame, rad/s (m/s); otherwise zero.
     pub velocity: Joints,
-    /// q̈: with kind position, joint frame, rad/s² (m/s²); else zero.
+    /// q̈: with kind position, joint frame, rad/s² (m/s²); otherwise zero.
     pub acceleration: Joints,
-    /// Predicted deviation of the tool that the play causes at that instant, before it is taken out; base frame, m; zero
-    /// if not predicted.
+    /// Predicted deviation of the tool by the play at that instant, before compensation; base frame, m; zero without a
+    /// prediction.
     pub deviation: [f64; 3],
 }
 
 impl Command {
-    /// An answer to `state` from `slot`: same run, tick and joints, kind by the state's mode, everything else zero.
+    /// An answer to `state` from `slot`: same run, tick and joints, kind by the state's mode; all other fields are zero.
     #[must_use]
     pub fn answer_to(state: &State, slot: u32) -> Self {
         let is_torque = state.mode == Mode::Torque.code();
@@ -279,24 +279,24 @@ impl Command {
         }
     }
 
-    /// Whether this message is one of `run` that this version can read.
+    /// Checks that this message belongs to `run` and that this version can read it.
     ///
     /// # Errors
-    /// The first of magic, layout, run, joints that does not fit.
+    /// The first mismatch of magic, layout, run and joints.
     pub fn check(&self, run: u64) -> Result<(), MessageFault> {
         check(self.magic, self.layout, self.run, self.joints, run)
     }
 }
 
-/// Why a message is not to be used.
+/// Reasons why a message is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum MessageFault {
-    /// The first bytes are not [`MAGIC`]: this is no message of this protocol.
+    /// The first bytes are not [`MAGIC`]: the message is not one of this protocol.
     #[error(
         "magic {found:#018x} is not {MAGIC:#018x} (\"FREEPLAY\"): the sender does not speak this protocol"
     )]
     Magic {
-        /// What the message began with.
+        /// The first bytes of the message.
         found: u64,
     },
     /// The sender was built against another layout.
@@ -310,12 +310,12 @@ pub enum MessageFault {
     /// The message belongs to another run.
     #[error("run {found:#018x}, this is run {expected:#018x}: the sender has the address of another run")]
     Run {
-        /// The run the message names.
+        /// The run in the message.
         found: u64,
         /// The run of the receiver.
         expected: u64,
     },
-    /// The number of joints is none a message can have.
+    /// The number of joints is out of range.
     #[error("{found} joints, expected 1 to {MAX_JOINTS}")]
     Joints {
         /// The number in the message.

@@ -1,5 +1,5 @@
-//! [`OpenFolder`]: a directory handle. All access to what lies below goes through the handle, never through a path, and follows no link.
-//! An attacker who swaps a name between a check and the use of the checked entry therefore redirects nothing.
+//! [`OpenFolder`]: a directory handle. All access to entries below goes through the handle, never through a path, and follows no link.
+//! An attacker who swaps a name between the check and the use of an entry therefore cannot redirect the access.
 
 use std::ffi::{CStr, CString};
 use std::fs::{self, File};
@@ -15,10 +15,10 @@ use rustix::io::Errno;
 use rustix::path::Arg;
 use rustix::process::getuid;
 
-/// How a directory is opened: neither through a link nor anything else than a directory.
+/// Flags for opening a directory: no links, and nothing but a directory.
 const DIRECTORY: OFlags = OFlags::DIRECTORY.union(OFlags::NOFOLLOW).union(OFlags::CLOEXEC);
 
-/// How a file is opened that others may have planted: neither through a link nor waiting for the other end of a pipe.
+/// Flags for opening a file that another user may have planted: no links, and no waiting for the other end of a pipe.
 const PLANTED: OFlags = OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::NOCTTY).union(OFlags::CLOEXEC);
 
 /// An open directory.
@@ -26,8 +26,8 @@ const PLANTED: OFlags = OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::N
 pub(crate) struct OpenFolder(File);
 
 impl OpenFolder {
-    /// Opens `path`, whose last part must be a directory and no link. The links of the parts before are those of whoever
-    /// named the path.
+    /// Opens `path`, whose last part must be a directory and not a link. Links in the parts before it are allowed, since the caller
+    /// chose the path.
     pub(crate) fn open(path: &Path) -> io::Result<Self> {
         match (path.parent(), path.file_name()) {
             (Some(parent), Some(name)) => Self::without_links(&fs::canonicalize(parent)?.join(name)),
@@ -35,7 +35,7 @@ impl OpenFolder {
         }
     }
 
-    /// Opens the absolute `path`, of which no part may be a link or `..`.
+    /// Opens the absolute `path`, in which no part may be a link or `..`.
     pub(crate) fn without_links(path: &Path) -> io::Result<Self> {
         let mut parts = path.components();
         if parts.next() != Some(Component::RootDir) {
@@ -46,28 +46,28 @@ impl OpenFolder {
             let Component::Normal(name) = part else { return Err(ErrorKind::InvalidInput.into()) };
             at = openat(&at, name, DIRECTORY | OFlags::PATH, Mode::empty())?;
         }
-        // A path descriptor can be walked through without the right to read; the directory itself is read.
+        // A path descriptor permits traversal without the right to read; the directory itself needs that right.
         Ok(Self(openat(&at, ".", DIRECTORY, Mode::empty())?.into()))
     }
 
-    /// The directory `name` in this one.
+    /// Opens the directory `name` in this one.
     pub(crate) fn folder(&self, name: impl Arg) -> io::Result<Self> {
         Ok(Self(openat(&self.0, name, DIRECTORY, Mode::empty())?.into()))
     }
 
-    /// Makes the directory `name` of mode 0700 in this one.
+    /// Creates the directory `name` of mode 0700 in this one.
     pub(crate) fn make_folder(&self, name: impl Arg) -> io::Result<()> {
         Ok(mkdirat(&self.0, name, Mode::RWXU)?)
     }
 
-    /// Makes the file `name` of mode 0600, open for writing; fails if anything has that name.
+    /// Creates the file `name` of mode 0600 and opens it for writing; fails if the name exists.
     pub(crate) fn make_file(&self, name: impl Arg) -> io::Result<File> {
         let flags = PLANTED | OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL;
         Ok(openat(&self.0, name, flags, Mode::RUSR | Mode::WUSR)?.into())
     }
 
-    /// The file `name`, open for reading, if it is a regular file of this user that has no other name. Does not touch anything
-    /// else: opening a device may set it in motion.
+    /// Opens the file `name` for reading, if it is a regular file of this user without another name. The function opens nothing else,
+    /// because opening a device may have effects.
     pub(crate) fn own_file(&self, name: impl Arg + Copy) -> io::Result<Option<File>> {
         if !self.status(name).is_some_and(|status| is_own_file(&status)) {
             return Ok(None);
@@ -77,19 +77,19 @@ impl OpenFolder {
         Ok(is_own.then_some(file))
     }
 
-    /// What the system says of `name`, of a link itself. A file that is removed at this moment may be found without any name left: it is gone.
+    /// Status of `name`; for a link, that of the link itself. A file without any name left has just been removed and counts as missing.
     pub(crate) fn status(&self, name: impl Arg) -> Option<Stat> {
         statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW).ok().filter(|status| status.st_nlink > 0)
     }
 
-    /// Bytes that are free in its file system.
+    /// Free bytes of the file system.
     pub(crate) fn free(&self) -> io::Result<u64> {
         let status = fstatvfs(&self.0)?;
         Ok(status.f_bavail.saturating_mul(status.f_frsize))
     }
 
-    /// Takes the room that the file `name` may need, where that is a regular file of this user: nothing that is written to it later
-    /// finds the file system full.
+    /// Allocates the disk space of the file `name`, if it is a regular file of this user, so that no later write finds the file system
+    /// full.
     pub(crate) fn reserve(&self, name: impl Arg + Copy) -> io::Result<()> {
         let Some(status) = self.status(name).filter(is_own_file) else { return Ok(()) };
         let length = u64::try_from(status.st_size).unwrap_or(0);
@@ -100,7 +100,7 @@ impl OpenFolder {
         Ok(fallocate(&file, FallocateFlags::KEEP_SIZE, 0, length)?)
     }
 
-    /// The names in it that are `wanted`, in no order; none if it can't be read.
+    /// The entries selected by `wanted`, in no order; empty if the directory is unreadable.
     pub(crate) fn names(&self, wanted: impl Fn(&CStr) -> bool) -> Vec<CString> {
         let entries = Dir::read_from(&self.0).into_iter().flatten().flatten();
         let is_in = |name: &CStr| !matches!(name.to_bytes(), b"." | b"..");
@@ -110,12 +110,12 @@ impl OpenFolder {
             .collect()
     }
 
-    /// Removes the file `name`, whatever it is, but no directory.
+    /// Removes the file `name` of any type except a directory.
     pub(crate) fn remove_file(&self, name: impl Arg) -> io::Result<()> {
         Ok(unlinkat(&self.0, name, AtFlags::empty())?)
     }
 
-    /// Gives the file `from` in it the name `to`, in place of what has it.
+    /// Renames the file `from` to `to`, replacing an existing `to`.
     pub(crate) fn rename(&self, from: impl Arg, to: impl Arg) -> io::Result<()> {
         Ok(renameat(&self.0, from, &self.0, to)?)
     }
@@ -125,15 +125,15 @@ impl OpenFolder {
         Ok(unlinkat(&self.0, name, AtFlags::REMOVEDIR)?)
     }
 
-    /// Removes the directory `name` with everything in it. Links are removed, what they point to is not; what another file
-    /// system has mounted there stays.
+    /// Removes the directory `name` and its contents. The function removes links but not their targets, and leaves other mounted file
+    /// systems alone.
     pub(crate) fn remove_tree(&self, name: impl Arg + Copy) -> io::Result<()> {
         let folder = self.folder(name)?;
         if folder.0.metadata()?.dev() != self.0.metadata()?.dev() {
             return Err(ErrorKind::CrossesDevices.into());
         }
         for name in folder.names(|_| true) {
-            // Linux says the first of a directory, POSIX the second. What stays keeps the directory from being removed.
+            // For a directory, Linux returns the first error and POSIX the second. An entry that stays also keeps the directory.
             if let Err(Errno::ISDIR | Errno::PERM) = unlinkat(&folder.0, &name, AtFlags::empty()) {
                 let _ = folder.remove_tree(&*name);
             }
@@ -141,18 +141,18 @@ impl OpenFolder {
         self.remove_empty(name)
     }
 
-    /// Whether the folder belongs to this user and is closed to all others.
+    /// Returns true if the folder belongs to this user and is closed to all others.
     pub(crate) fn is_private(&self) -> bool {
         self.owner_and_mode().is_ok_and(|(owner, mode)| owner == getuid().as_raw() && mode & 0o077 == 0)
     }
 
-    /// User id of its owner and its permission bits.
+    /// User id of the owner, and permission bits.
     pub(crate) fn owner_and_mode(&self) -> io::Result<(u32, u32)> {
         let metadata = self.0.metadata()?;
         Ok((metadata.uid(), metadata.mode() & 0o7777))
     }
 
-    /// Whether the folder has been removed.
+    /// Returns true if the folder has been removed.
     pub(crate) fn is_gone(&self) -> bool {
         self.0.metadata().is_ok_and(|metadata| metadata.nlink() == 0)
     }
@@ -163,7 +163,7 @@ impl OpenFolder {
     }
 }
 
-/// Whether `status` is that of a regular file of this user under its only name.
+/// Returns true if `status` is that of a regular file of this user without another name.
 pub(crate) fn is_own_file(status: &Stat) -> bool {
     let kind = FileType::from_raw_mode(status.st_mode);
     kind == FileType::RegularFile && status.st_uid == getuid().as_raw() && status.st_nlink == 1
@@ -229,7 +229,7 @@ mod tests {
                 let inner = |path: &Path| [path.to_owned(), path.join("inner")];
                 while !done.load(Ordering::Relaxed) {
                     for victim in inner(&tree) {
-                        // Either of the two may just be gone.
+                        // Either of the two may just have been removed.
                         let moved = fs::rename(&victim, &aside).is_ok();
                         count += u64::from(moved && symlink(&kept, &victim).is_ok());
                         let _ = fs::remove_file(&victim);
@@ -250,7 +250,7 @@ mod tests {
         });
         println!("{exchanges} exchanges");
         assert!(exchanges > 0, "nothing was exchanged: this tests nothing");
-        // The test itself writes through the links, so there may be more; nothing may be missing.
+        // The test itself writes through the links, so more files may exist; none may be missing.
         assert!((0..50).all(|index| kept.join(index.to_string()).exists()));
     }
 

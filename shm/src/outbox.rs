@@ -1,4 +1,4 @@
-//! [`Outbox`]: sends messages of one kind, with the memory for the next one already at hand.
+//! [`Outbox`]: sends messages of one type; the memory for the next message is loaned in advance.
 
 use std::fmt::{self, Debug, Formatter};
 use std::mem::MaybeUninit;
@@ -9,40 +9,39 @@ use iceoryx2::port::{LoanError, SendError};
 use iceoryx2::prelude::{ZeroCopySend, ipc};
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 
-/// Between processes, each port used by one thread.
+/// Communication between processes; one thread uses each port.
 pub(crate) type Ipc = ipc::Service;
 
-/// The sending end of a service. It loans the memory for the next message right after sending one, while the peer is at
-/// work, so that sending is but writing and handing over.
+/// The sending end of a service. It loans the memory for the next message right after sending one, while the peer works, so that
+/// sending needs only writing and handing over.
 pub(crate) struct Outbox<Message: Debug + ZeroCopySend + 'static> {
-    // Dropped before the publisher it is loaned from.
+    // The sample must drop before the publisher that loaned it.
     next: Option<SampleMutUninit<Ipc, MaybeUninit<Message>, ()>>,
     publisher: Publisher<Ipc, Message, ()>,
 }
 
 impl<Message: Debug + Copy + ZeroCopySend + 'static> Outbox<Message> {
-    /// An outbox that sends by `publisher`.
+    /// Creates an outbox that sends through `publisher`.
     pub(crate) fn new(publisher: Publisher<Ipc, Message, ()>) -> Self {
         Self { next: publisher.loan_uninit().ok(), publisher }
     }
 
-    /// Writes `message` into shared memory and hands it to everybody who listens.
+    /// Writes `message` into shared memory and sends it to all subscribers.
     ///
-    /// When peers come or go, iceoryx2 may fail to connect to one of them and then sends to none; a second attempt does
-    /// without it.
+    /// When peers come or go, iceoryx2 may fail to connect to one of them and then sends to none; a second attempt skips that
+    /// peer.
     #[inline]
     pub(crate) fn send(&mut self, message: &Message) -> Result<(), SendError> {
         let sent = match self.send_once(message) {
             Err(SendError::ConnectionError(_)) => self.send_once(message),
             sent => sent,
         };
-        // What cannot be loaned now is loaned, or told, when it is needed.
+        // If the loan fails now, the next send retries it and reports the error.
         self.next = self.publisher.loan_uninit().ok();
         sent
     }
 
-    /// Opens the shared memory of peers that have come and closes that of peers that have gone. What fails is tried again
-    /// when the next message is sent.
+    /// Opens the shared memory of new peers and closes that of peers that have gone. The next message retries failed connections.
     pub(crate) fn meet_peers(&self) {
         let _ = self.publisher.update_connections();
     }

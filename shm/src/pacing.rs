@@ -1,4 +1,4 @@
-//! The wall clock of a paced run, and waiting in lockstep.
+//! The wall clock of a paced run, and the waiting strategy of lockstep.
 
 use std::thread;
 use std::time::Duration;
@@ -18,16 +18,16 @@ pub fn now_ns() -> u64 {
     now.tv_sec as u64 * NS_PER_S + now.tv_nsec as u64
 }
 
-/// How a loop got to a tick.
+/// Arrival of a loop at a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// How late the loop was, ns: against the schedule, whatever it was late for.
+    /// Lateness of the loop against the schedule, ns, for any reason.
     pub late_ns: u64,
-    /// Whether the loop was there before the tick was due and waited for it. If not, nothing woke it: it is catching up.
+    /// True if the loop arrived before the tick was due and waited for it. If false, the loop is catching up.
     pub waited: bool,
 }
 
-/// When each tick is due.
+/// Due times of the ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Schedule {
     /// Time of tick 0, `CLOCK_MONOTONIC`, ns.
@@ -43,32 +43,31 @@ impl Schedule {
         self.start_ns + tick * self.period_ns
     }
 
-    /// How late `now_ns` is for `tick`, ns; 0 if it is early.
+    /// Lateness of `now_ns` for `tick`, ns; 0 if it is early.
     #[must_use]
     pub fn late_ns(&self, tick: u64, now_ns: u64) -> u64 {
         now_ns.saturating_sub(self.due_ns(tick))
     }
 
-    /// Waits for `tick`, asleep until `spin_ns` before it is due and spinning from then on; returns how that went. A tick that is due
-    /// already is not waited for: a loop that was held up catches up without a pause.
+    /// Waits for `tick`: sleeps until `spin_ns` before it is due, and spins from then on. The function does not wait for a tick that
+    /// is already due, so that a delayed loop catches up without a pause.
     pub fn await_tick(&self, tick: u64, spin_ns: u64) -> Arrival {
         let due_ns = self.due_ns(tick);
         let waited = now_ns() < due_ns;
         Arrival { late_ns: sleep_then_spin_until(due_ns, spin_ns).saturating_sub(due_ns), waited }
     }
 
-    /// The tick in force at `now_ns`: the last one that is due; 0 before the start.
+    /// The current tick at `now_ns`: the last one that is due; 0 before the start.
     #[must_use]
     pub fn tick_at(&self, now_ns: u64) -> u64 {
         now_ns.saturating_sub(self.start_ns).checked_div(self.period_ns).unwrap_or(0)
     }
 }
 
-/// Sleeps until `spin_ns` before `deadline_ns` (`CLOCK_MONOTONIC`), then spins to the deadline. Returns the time at
-/// which it returns, ns.
+/// Sleeps until `spin_ns` before `deadline_ns` (`CLOCK_MONOTONIC`), then spins to the deadline. Returns the time at its end, ns.
 ///
-/// The sleep leaves the core to others, the spin hides how late the system wakes sleepers (40 to 130 µs are common).
-/// Under `SCHED_FIFO`, never spin longer than needed: Linux takes 50 ms of each second back from who does.
+/// The sleep leaves the core to others; the spin hides the wake-up latency of the system (40 to 130 µs are common). Under
+/// `SCHED_FIFO`, never spin longer than needed, because Linux withholds 50 ms of each second from a thread that never sleeps.
 pub fn sleep_then_spin_until(deadline_ns: u64, spin_ns: u64) -> u64 {
     let wake_ns = deadline_ns.saturating_sub(spin_ns);
     let wake = Timespec { tv_sec: (wake_ns / NS_PER_S) as i64, tv_nsec: (wake_ns % NS_PER_S) as _ };
@@ -84,7 +83,7 @@ pub fn sleep_then_spin_until(deadline_ns: u64, spin_ns: u64) -> u64 {
     }
 }
 
-/// How lockstep waits for its peer: spin while an answer is likely to come at once, then let others run, then sleep.
+/// Waiting strategy of lockstep: it spins while an answer is likely to arrive at once, then yields to other threads, then sleeps.
 #[derive(Clone, Copy, Debug)]
 pub struct Backoff {
     spin_ns: u64,
@@ -94,15 +93,14 @@ pub struct Backoff {
 }
 
 impl Backoff {
-    /// How often to look before looking at the clock, which takes as long as a look for the answer.
+    /// Number of checks for the answer before the first reading of the clock, which takes as long as a check.
     const FIRST_LOOKS: u32 = 64;
     /// Length of one sleep.
     const SLEEP: Duration = Duration::from_micros(50);
-    /// How long to spin and yield before sleeping, ns.
+    /// Time of spinning and yielding before the first sleep, ns.
     const YIELD_NS: u64 = 1_000_000;
 
-    /// The policy for this machine: with one core there is nothing to spin for, with two the peer's core may be busy
-    /// with something else.
+    /// The strategy for this machine. With one core spinning is useless; with two, the peer's core may be busy with something else.
     #[must_use]
     pub fn for_this_machine() -> Self {
         let spin_ns = match cores() {
@@ -113,7 +111,7 @@ impl Backoff {
         Self { spin_ns, yield_ns: Self::YIELD_NS, looks: 0, since_ns: 0 }
     }
 
-    /// The policy in words, for the results.
+    /// Description of the strategy, for the results.
     #[must_use]
     pub fn name(&self) -> String {
         format!(
@@ -124,13 +122,13 @@ impl Backoff {
         )
     }
 
-    /// Forgets the waiting so far; call it when the peer has answered.
+    /// Resets the waiting time; call it when the peer has answered.
     pub fn reset(&mut self) {
         self.looks = 0;
     }
 
-    /// Waits a little; the longer it has gone on, the longer. Returns how long it has gone on, ns; the first microseconds
-    /// are not counted.
+    /// Waits briefly; the longer the wait has lasted, the longer the next one. Returns the duration so far, ns, without the first
+    /// microseconds.
     #[inline]
     pub fn wait(&mut self) -> u64 {
         if self.looks < Self::FIRST_LOOKS && self.spin_ns > 0 {

@@ -17,10 +17,10 @@ use crate::services::{
     command_service, process_of, transport,
 };
 
-/// Commands for a slot that came from elsewhere than the process that holds its seat, and were not used.
+/// Ignored commands for a slot from a process that does not hold its seat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Foreign {
-    /// How many.
+    /// Number of commands.
     pub commands: u64,
     /// The process of the last one.
     pub process: Option<u32>,
@@ -28,9 +28,9 @@ pub struct Foreign {
 
 /// The plant's end of a run. Belongs to the thread that opened it.
 ///
-/// After set-up, [`publish`](Self::publish), [`next_command`](Self::next_command) and
-/// [`newest_command`](Self::newest_command) neither allocate nor wait, unless a listener has come or gone since the
-/// last call; calling [`greet`](Self::greet) takes that over.
+/// After set-up, [`publish`](Self::publish), [`next_command`](Self::next_command) and [`newest_command`](Self::newest_command)
+/// neither allocate nor wait, unless a subscriber has come or gone since the last call. A call of [`greet`](Self::greet) does that
+/// work in advance.
 #[derive(Debug)]
 pub struct PlantLink {
     states: Outbox<State>,
@@ -38,7 +38,7 @@ pub struct PlantLink {
     door: DoorServer,
     offer: Offer,
     run: u64,
-    // Fields are dropped in this order: the node after its ports, then the seat, the share last.
+    // Fields drop in this order: the node after its ports, then the seat, the share last.
     _node: Node<Ipc>,
     _seat: Seat,
     share: Share,
@@ -49,7 +49,7 @@ pub struct PlantLink {
 struct Slot {
     commands: CommandSubscriber,
     seat: Seat,
-    /// The process that was greeted for this slot: nobody else's commands are taken.
+    /// The process that was accepted for this slot; commands of other processes are ignored.
     seated: Option<u32>,
     foreign: Foreign,
     skipped: u64,
@@ -59,9 +59,9 @@ impl PlantLink {
     /// Opens the plant's end of the run at `address`, with `slots` slots for controllers.
     ///
     /// # Errors
-    /// [`LinkError::NoRun`] if the run has ended; [`LinkError::PlantExists`] if it has a plant;
-    /// [`LinkError::SlotCount`] unless there are 1 to [`MAX_SLOTS`] slots; [`LinkError::Planted`] if another user made a segment of
-    /// this run; [`LinkError::NoMemory`] or [`LinkError::NoRoom`] without memory; [`LinkError::Transport`] if iceoryx2 refuses.
+    /// [`LinkError::NoRun`] if the run has ended; [`LinkError::PlantExists`] if it has a plant; [`LinkError::SlotCount`] unless
+    /// there are 1 to [`MAX_SLOTS`] slots; [`LinkError::Planted`] if another user made a segment of this run;
+    /// [`LinkError::NoMemory`] or [`LinkError::NoRoom`] if memory is insufficient; [`LinkError::Transport`] if iceoryx2 refuses.
     pub fn open(address: &Address, slots: usize, offer: Offer) -> Result<Self, LinkError> {
         if slots == 0 || slots > MAX_SLOTS {
             return Err(LinkError::SlotCount { slots });
@@ -84,16 +84,16 @@ impl PlantLink {
         Ok(Self { states, slots, door, offer, run: address.run(), _node: node, _seat: seat, share })
     }
 
-    /// Publishes `state` to everyone who listens. Never waits: who is slow loses the oldest states.
+    /// Publishes `state` to all subscribers without waiting. A slow subscriber loses the oldest states.
     ///
     /// # Errors
-    /// [`LinkError::Transport`] if iceoryx2 refuses. A listener that died is no error.
+    /// [`LinkError::Transport`] if iceoryx2 refuses. A subscriber that has died causes no error.
     #[inline]
     pub fn publish(&mut self, state: &State) -> Result<(), LinkError> {
         self.states.send(state).map_err(transport("publish on", STATE_SERVICE))
     }
 
-    /// The oldest command of `slot` not yet taken.
+    /// Takes the oldest unread command of `slot`.
     ///
     /// # Errors
     /// [`LinkError::NoSlot`]; [`LinkError::Transport`] if iceoryx2 refuses.
@@ -102,7 +102,7 @@ impl PlantLink {
         Ok(self.slot(slot)?.next(slot)?.map(|command| *command.payload()))
     }
 
-    /// Takes all commands of `slot` and returns the newest; the others are counted in [`PlantLink::skipped`].
+    /// Takes all commands of `slot` and returns the newest; [`PlantLink::skipped`] counts the others.
     ///
     /// # Errors
     /// As [`PlantLink::next_command`].
@@ -117,28 +117,28 @@ impl PlantLink {
         Ok(newest.map(|command| *command.payload()))
     }
 
-    /// How many commands of `slot` [`PlantLink::newest_command`] has passed over so far; 0 for a slot there is not.
+    /// Number of commands of `slot` that [`PlantLink::newest_command`] has skipped so far; 0 for a missing slot.
     #[must_use]
     pub fn skipped(&self, slot: usize) -> u64 {
         self.slots.get(slot).map_or(0, |slot| slot.skipped)
     }
 
-    /// The commands for `slot` that came from elsewhere than its seat so far; none for a slot there is not.
+    /// The commands for `slot` so far from processes that do not hold its seat; none for a missing slot.
     #[must_use]
     pub fn foreign(&self, slot: usize) -> Foreign {
         self.slots.get(slot).map_or_else(Foreign::default, |slot| slot.foreign)
     }
 
-    /// Answers every waiting hello: accepts it or says why not. Does not wait. Allocates and opens shared memory when
-    /// there is somebody to greet.
+    /// Answers every waiting hello: accepts it or refuses it with a reason. The function does not wait. It allocates and opens
+    /// shared memory if there is a hello.
     ///
-    /// Whom a hello is from is for the transport to say, and who holds the seat for the system: a hello that claims the seat of somebody
-    /// else is refused. From then on only commands of the process that was accepted count for its slot.
+    /// The transport gives the sender of a hello, and the system gives the holder of the seat. The plant refuses a hello that
+    /// claims the seat of another process. Afterwards the plant uses only commands of the accepted process for its slot.
     ///
-    /// A controller that is not answered for long says hello again, so one may be greeted twice.
+    /// A controller without an answer for a long time repeats its hello, so the plant may greet it twice.
     ///
     /// # Errors
-    /// [`LinkError::Transport`] if iceoryx2 refuses. A controller that died meanwhile is no error and not reported.
+    /// [`LinkError::Transport`] if iceoryx2 refuses. A controller that died meanwhile causes no error and is not reported.
     pub fn greet(&mut self) -> Result<Vec<Greeting>, LinkError> {
         let mut greetings = Vec::new();
         while let Some(request) = self.door.receive().map_err(transport("take hellos of", DOOR_SERVICE))? {
@@ -155,14 +155,16 @@ impl PlantLink {
         Ok(greetings)
     }
 
-    /// Whether a living controller holds `slot`. One system call; look when no command has come for long.
+    /// Returns true if a living controller holds `slot`. It costs one system call; call it only after a long time without a
+    /// command.
     #[must_use]
     pub fn is_held(&self, slot: usize) -> bool {
         self.slots.get(slot).is_some_and(|slot| slot.seat.is_taken())
     }
 
-    /// Whether the process that was started for `slot` has ended, as whoever started it says with
-    /// [`RunFolder::report_process_exit`](crate::RunFolder::report_process_exit): nobody needs to wait for it. One system call.
+    /// Returns true if the process that was started for `slot` has ended. The process that started it reports the end with
+    /// [`RunFolder::report_process_exit`](crate::RunFolder::report_process_exit), so that no one waits for it. It costs one system
+    /// call.
     #[must_use]
     pub fn has_ended(&self, slot: usize) -> bool {
         self.share.has_ended(slot)
@@ -174,7 +176,7 @@ impl PlantLink {
         self.slots.get_mut(slot).ok_or(LinkError::NoSlot { slot, slots })
     }
 
-    /// Gives `slot` to the process `sender` if it holds the seat.
+    /// Assigns `slot` to the process `sender` if that process holds the seat.
     fn seat(&mut self, slot: usize, sender: u32) -> Verdict {
         match self.slots.get_mut(slot) {
             Some(it) if it.seat.is_held_by(sender) => it.seated = Some(sender),
@@ -184,8 +186,8 @@ impl PlantLink {
         Verdict::Accepted
     }
 
-    /// Opens the shared memory of the controller of `slot` now, so that the first tick need not. What fails is tried again
-    /// then.
+    /// Opens the shared memory of the controller of `slot` now, so that the first tick need not. That tick retries a failed
+    /// attempt.
     fn connect_to(&mut self, slot: usize) {
         self.states.meet_peers();
         if let Some(slot) = self.slots.get(slot) {
@@ -207,8 +209,8 @@ impl Slot {
         })
     }
 
-    /// The oldest command not yet taken of the process that holds the seat, where it lies in shared memory. Those of others are counted,
-    /// no more of them at a time than a buffer holds, so that a flood does not keep the loop.
+    /// Takes the oldest unread command of the process that holds the seat, without copying it from shared memory. The function
+    /// counts commands of other processes, at most one buffer at a time, so that a flood does not stall the loop.
     #[inline]
     fn next(&mut self, slot: usize) -> Result<Option<CommandSample>, LinkError> {
         for _ in 0..COMMAND_BUFFER {

@@ -1,4 +1,4 @@
-//! Real-time set-up of the calling thread: asked for, reported, never required.
+//! Real-time set-up of the calling thread: requested and reported, never required.
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, geteuid, getrlimit};
@@ -12,47 +12,46 @@ use thread_priority::{
 use crate::cores::cores;
 use crate::machine::Machine;
 
-/// What to ask of the system for the calling thread.
+/// Request to the system for the calling thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RtRequest {
     /// `SCHED_FIFO` priority, 1 to 99; `None` keeps the scheduler as it is.
     pub priority: Option<u8>,
     /// Number of the core to stay on; `None` leaves the choice to the system.
     pub cpu: Option<usize>,
-    /// Whether to keep all pages of the process in memory, now and later.
+    /// If true, all present and future pages of the process are kept in memory.
     pub lock_memory: bool,
 }
 
-/// What became of one request.
+/// Result of one request.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// Not asked for.
+    /// Not requested.
     NotAsked,
     /// In force.
     Granted,
-    /// Refused; the text says why.
+    /// Refused; the text gives the reason.
     Refused(String),
 }
 
-/// What became of a [`RtRequest`].
+/// Result of a [`RtRequest`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct RtReport {
-    /// `SCHED_FIFO` at the priority asked for.
+    /// `SCHED_FIFO` at the requested priority.
     pub priority: Outcome,
-    /// Staying on the core asked for.
+    /// Affinity to the requested core.
     pub cpu: Outcome,
     /// All pages kept in memory.
     pub lock_memory: Outcome,
-    /// The machine and this thread as they are after that.
+    /// The machine and this thread afterwards.
     pub machine: Machine,
 }
 
-/// Asks the system for what `request` says, for the calling thread (memory: for the process), and reports what became of
-/// it.
+/// Applies `request` to the calling thread (memory: to the process) and reports the results.
 #[must_use]
 pub fn prepare(request: &RtRequest) -> RtReport {
-    // Before this thread is tied to one core: the wait policy goes by what the process may use.
+    // Count the cores before this thread is tied to one, because the waiting strategy depends on the cores of the process.
     let _ = cores();
     RtReport {
         priority: outcome(request.priority.map(set_priority)),
@@ -63,7 +62,7 @@ pub fn prepare(request: &RtRequest) -> RtReport {
 }
 
 impl RtReport {
-    /// One line per item that was asked for and refused, with the remedy.
+    /// One line per refused request, with the remedy.
     #[must_use]
     pub fn refusals(&self) -> Vec<String> {
         let items = [
@@ -104,8 +103,8 @@ fn stay_on(cpu: usize) -> Result<(), String> {
     sched_setaffinity(None, &set).map_err(|error| format!("core {cpu}: {error}"))
 }
 
-/// Locks present and future pages. With a limit on locked memory, locking future pages would make a later allocation fail,
-/// so then nothing is locked.
+/// Locks present and future pages. With a limit on locked memory, locking future pages would let a later allocation fail, so the
+/// function then locks nothing.
 fn lock_memory() -> Result<(), String> {
     let limit = getrlimit(Resource::Memlock).current;
     if let (Some(bytes), false) = (limit, geteuid().is_root()) {

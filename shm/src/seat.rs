@@ -1,4 +1,4 @@
-//! [`Seat`]: a part in a run that one process has at a time.
+//! [`Seat`]: an exclusive role in a run, held by one process at a time.
 
 use std::fs::{self, File, TryLockError};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
@@ -10,17 +10,17 @@ use rustix::fs::OFlags;
 use crate::address::Address;
 use crate::error::{LinkError, folder_fault};
 
-/// How often to look for a seat, a millisecond apart, while somebody else sits there: a process that has just been started by one that sits
-/// holds it for a moment, too.
+/// Number of attempts, a millisecond apart, while another process holds the seat exclusively. A process just started by the holder shares
+/// its lock for a moment.
 const LOOKS_AT_TAKEN: u32 = 20;
-/// And in all: who merely looks at it holds it until it gets the processor again, which on a busy machine lasts.
+/// Total number of attempts. A process that checks the seat holds a shared lock until it runs again, which takes long on a busy machine.
 const LOOKS: u32 = 500;
 
 /// The system's list of all locks.
 const LOCKS: &str = "/proc/locks";
 
-/// A part in a run that one process has at a time: the plant, or a controller in its slot. It is the exclusive `flock` on a
-/// file in the run's folder, `plant.lock` or `slot-<n>.lock`, so the kernel frees it however the process ends.
+/// An exclusive role in a run: the plant, or a controller in its slot. It is the exclusive `flock` on a file in the run's folder,
+/// `plant.lock` or `slot-<n>.lock`, so the kernel frees it however the process ends.
 #[derive(Debug)]
 pub(crate) struct Seat {
     file: File,
@@ -46,7 +46,7 @@ impl Seat {
         Ok(Self { file })
     }
 
-    /// Takes the seat until this is dropped, or returns `false` if another process has it.
+    /// Takes the seat until this value is dropped; returns `false` if another process holds it.
     pub(crate) fn take(&self) -> Result<bool, LinkError> {
         let mut taken = 0;
         for _ in 0..LOOKS {
@@ -69,7 +69,7 @@ impl Seat {
         Ok(false)
     }
 
-    /// Whether another living process has taken the seat. Not for who has taken it itself.
+    /// Returns true if another living process holds the seat. The holder itself must not call it.
     pub(crate) fn is_taken(&self) -> bool {
         match self.file.try_lock_shared() {
             Ok(()) => {
@@ -80,8 +80,9 @@ impl Seat {
         }
     }
 
-    /// Whether the process `pid` has taken the seat, by the system's list of locks. Where that does not show this lock (another
-    /// namespace of processes), whether anybody has. Reads a file of the system: not for the loop.
+    /// Returns true if the process `pid` holds the seat according to the system's list of locks. If the list does not contain this lock
+    /// (another process namespace), the function returns true if any process holds it. It reads a file of the system and is too slow for
+    /// the loop.
     pub(crate) fn is_held_by(&self, pid: u32) -> bool {
         let listed = fs::read_to_string(LOCKS).unwrap_or_default();
         let inode = self.file.metadata().map_or(0, |metadata| metadata.ino());
@@ -90,8 +91,8 @@ impl Seat {
     }
 }
 
-/// The process that holds an exclusive `flock` on the file `inode`, if `line` of the list of locks says so, as in
-/// `3: FLOCK  ADVISORY  WRITE 4711 00:1b:346579 0 EOF`. Process 0 is one of another namespace.
+/// The process that holds an exclusive `flock` on the file `inode` according to `line` of the list of locks, as in `3: FLOCK  ADVISORY
+/// WRITE 4711 00:1b:346579 0 EOF`. Process 0 belongs to another namespace.
 fn holder(line: &str, inode: u64) -> Option<u32> {
     let mut words = line.split_ascii_whitespace().skip(1);
     let is_exclusive = [words.next()?, words.next()?, words.next()?] == ["FLOCK", "ADVISORY", "WRITE"];

@@ -1,7 +1,7 @@
-//! The shared memory objects of a run. iceoryx2 keeps them beside those of all other programs, told apart by a prefix.
+//! The shared memory objects of a run. iceoryx2 keeps the objects of all programs in one folder; a prefix distinguishes them.
 //!
-//! Everybody may put files into `/dev/shm`, of any name and kind. Only regular files of this user are looked into, changed or
-//! removed; all others are passed over, whatever their name.
+//! Every user may put files of any name and type into `/dev/shm`. The program reads, changes or removes only regular files of this user; it
+//! ignores all others, whatever their name.
 
 use std::collections::BTreeSet;
 use std::ffi::{CStr, CString};
@@ -18,24 +18,24 @@ use crate::error::{LinkError, folder_fault};
 use crate::limits::MAX_ROOT;
 use crate::open_folder::{OpenFolder, is_own_file};
 
-/// Where Linux keeps POSIX shared memory objects.
+/// Folder of the POSIX shared memory objects on Linux.
 pub(crate) const SEGMENTS: &str = "/dev/shm";
 
-/// First part of the names of all segments.
+/// Prefix of the names of all segments.
 const PREFIX: &str = "freeplay-";
 
-/// Second part of the name of the file that says where the folder of a run is, so that what a dead run left is found even
-/// when its folder is gone.
+/// Second part of the name of the mark file, which contains the path of a run's folder. With it, a sweep finds the segments of a dead run even
+/// if the folder is gone.
 const MARK: &str = "_root";
 
-/// How long a segment may stay empty, ms: a living process gives it its size within microseconds of making it.
+/// Time for which a segment may stay empty, ms; a living process sets its size within microseconds of creating it.
 const BIRTH_MS: u32 = 200;
 
-/// Most that is read of a segment which everybody may write to, bytes; iceoryx2's has 16.
+/// Most bytes read from a segment that other users may write to; that of iceoryx2 has 16.
 const MOST_SHARED: u64 = 4096;
 
-/// What has to be free in shared memory before a process joins a run, bytes: the segments of a run with all slots have a part of it; a test
-/// measures how much.
+/// Free shared memory required before a process joins a run, bytes. The segments of a run with all slots use a part of it; a test measures how
+/// much.
 pub const ROOM: u64 = 8 << 20;
 
 fn no_room(free: u64) -> LinkError {
@@ -46,26 +46,26 @@ fn no_room(free: u64) -> LinkError {
 pub(crate) struct Segments(OpenFolder);
 
 impl Segments {
-    /// Those of this machine.
+    /// Opens the folder of this machine.
     pub(crate) fn open() -> Result<Self, LinkError> {
-        // Only the superuser could have made this path a link.
+        // Only the superuser could have replaced this path by a link.
         let path = fs::canonicalize(SEGMENTS).unwrap_or_else(|_| SEGMENTS.into());
         OpenFolder::open(&path).map(Self).map_err(folder_fault("open", Path::new(SEGMENTS)))
     }
 
-    /// Writes beside the run's segments where its folder is.
+    /// Writes a mark file with the path of the run's folder next to the run's segments.
     pub(crate) fn mark(&self, address: &Address) -> io::Result<()> {
         let mut file = self.0.make_file(mark_of(address.id()).as_str())?;
         write!(file, "{address}")
     }
 
-    /// The runs of this user that have left a mark, be they dead or alive.
+    /// The runs of this user that have left a mark, dead or alive.
     pub(crate) fn marked(&self) -> Vec<Address> {
         let marks = self.0.names(is_mark);
         marks.into_iter().filter_map(|mark| self.read_mark(&mark)).collect()
     }
 
-    /// The address in the file `mark`, if that is a mark of this user and of the run that it is named after.
+    /// The address in the file `mark`, if this user wrote it and it names its own run.
     fn read_mark(&self, mark: &CStr) -> Option<Address> {
         let file = self.0.own_file(mark).ok()??;
         let mut text = String::new();
@@ -74,13 +74,13 @@ impl Segments {
         (mark.to_bytes() == mark_of(address.id()).as_bytes()).then_some(address)
     }
 
-    /// Gives the owner alone access: iceoryx2 makes one segment, a counter of nodes, that everybody may write to. Another user may have
-    /// opened it meanwhile, and could cut it under the processes that map it, which would end them. So a copy takes its place, which nobody else
-    /// has ever had open. No process may have it mapped.
+    /// Gives the owner exclusive access. iceoryx2 creates one segment, a counter of nodes, that every user may write to. Another user may have
+    /// opened it meanwhile and could truncate it, which would end the processes that map it. A copy therefore replaces the segment, and no
+    /// other user has ever had the copy open. No process may have the segment mapped.
     ///
     /// # Errors
-    /// [`LinkError::Planted`] as [`Segments::see_own`], or if another user has cut or filled a segment already; [`LinkError::Folder`] if the
-    /// system refuses.
+    /// [`LinkError::Planted`] as in [`Segments::see_own`], or if another user has already truncated or enlarged a segment;
+    /// [`LinkError::Folder`] if the system refuses.
     pub(crate) fn make_private(&self, address: &Address) -> Result<(), LinkError> {
         self.see_own(address)?;
         for name in self.of(address) {
@@ -91,7 +91,7 @@ impl Segments {
         Ok(())
     }
 
-    /// Puts a copy of mode 0600 in the place of the segment `name`.
+    /// Replaces the segment `name` by a copy of mode 0600.
     fn replace(&self, name: &CStr) -> Result<(), LinkError> {
         let fault = || folder_fault("close to others what is in", Path::new(SEGMENTS));
         let Some(file) = self.0.own_file(name).map_err(fault())? else { return Ok(()) };
@@ -107,13 +107,13 @@ impl Segments {
         self.0.rename(copy.as_slice(), name).map_err(fault())
     }
 
-    /// Sees that all segments of the run belong to this user: iceoryx2 opens what is there under the name that it looks for.
+    /// Checks that all segments of the run belong to this user, because iceoryx2 opens any file with the expected name.
     ///
     /// # Errors
-    /// [`LinkError::Planted`] if one is of somebody else, or no segment.
+    /// [`LinkError::Planted`] if one belongs to another user or is not a regular file.
     pub(crate) fn see_own(&self, address: &Address) -> Result<(), LinkError> {
         for name in self.of(address) {
-            // One that is gone by now has just been removed by its owner.
+            // A missing segment has just been removed by its owner.
             if let Some(status) = self.0.status(&*name).filter(|status| !is_own_file(status)) {
                 let path = Path::new(SEGMENTS).join(&*name.to_string_lossy());
                 return Err(LinkError::Planted { path, owner: status.st_uid });
@@ -122,14 +122,14 @@ impl Segments {
         Ok(())
     }
 
-    /// Sees that shared memory has [`ROOM`]: who writes to a segment for which there is none is ended by SIGBUS.
+    /// Checks that shared memory has [`ROOM`] free: SIGBUS ends a process that writes to a segment without memory.
     pub(crate) fn see_room(&self) -> Result<(), LinkError> {
         let free = self.0.free().map_err(folder_fault("look at", Path::new(SEGMENTS)))?;
         if free < ROOM { Err(no_room(free)) } else { Ok(()) }
     }
 
-    /// Takes the room of all segments of the run. iceoryx2 gives a segment its size alone; the system then finds room for each page when it is
-    /// written to first, and everybody can fill shared memory until then.
+    /// Allocates the memory of all segments of the run. iceoryx2 only sets the size of a segment; the system would allocate each page at its
+    /// first write, and other programs could fill shared memory before.
     ///
     /// # Errors
     /// [`LinkError::NoRoom`].
@@ -139,16 +139,16 @@ impl Segments {
                 Err(error) if error.kind() == ErrorKind::StorageFull => {
                     return Err(no_room(self.0.free().unwrap_or(0)));
                 }
-                // One that is gone, or a file system that reserves nothing.
+                // The segment is gone, or the file system cannot reserve memory.
                 _ => {}
             }
         }
         Ok(())
     }
 
-    /// Removes what processes left that were killed between making a segment and giving it its size. iceoryx2 0.10 would wait
-    /// for such a segment for ever (`posix_shared_memory::Builder::open_impl` tries again on an empty segment, whatever its
-    /// timeout), also when it cleans up after the dead.
+    /// Removes the remains of processes that were killed between creating a segment and setting its size. iceoryx2 0.10 would wait for such a
+    /// segment for ever (`posix_shared_memory::Builder::open_impl` retries on an empty segment, whatever its timeout), also when it cleans up
+    /// after dead processes.
     pub(crate) fn remove_unborn(&self, address: &Address) {
         let mut unborn: Vec<CString> = self.of(address);
         unborn.retain(|name| self.is_empty(name));
@@ -164,13 +164,13 @@ impl Segments {
         }
     }
 
-    /// Removes all segments of the runs `ids` but their marks.
+    /// Removes all segments of the runs `ids` except their marks.
     pub(crate) fn remove_all(&self, ids: &BTreeSet<String>) {
         let is_theirs = |name: &CStr| run_of(name).is_some_and(|id| ids.contains(id)) && !is_mark(name);
         self.0.names(is_theirs).iter().for_each(|name| self.remove_own(name));
     }
 
-    /// Removes the marks of the runs `ids`. The last thing to go: without it, nobody finds what is left.
+    /// Removes the marks of the runs `ids`. It must be the last step, because without a mark no sweep finds the remains.
     pub(crate) fn remove_marks(&self, ids: &BTreeSet<String>) {
         for id in ids {
             if let Ok(mark) = CString::new(mark_of(id)) {
@@ -200,7 +200,7 @@ fn mark_of(id: &str) -> String {
     format!("{PREFIX}{id}_{MARK}")
 }
 
-/// Whether `name` is that of a mark.
+/// Returns true if `name` is that of a mark.
 fn is_mark(name: &CStr) -> bool {
     let run = name.to_bytes().strip_suffix(MARK.as_bytes()).and_then(|rest| rest.strip_suffix(b"_"));
     run.is_some_and(|run| run.starts_with(PREFIX.as_bytes()) && !run.contains(&b'_'))
@@ -224,7 +224,7 @@ mod tests {
 
     use super::*;
 
-    /// A folder of segments of the test's own.
+    /// Creates a separate folder of segments for the test.
     fn fresh() -> (TempDir, Segments) {
         let folder = tempfile::tempdir().unwrap();
         let segments = Segments(OpenFolder::open(folder.path()).unwrap());
@@ -274,7 +274,7 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"counter");
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-        // One that was cut or filled meanwhile is told.
+        // The function reports a segment that another user truncated or enlarged meanwhile.
         for length in [0, MOST_SHARED + 1] {
             publish(&vec![0; length as usize]);
             assert!(matches!(segments.make_private(&address), Err(LinkError::Planted { .. })), "{length}");
@@ -317,7 +317,7 @@ mod tests {
         fs::hard_link(&elsewhere, at("1-0000000c")).unwrap();
         assert_eq!(segments.marked(), []);
         let before = fs::read_dir(folder.path()).unwrap().count();
-        // Neither are what is no regular file and what has another name segments to be removed.
+        // Irregular files and files with other names are not segments, and must not be removed either.
         let ids: BTreeSet<String> = (1..=0xc).map(|id| format!("1-{id:08x}")).collect();
         segments.remove_all(&ids);
         segments.remove_marks(&ids);

@@ -1,8 +1,8 @@
 //! The iceoryx2 services of a run, each declared in one place.
 //!
-//! Whoever makes a service fixes its settings. The plant makes all services, the door last; controllers only open them, by
-//! name and type and without asking for settings, so that one of another version can neither spoil a run nor miss being
-//! told why it is refused.
+//! The creator of a service fixes its settings. The plant creates all services, the hello service last; controllers only open them, by
+//! name and type and without requesting settings. A controller of another version can therefore neither spoil a run nor miss the reason
+//! for its refusal.
 //!
 //! | service | pattern | payload |
 //! | --- | --- | --- |
@@ -10,9 +10,9 @@
 //! | `freeplay/command/<slot>` | publish-subscribe, 1 publisher, 1 subscriber | [`Command`] |
 //! | `freeplay/hello` | request-response, 1 server | [`Hello`], [`Welcome`] |
 //!
-//! A controller in another language finds all it needs in `docs/messages.md`; `python/freeplay/controller.py` is one.
+//! `docs/messages.md` contains everything that a controller in another language needs; `python/freeplay/controller.py` is an example.
 //!
-//! Nothing waits for anybody: full buffers lose their oldest message, and a peer that cannot be reached is skipped.
+//! No process waits for another: full buffers lose their oldest message, and the sender skips an unreachable peer.
 
 use std::fmt::Debug;
 use std::time::Duration;
@@ -56,35 +56,36 @@ pub(crate) const STATE_SERVICE: &str = "freeplay/state";
 /// Name of the service of hellos and welcomes.
 pub(crate) const DOOR_SERVICE: &str = "freeplay/hello";
 
-/// States a subscriber can fall behind before it loses the oldest.
+/// Number of states that a subscriber can fall behind before it loses the oldest.
 pub const STATE_BUFFER: usize = 16;
-/// Commands the plant can fall behind before it loses the oldest.
+/// Number of commands that the plant can fall behind before it loses the oldest.
 pub const COMMAND_BUFFER: usize = 16;
-/// Processes that can take part in a run at once, those that are about to be refused included.
+/// Number of processes that can take part in a run at once, including those that the plant will refuse.
 const MAX_NODES: usize = 2 * MAX_SLOTS + SPARE;
-/// Places for dead processes: iceoryx2 may fail to clean up after one that was killed at a bad moment. Who has a part in the
-/// run is not for the number of places to say but for the seats.
+/// Spare places for dead processes, because iceoryx2 may fail to clean up after a process that was killed at a bad moment. The seats,
+/// not the number of places, decide who takes part in the run.
 const SPARE: usize = 4;
 
-/// How long to wait for another process that is removing what a dead one left.
+/// Longest wait for another process that is removing the remains of a dead one.
 const CLEANING: Duration = Duration::from_millis(500);
 
-/// Memory that a process has to be able to allocate before it joins a run, bytes. iceoryx2 0.10 writes to what the allocator returned without
-/// looking at it (`owning_pointer`): a port that gets no memory ends the process by a signal and without a word. A plant with all slots
-/// allocates a part of this; a test measures how much.
+/// Memory that a process must be able to allocate before it joins a run, bytes. iceoryx2 0.10 writes to the allocator's result without
+/// a check (`owning_pointer`): if a port gets no memory, a signal ends the process without a message. A plant with all slots allocates
+/// a part of this amount; a test measures how much.
 pub const MEMORY: usize = 16 << 20;
 
-/// Sees that this process can allocate [`MEMORY`].
+/// Checks that this process can allocate [`MEMORY`].
 fn see_memory() -> Result<(), LinkError> {
     let mut room: Vec<u8> = Vec::new();
     room.try_reserve_exact(MEMORY).map_err(|_| LinkError::NoMemory { bytes: MEMORY })?;
-    // Without this the compiler takes the allocation away.
+    // Without `black_box`, the compiler removes the allocation.
     std::hint::black_box(&mut room);
     Ok(())
 }
 
-/// This process's node in the run at `address`: iceoryx2 kept inside the run's folder and prefix, silent about what we
-/// handle (`IOX2_LOG_LEVEL` changes that), and leaving signals alone. It cleans up after the dead here and at no other time.
+/// Creates this process's node in the run at `address`. iceoryx2 stays inside the run's folder and prefix, logs nothing about errors
+/// that this crate handles (`IOX2_LOG_LEVEL` changes that), and leaves signals alone. It cleans up after dead processes here and at no
+/// other time.
 pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
     see_memory()?;
     Segments::open()?.see_room()?;
@@ -107,7 +108,7 @@ pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
     Ok(node)
 }
 
-/// States from the plant to everybody who listens.
+/// States from the plant to all subscribers.
 pub(crate) fn states(node: &Node<Ipc>) -> PubSubBuilder<State, (), Ipc> {
     node.service_builder(&service_name(STATE_SERVICE)).publish_subscribe()
 }
@@ -127,19 +128,19 @@ pub(crate) fn command_service(slot: u32) -> String {
     format!("freeplay/command/{slot}")
 }
 
-/// Makes the service of states.
+/// Creates the service of states.
 pub(crate) fn create_states(node: &Node<Ipc>) -> Result<PubSub<Ipc, State, ()>, LinkError> {
     let settings = with_settings(states(node), STATE_BUFFER).max_subscribers(MAX_SLOTS + SPARE);
     settings.open_or_create().map_err(transport("make", STATE_SERVICE))
 }
 
-/// Makes the service of commands of `slot`.
+/// Creates the service of commands of `slot`.
 pub(crate) fn create_commands(node: &Node<Ipc>, slot: u32) -> Result<CommandService, LinkError> {
     let settings = with_settings(commands(node, slot), COMMAND_BUFFER).max_subscribers(1 + SPARE);
     settings.open_or_create().map_err(transport("make", &command_service(slot)))
 }
 
-/// Makes the door.
+/// Creates the hello service.
 pub(crate) fn create_door(node: &Node<Ipc>) -> Result<DoorService, LinkError> {
     door(node)
         .max_servers(1 + SPARE)
@@ -153,7 +154,7 @@ pub(crate) fn create_door(node: &Node<Ipc>) -> Result<DoorService, LinkError> {
         .map_err(transport("make", DOOR_SERVICE))
 }
 
-/// What states and commands have in common.
+/// Settings common to states and commands.
 fn with_settings<Message: Debug + ZeroCopySend>(
     service: PubSubBuilder<Message, (), Ipc>,
     buffer: usize,
@@ -197,7 +198,7 @@ pub(crate) fn subscriber<Message: Debug + ZeroCopySend>(
         .map_err(transport("subscribe to", name))
 }
 
-/// The server of the door.
+/// Creates the server of the hello service.
 pub(crate) fn door_server(service: &DoorService) -> Result<DoorServer, LinkError> {
     service
         .server_builder()
@@ -208,7 +209,7 @@ pub(crate) fn door_server(service: &DoorService) -> Result<DoorServer, LinkError
         .map_err(transport("answer on", DOOR_SERVICE))
 }
 
-/// A client of the door.
+/// Creates a client of the hello service.
 pub(crate) fn door_client(service: &DoorService) -> Result<DoorClient, LinkError> {
     service
         .client_builder()
@@ -219,13 +220,13 @@ pub(crate) fn door_client(service: &DoorService) -> Result<DoorClient, LinkError
         .map_err(transport("knock on", DOOR_SERVICE))
 }
 
-/// The process of the port that iceoryx2 calls `id`. Version 0.10 makes ids of the time (bits 0 to 63), the process (64 to 95) and a
-/// counter (`iceoryx2_bb_posix::UniqueSystemId`), and offers the process of a node's id alone; a test holds it to that.
+/// The process of the port with the iceoryx2 `id`. Version 0.10 composes ids of the time (bits 0 to 63), the process (64 to 95) and a
+/// counter (`iceoryx2_bb_posix::UniqueSystemId`), and publishes the process only for a node's id; a test pins this format.
 pub(crate) fn process_of(id: u128) -> u32 {
     (id >> 64) as u32
 }
 
-/// What iceoryx2 said, as our error.
+/// Converts the error of iceoryx2 into a [`LinkError`].
 pub(crate) fn transport<Cause: Debug>(doing: &'static str, service: &str) -> impl FnOnce(Cause) -> LinkError {
     move |cause| LinkError::Transport { doing, service: service.to_owned(), cause: format!("{cause:?}") }
 }

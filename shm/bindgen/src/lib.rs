@@ -1,4 +1,4 @@
-//! An empty crate in the place of bindgen: sixteen packages less to compile.
+//! An empty crate that replaces bindgen, which saves the compilation of sixteen packages.
 //!
-//! The build script of `iceoryx2-pal-posix` calls bindgen where the system is QNX, and cargo has no dependencies for a system that a build
-//! script runs for. A build on QNX takes the `[patch]` out of the workspace's manifest.
+//! The build script of `iceoryx2-pal-posix` calls bindgen only for a QNX target, but cargo cannot make a dependency conditional on that
+//! for a build script. For a build on QNX, remove the `[patch]` from the workspace's manifest.

@@ -1,5 +1,5 @@
-//! The layout of the messages is a contract with programs in other languages: every size and offset is pinned here.
-//! Whoever has to change a number below raises `LAYOUT_VERSION`; those of `Hello` and `Welcome` never change.
+//! The layout of the messages is a contract with programs in other languages: this test pins every size and offset. Whoever
+//! changes a number below must raise `LAYOUT_VERSION`; the numbers of `Hello` and `Welcome` never change.
 
 #![allow(clippy::cognitive_complexity, reason = "a table, unrolled by a macro")]
 
@@ -7,8 +7,8 @@ use std::mem::{align_of, offset_of, size_of};
 
 use freeplay_shm::{Command, Hello, LAYOUT_VERSION, MAGIC, MAX_JOINTS, Reference, State, Welcome};
 
-/// Compares the offset of each field with the number beside it, and sees that the fields follow each other without gaps up
-/// to the size of the type.
+/// Compares the offset of each field with the given number, and checks that the fields follow each other without gaps up to the
+/// size of the type.
 macro_rules! assert_layout {
     ($type:ident, $size:expr, $($field:ident: $offset:expr),+ $(,)?) => {
         assert_eq!(size_of::<$type>(), $size, "size of {}", stringify!($type));

@@ -1,4 +1,4 @@
-//! Messages: what a fault is called, what an answer copies, which numbers travel.
+//! Tests of messages: names of faults, fields copied into an answer, and codes.
 
 use freeplay_shm::{
     Command, CommandKind, CommandStatus, Hello, MAX_JOINTS, MessageFault, Mode, Offer, Pace, State, Verdict,
@@ -23,7 +23,7 @@ fn every_fault_has_its_name() {
         let answer = Command { magic: state.magic, layout: state.layout, ..Command::answer_to(&state, 0) };
         assert_eq!(answer.check(RUN), Err(fault));
     }
-    // The first fault is the one named: a message of another protocol has nothing else worth looking at.
+    // The check names the first fault; the other fields of a message of another protocol are meaningless.
     assert_eq!(State { magic: 1, layout: 9, ..good }.check(RUN), Err(MessageFault::Magic { found: 1 }));
 }
 

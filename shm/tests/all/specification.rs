@@ -1,4 +1,4 @@
-//! The documented layout, the C header and the Python structures are those of the Rust types.
+//! The documented layout, the C header and the Python structures must equal those of the Rust types.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,7 +15,7 @@ fn has(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
-/// Runs `command` and returns what it prints; fails with all there is to say if it fails.
+/// Runs `command` and returns its output; on failure, panics with the error output.
 fn printed(command: &mut Command) -> String {
     let output = command.output().expect("it starts");
     assert!(output.status.success(), "{command:?}\n{}", String::from_utf8_lossy(&output.stderr));
@@ -44,7 +44,7 @@ fn the_files_are_those_that_the_types_make() {
     assert!(markdown().contains(&format!("Layout version **{LAYOUT_VERSION}**")));
 }
 
-/// The header's own assertions hold in C and in C++: a compiler that disagrees with Rust on an offset refuses it.
+/// The assertions in the header hold in C and in C++; a compiler that disagrees with Rust on an offset refuses the header.
 #[test]
 fn a_c_compiler_agrees() {
     let header = root().join("docs/freeplay.h");
@@ -71,7 +71,7 @@ fn a_c_compiler_agrees() {
     }
 }
 
-/// A field as the Python structures have it.
+/// A field in the format of the Python structures.
 fn line(layout: &Layout, field: &Field) -> String {
     format!("{}.{} {} {}", layout.name, field.name, field.offset, field.size)
 }

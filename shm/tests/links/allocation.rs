@@ -1,4 +1,4 @@
-//! What a tick allocates after set-up: nothing of ours, and one small block of iceoryx2's per message sent.
+//! Allocations of a tick after set-up: none by this crate, and one small block by iceoryx2 per sent message.
 
 use std::hint::black_box;
 use std::ops::Range;
@@ -12,13 +12,12 @@ use freeplay_shm::{
 use crate::leftovers::traces;
 use crate::{PATIENCE, greet, open_plant};
 
-/// The first ticks settle connections, since the controller has just left the door; in the last, it goes.
+/// The first ticks settle connections, since the controller has just connected; in the last ticks, it leaves.
 const MEASURED: Range<u64> = 20..220;
 const TICKS: u64 = 240;
 
-/// iceoryx2 0.10 counts the references to a loaned message in a block on the heap, 48 bytes, which it gives back when the
-/// message is sent; the link then loans the next. The block comes from the allocator's cache of the thread: no lock, no
-/// system call.
+/// iceoryx2 0.10 counts the references to a loaned message in a heap block of 48 bytes, which it frees when the message is sent;
+/// the link then loans the next. The block comes from the thread's cache of the allocator, without a lock or a system call.
 const BYTES_PER_MESSAGE_SENT: u64 = 48;
 
 #[test]
@@ -51,7 +50,7 @@ fn a_plant_with_all_slots_allocates_less_than_it_asks_for_before() {
     let run = RunFolder::create().unwrap();
     let used = measure(|| drop(black_box(open_plant(&run, MAX_SLOTS))));
     println!("{used:?} of {MEMORY}");
-    // The check allocates MEMORY and gives it back, so that the largest single amount is at least that.
+    // The check allocates MEMORY and frees it, so the peak is at least MEMORY.
     let without_check = used.bytes_total - MEMORY as u64;
     assert!((1..MEMORY as u64 / 2).contains(&without_check), "{without_check} bytes");
 }
@@ -64,13 +63,13 @@ fn a_plant_with_all_slots_has_less_in_shared_memory_than_it_asks_for_before() {
     let (sizes, blocks): (Vec<u64>, Vec<u64>) =
         segments.filter(|found| found.is_file()).map(|found| (found.len(), found.blocks() * 512)).unzip();
     println!("{} of {ROOM} bytes, in blocks {}", sizes.iter().sum::<u64>(), blocks.iter().sum::<u64>());
-    // Each controller adds a segment and a connection to what the plant has.
+    // Each controller adds a segment and a connection to those of the plant.
     assert!((1..ROOM / 4).contains(&sizes.iter().sum()), "{sizes:?}");
-    // What may be written to later has its place already.
+    // All memory for later writes is already allocated.
     assert!(sizes.iter().zip(&blocks).all(|(size, blocks)| size <= blocks), "{sizes:?} in {blocks:?}");
 }
 
-/// What publishing and what all else of the measured ticks allocates.
+/// Allocations by publishing, and by everything else in the measured ticks.
 fn plant_ticks(plant: &mut PlantLink, run: u64) -> (AllocationInfo, AllocationInfo) {
     let mut used = (AllocationInfo::default(), AllocationInfo::default());
     let mut backoff = Backoff::for_this_machine();
@@ -92,7 +91,7 @@ fn plant_ticks(plant: &mut PlantLink, run: u64) -> (AllocationInfo, AllocationIn
     used
 }
 
-/// What sending and what all else of the measured ticks allocates.
+/// Allocations by sending, and by everything else in the measured ticks.
 fn controller_ticks(link: &mut ControllerLink) -> (AllocationInfo, AllocationInfo) {
     let mut used = (AllocationInfo::default(), AllocationInfo::default());
     let mut backoff = Backoff::for_this_machine();

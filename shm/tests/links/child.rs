@@ -1,4 +1,4 @@
-//! Other processes: this binary again, in a role.
+//! Further processes of the tests: this binary started again in a role.
 
 use std::env;
 use std::io::{BufRead, BufReader};
@@ -14,7 +14,7 @@ use crate::{PATIENCE, expected_answers, greet, offer, run_lockstep, serve};
 
 const ROLE_ENV: &str = "FREEPLAY_TEST_ROLE";
 
-/// Not a test of its own: what this binary does when [`Role::start`] has started it.
+/// Not a test of its own, but the entry point of this binary when [`Role::start`] has started it.
 #[test]
 fn role() {
     match env::var(ROLE_ENV).as_deref() {
@@ -69,13 +69,13 @@ impl Role {
         self.process.id()
     }
 
-    /// `kill -9`.
+    /// Ends the process with `kill -9`.
     pub fn kill(mut self) {
         self.process.kill().unwrap();
         self.process.wait().unwrap();
     }
 
-    /// Waits for its end, which must be good.
+    /// Waits for the end of the process, which must succeed.
     pub fn end(mut self) {
         let mut rest = String::new();
         while self.out.read_line(&mut rest).unwrap() > 0 {}
@@ -95,7 +95,7 @@ pub fn say(line: &str) {
     println!("{line}");
 }
 
-/// Until killed, but not for ever.
+/// Sleeps until killed, with a time limit.
 pub fn sleep_until_killed() {
     std::thread::sleep(PATIENCE);
 }
@@ -108,7 +108,7 @@ fn controller() {
     say(&format!("connected: {}", welcome.task()));
     serve(&mut link, 0);
     assert_eq!((link.lost(), link.skipped()), (0, 0));
-    // The last answer must have been taken before this end of the link goes.
+    // The plant must have taken the last answer before this end of the link closes.
     while link.plant_lives() {
         std::thread::sleep(Duration::from_micros(200));
     }
@@ -125,8 +125,8 @@ fn plant() {
     sleep_until_killed();
 }
 
-/// Holds slot 0, a borrowed state and a loaned command until killed, through iceoryx2 itself: a controller in another
-/// language, built from the address and the names of the services alone.
+/// Holds slot 0, a borrowed state and a loaned command until killed, through iceoryx2 itself. It imitates a controller in another
+/// language, which knows only the address and the names of the services.
 fn grabber() {
     let address = Address::from_env().unwrap();
     let (link, _) = ControllerLink::connect(&address, Hello::new("grabber", 0, 7), PATIENCE).unwrap();
@@ -145,7 +145,7 @@ fn grabber() {
     drop((first, second, link));
 }
 
-/// A node of the run over iceoryx2 itself, from what the address tells everybody.
+/// A node of the run over iceoryx2 itself, built from the address alone.
 pub fn bare_node(address: &Address) -> Node<ipc::Service> {
     let mut config = Config::default();
     config.global.set_root_path(&Path::new(address.root().as_os_str().as_encoded_bytes()).unwrap());
@@ -154,7 +154,7 @@ pub fn bare_node(address: &Address) -> Node<ipc::Service> {
     node.create().unwrap()
 }
 
-/// A run with both ends in this process; says its address, answers 50 ticks, and stays.
+/// A run with both ends in this process; it prints its address, answers 50 ticks, and stays.
 fn whole_run() {
     let run = RunFolder::create().unwrap();
     let mut plant = PlantLink::open(run.address(), 1, offer(100)).unwrap();
@@ -170,7 +170,7 @@ fn whole_run() {
     served.join().unwrap();
 }
 
-/// Holds a run, says its address, and stays.
+/// Owns a run, prints its address, and stays.
 fn root() {
     let run = RunFolder::create().unwrap();
     say(&format!("address: {}", run.address()));

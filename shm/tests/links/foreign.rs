@@ -1,4 +1,4 @@
-//! Commands of a process of the same user for a slot whose seat it does not hold.
+//! Test of commands from a process of the same user that does not hold the seat of the slot.
 
 use std::time::Instant;
 
@@ -9,12 +9,12 @@ use freeplay_shm::{
 use crate::child::{Role, bare_node, say, sleep_until_killed};
 use crate::{PATIENCE, greet, open_plant};
 
-/// Commands that the intruder sends.
+/// Number of commands from the intruder.
 const FORGED: u64 = 5;
-/// The value that it asks for.
+/// Value in these commands.
 const VALUE: f64 = 3.125;
 
-/// The role of the intruder: over iceoryx2 itself, sends commands for slot 0 that lack nothing, and claims the seat.
+/// Role of the intruder: it sends complete commands for slot 0 over iceoryx2 itself, and claims the seat.
 pub fn intruder() {
     let address = Address::from_env().unwrap();
     let node = bare_node(&address);
@@ -53,7 +53,7 @@ fn forged(address: &Address, tick: u64) -> Command {
 fn commands_count_from_the_seat_alone() {
     let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 1);
-    // A listener that asks nobody whom a command is from: what gets through to the slot.
+    // A subscriber without a check of the sender, to see the commands that reach the slot.
     let node = bare_node(run.address());
     let service = "freeplay/command/0".try_into().unwrap();
     let commands = node.service_builder(&service).publish_subscribe::<Command>().open().unwrap();
@@ -71,18 +71,18 @@ fn commands_count_from_the_seat_alone() {
     let mut intruder = Role::start("intruder", Some(run.address()));
     intruder.hear("sent");
 
-    // The attack arrives whole: as good a command as any, but for whom it is from.
+    // All commands of the attack arrive; only their sender is wrong.
     let mut arrived = 0;
     while let Some(command) = gullible.receive().unwrap() {
         assert_eq!((command.check(run.address().run()), command.value[0]), (Ok(()), VALUE));
         arrived += 1;
     }
-    // The buffer of a listener with the settings of this service holds them all.
+    // The buffer of a subscriber with the settings of this service has room for all of them.
     assert_eq!(arrived, FORGED);
     assert_eq!(plant.next_command(0).unwrap(), None);
     assert_eq!(plant.foreign(0), Foreign { commands: FORGED, process: Some(intruder.pid()) });
 
-    // Nor does it get the seat by saying that it has it.
+    // Claiming the seat in a hello does not give the intruder the seat.
     let greeting = greet(&mut plant, 1).remove(0);
     assert!(
         matches!(greeting, Greeting::Refused { slot: 0, verdict: Verdict::SlotTaken, .. }),
@@ -90,7 +90,7 @@ fn commands_count_from_the_seat_alone() {
     );
     assert_eq!(intruder.hear("told: "), Verdict::SlotTaken.code().to_string());
 
-    // The same command is taken from the seat.
+    // The plant accepts the same command from the holder of the seat.
     tell.send(()).unwrap();
     let begun = Instant::now();
     let taken = loop {

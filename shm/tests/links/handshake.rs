@@ -1,4 +1,4 @@
-//! Who is accepted, who is refused, and in which words on both sides.
+//! Tests of accepted and refused handshakes, with the messages on both sides.
 
 use std::fs;
 use std::time::{Duration, Instant};
@@ -13,7 +13,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use crate::child::{Role, bare_node};
 use crate::{PATIENCE, connect_while_greeting, greet, offer, open_plant};
 
-/// Says `hello` to a plant with two slots and seven joints and returns both sides' view of the refusal.
+/// Sends `hello` to a plant with two slots and seven joints and returns both sides' view of the refusal.
 fn refusal(change: impl FnOnce(&mut Hello)) -> (Option<Verdict>, String) {
     let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 2);
@@ -28,7 +28,7 @@ fn refusal(change: impl FnOnce(&mut Hello)) -> (Option<Verdict>, String) {
         verdict: verdict.unwrap(),
     };
     assert_eq!(greeting, expected);
-    // A refusal harms nobody: the slot is still to be had.
+    // A refusal has no side effect: the slot is still free.
     let good = Hello::new("friend", 1, 7);
     let ((), greeting) = connect_while_greeting(&mut plant, run.address(), good, |connected| {
         connected.map(|_| ()).unwrap();
@@ -136,7 +136,7 @@ fn programs_in_other_languages_find_the_types_by_name() {
     }
 }
 
-/// The state of a plant of another version: iceoryx2 itself refuses to open it as ours.
+/// The state of a plant of another version; iceoryx2 itself refuses to open it as the current type.
 #[derive(Debug, Clone, Copy, ZeroCopySend)]
 #[repr(C)]
 #[type_name("freeplay.State")]

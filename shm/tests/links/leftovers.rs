@@ -1,4 +1,4 @@
-//! What a run leaves behind: nothing; and who may look into it while it lives: its owner.
+//! Tests that a run leaves nothing behind, and that only its owner can read it while it lives.
 
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
@@ -11,7 +11,7 @@ use freeplay_shm::{Address, Hello, LinkError, PlantLink, RunFolder, SHM_ENV};
 use crate::child::Role;
 use crate::{connect_while_greeting, offer, open_plant};
 
-/// Everything of the run in shared memory: its folder with all that is in it, and its segments.
+/// All objects of the run in shared memory: its folder with its contents, and its segments.
 pub fn traces(address: &Address) -> Vec<PathBuf> {
     let segments = fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
     let of_run = |path: &PathBuf| path.to_string_lossy().contains(&address.prefix());
@@ -33,7 +33,7 @@ pub fn assert_nothing_left(address: &Address) {
     assert_eq!(traces(address), Vec::<PathBuf>::new());
 }
 
-/// A run with a plant and two controllers that have come; one has gone again.
+/// A run with a plant and two connected controllers, of which one has left.
 fn busy_run() -> (RunFolder, PlantLink) {
     let run = RunFolder::create().unwrap();
     let mut plant = open_plant(&run, 2);
@@ -84,8 +84,8 @@ fn a_run_lives_as_long_as_anyone_takes_part() {
     RunFolder::sweep_dead();
     assert!(traces(&address).len() > 5);
     drop(plant);
-    // The last to leave removes the run. But a process that another test is just starting shares this one's locks until it
-    // is itself, and then it takes a sweep.
+    // The last participant removes the run. But a process that another test is just starting shares this one's locks until its
+    // exec; then a sweep is needed.
     for _ in 0..100 {
         if traces(&address).is_empty() {
             break;
@@ -99,7 +99,7 @@ fn a_run_lives_as_long_as_anyone_takes_part() {
     assert_nothing_left(&address);
 }
 
-/// Kills a whole run in a folder whose path is as long as it may be; `then` gets that folder and is to have it swept.
+/// Kills a whole run in a folder with the longest permitted path; `then` gets that folder and must have it swept.
 fn with_a_dead_run_elsewhere(then: impl FnOnce(&Path)) {
     let parent = tempfile::tempdir_in("/dev/shm").unwrap();
     let longest = 112 - "/freeplay-4294967295/4194304-01234567".len();
@@ -154,7 +154,7 @@ fn a_folder_that_others_can_change_is_refused() {
         fs::set_permissions(parent.path(), fs::Permissions::from_mode(mode)).unwrap();
         refused("other users can rename files");
     }
-    // The owner of a folder renames what is in it, whatever its mode.
+    // The owner of a folder can rename its contents, whatever its mode.
     if chown(parent.path(), Some(65_534), None).is_ok() {
         for mode in [0o755, 0o1777] {
             fs::set_permissions(parent.path(), fs::Permissions::from_mode(mode)).unwrap();

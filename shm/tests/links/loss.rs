@@ -1,4 +1,4 @@
-//! Who is slow loses the oldest and knows how many; who is fast waits for nobody.
+//! Tests of loss: a slow reader loses the oldest messages and counts them; a fast writer does not wait.
 
 use std::sync::mpsc;
 
@@ -8,7 +8,7 @@ use freeplay_shm::{
 
 use crate::{PATIENCE, greet, open_plant};
 
-/// A plant here and a controller on a thread of its own: `on_plant` runs first, then `on_controller`, then `after`.
+/// A plant here and a controller on its own thread: `on_plant` runs first, then `on_controller`, then `after`.
 fn in_turn(
     on_plant: impl FnOnce(&mut PlantLink, u64),
     on_controller: impl FnOnce(&mut ControllerLink) + Send + 'static,
@@ -38,7 +38,7 @@ fn publish(plant: &mut PlantLink, run: u64, ticks: std::ops::Range<u64>) {
 
 #[test]
 fn a_slow_controller_loses_the_oldest_states_and_counts_them() {
-    // The controller's receiver lets go of one state for each it takes, so what it lost shows from the second on.
+    // The controller's receiver releases one state for each that it takes, so the loss appears from the second state on.
     in_turn(
         |plant, run| publish(plant, run, 0..100),
         |link| {

@@ -1,4 +1,4 @@
-//! Links between real processes: this binary starts itself again in the role a test needs.
+//! Tests of links between real processes: this binary starts itself again in the roles of the tests.
 
 #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 
@@ -46,7 +46,7 @@ fn greet(plant: &mut PlantLink, count: usize) -> Vec<Greeting> {
     greetings
 }
 
-/// Connects on a thread of its own while `plant` greets; the link must stay on its thread, so `then` runs there.
+/// Connects on a separate thread while `plant` greets; the link must stay on its thread, so `then` runs there.
 fn connect_while_greeting<T: Send + 'static>(
     plant: &mut PlantLink,
     address: &Address,
@@ -82,7 +82,7 @@ fn run_lockstep(plant: &mut PlantLink, run: u64, ticks: u64) -> Vec<f64> {
     answers
 }
 
-/// What [`run_lockstep`] returns against [`serve`].
+/// The expected result of [`run_lockstep`] against [`serve`].
 fn expected_answers(ticks: u64) -> Vec<f64> {
     (0..ticks).map(|tick| 2.0 * (tick as f64).sqrt() + 1.0).collect()
 }

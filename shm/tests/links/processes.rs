@@ -1,4 +1,4 @@
-//! Two processes for real: answers, either order of start, kill -9 of either and of both.
+//! Tests with two real processes: answers, both orders of start, and kill -9 of either and of both.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ use crate::child::Role;
 use crate::leftovers::{assert_nothing_left, traces};
 use crate::{PATIENCE, expected_answers, greet, open_plant, run_lockstep};
 
-/// Controllers killed while they start.
+/// Number of controllers killed while they start.
 const STEPS: u64 = 30;
 
 #[test]
@@ -51,7 +51,7 @@ fn a_killed_controller_frees_its_slot_and_what_it_held() {
         grabber.kill();
         assert!(!plant.is_held(0));
     }
-    // More states than the publisher has memory for, if what the dead held were lost.
+    // More states than the publisher has memory for, if the memory of dead processes were lost.
     for tick in 0..1000 {
         plant.publish(&State { tick, ..State::new(id, 7) }).unwrap();
     }
@@ -93,7 +93,7 @@ fn a_controller_killed_while_it_starts_harms_nobody() {
     let id = run.address().run();
     let mut plant = open_plant(&run, 1);
     let mut greeted = 0;
-    // Killed ever later: before it is itself, while it opens its end, after it was accepted.
+    // The test kills at increasing times: before exec, while the process opens its end, and after it was accepted.
     for step in 0..STEPS {
         let controller = Role::start("controller", Some(run.address()));
         let deadline = Instant::now() + Duration::from_micros(500 * step);
@@ -106,7 +106,7 @@ fn a_controller_killed_while_it_starts_harms_nobody() {
     }
     println!("{greeted} of {STEPS} were greeted before they were killed");
     let controller = Role::start("controller", Some(run.address()));
-    // The last of the dead may have left its hello.
+    // The last killed process may have left its hello.
     let is_there =
         |greeting: &Greeting| matches!(greeting, Greeting::Accepted { pid, .. } if *pid == controller.pid());
     while !greet(&mut plant, 1).iter().any(is_there) {}
