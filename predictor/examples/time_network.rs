@@ -1,11 +1,11 @@
-//! How long the network takes: one forward pass (p50, p99) and one Levenberg–Marquardt iteration.
+//! Measures computing times of the network: one forward pass (p50, p99) and one Levenberg–Marquardt iteration.
 //!
 //! `cargo run --release -p freeplay-predictor --example time_network`
 //!
-//! An iteration is what one epoch costs when its first step is accepted: JᵀJ and Jᵀe, Cholesky factorisation and solution,
-//! and the error at the new weights. Rows of J are samples × outputs; both the three outputs of the network and the same
-//! network with one output (as many rows as samples) are timed, and beside them, as a yardstick, nalgebra's product
-//! of the transposed Jacobian of that shape with itself (both triangles).
+//! An iteration is the cost of an epoch whose first step is accepted: JᵀJ and Jᵀe, Cholesky factorisation and solution, and the
+//! error at the new weights. Rows of J are samples × outputs. The example times the network with its three outputs and with one
+//! output (as many rows as samples). As a reference it also times nalgebra's product of the transposed Jacobian of that shape
+//! with itself (both triangles).
 
 use freeplay_predictor::gauss_newton::{NetworkErrors, Samples};
 use freeplay_predictor::initialise::nguyen_widrow;
@@ -109,7 +109,7 @@ fn rank_k(rows: usize, columns: usize) -> f64 {
     median(&(0..7).map(|_| once()).collect::<Vec<_>>())
 }
 
-/// Milliseconds that `work` takes.
+/// Time of `work`, ms.
 fn timed(work: impl FnOnce()) -> f64 {
     let start = Instant::now();
     work();
@@ -122,7 +122,7 @@ fn median(values: &[f64]) -> f64 {
     sorted[sorted.len() / 2]
 }
 
-/// A number in [-1, 1] that looks random.
+/// A pseudo-random number in [-1, 1].
 fn value(index: usize) -> f64 {
     (index as f64 * 12.9898).sin()
 }

@@ -1,7 +1,7 @@
 //! Hidden units: hyperbolic tangent (MATLAB's `tansig`) and logistic sigmoid (`logsig`).
 //!
-//! The standard library's `tanh` takes 10–20 ns and does not vectorise; 40 of them would take longer than the rest of
-//! the network. Here both functions are branch-free, so that the compiler evaluates four at a time.
+//! The standard library's `tanh` takes 10–20 ns and does not vectorise; 40 calls would take longer than the rest of the network.
+//! Both functions here are branch-free, so that the compiler evaluates four at a time.
 //!
 //! # Formula
 //! With 2x = k·ln 2 + r, k an integer and |r| ≤ ln 2 / 2, and the rational e^r = (Q + P) / (Q − P), P odd and Q even in r
@@ -9,7 +9,7 @@
 //!
 //! tanh x = (e^2x − 1) / (e^2x + 1) = ((2^k − 1) Q + (2^k + 1) P) / ((2^k + 1) Q + (2^k − 1) P)
 //!
-//! One division, and no cancellation near zero (k = 0 leaves P / Q). Departure from Cephes: |x| is cut at
+//! The formula needs one division and has no cancellation near zero (k = 0 leaves P / Q). Unlike Cephes, it clips |x| at
 //! [`SATURATION`], where tanh is 1 to within half a unit in the last place.
 //!
 //! # Error
@@ -50,7 +50,7 @@ impl Activation {
         self.lane::<false>(z)
     }
 
-    /// Slope dy/dz, expressed through the unit's value `y`.
+    /// Slope dy/dz as a function of the unit's value `y`.
     #[must_use]
     #[inline]
     pub fn slope(self, y: f64) -> f64 {
@@ -60,7 +60,7 @@ impl Activation {
         }
     }
 
-    /// Replaces every z in `values` by the unit's value, with the widest instructions the machine has.
+    /// Replaces every z in `values` by the unit's value, using the widest instructions of the machine.
     pub fn apply(self, arch: pulp::Arch, values: &mut [f64]) {
         arch.dispatch(Apply { activation: self, values });
     }
@@ -94,8 +94,8 @@ impl pulp::WithSimd for Apply<'_> {
     }
 }
 
-/// a·b + c, as one instruction where the caller is compiled for a machine that has it (elsewhere the standard
-/// library's `mul_add` would be a slow call).
+/// a·b + c, as one instruction if the caller is compiled for a machine with fused multiply-add; without it, the standard
+/// library's `mul_add` would be a slow call.
 #[inline(always)]
 pub(crate) fn fused<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     if FUSED { a.mul_add(b, c) } else { a * b + c }
@@ -103,14 +103,14 @@ pub(crate) fn fused<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
 
 #[inline(always)]
 fn tanh<const FUSED: bool>(x: f64) -> f64 {
-    // Comparisons rather than min and max, which would turn NaN into a number.
+    // `min` and `max` would turn NaN into a number; these comparisons keep it.
     let x = if x > SATURATION { SATURATION } else { x };
     let x = if x < -SATURATION { -SATURATION } else { x };
     let twice = x + x;
     let shifted = fused::<FUSED>(twice, std::f64::consts::LOG2_E, ROUND);
     let k = shifted - ROUND;
     let r = fused::<FUSED>(k, -LN_2[1], fused::<FUSED>(k, -LN_2[0], twice));
-    // k sits in the lowest bits of `shifted`; moved into the exponent and biased it is 2^k.
+    // The lowest bits of `shifted` hold k; moved into the exponent and biased they give 2^k.
     let power = f64::from_bits((shifted.to_bits() << 52).wrapping_add(1.0_f64.to_bits()));
     let rr = r * r;
     let p = r * fused::<FUSED>(fused::<FUSED>(P[0], rr, P[1]), rr, P[2]);
@@ -123,7 +123,7 @@ fn tanh<const FUSED: bool>(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Arguments of all magnitudes and both signs, dense where tanh bends and where 2^k changes.
+    /// Arguments of all magnitudes and both signs, dense where tanh is curved and where 2^k changes.
     fn arguments() -> Vec<f64> {
         let dense = (0..400_000).map(|i| f64::from(i) * 1.0e-4 - 20.0);
         let small = (0..3000).map(|i| 10.0_f64.powf(f64::from(i) * 0.1 - 300.0));

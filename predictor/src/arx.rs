@@ -1,4 +1,4 @@
-//! Ridge ARX: the best linear function of the same regressors as the network's.
+//! Ridge ARX: the best linear function of the network's regressors.
 //!
 //! # Formula
 //! ŷ = ȳ + B (x − x̄), B = argmin Σ |y − ȳ − B (x − x̄)|² + λ n |B|² over the n training windows, on regressors and outputs scaled
@@ -16,7 +16,7 @@ use crate::training::{fit_scaling, scaled};
 use crate::window::{Layout, Window, WindowError, check_windows};
 use nalgebra::DMatrix;
 
-/// Ridges λ tried, largest first.
+/// Candidate ridges λ, largest first.
 pub const RIDGES: [f64; 13] =
     [1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12];
 
@@ -40,13 +40,13 @@ struct Linear {
     offset: Vec<f64>,
 }
 
-/// Why no linear model can be fitted.
+/// Reasons why no linear model can be fitted.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum ArxError {
-    /// The layout makes no sense, or a window does not suit it.
+    /// The layout is invalid, or a window does not match it.
     #[error(transparent)]
     Window(#[from] WindowError),
-    /// There is nothing to fit, or nothing to choose the ridge on.
+    /// There are no windows for the fit, or none for the choice of the ridge.
     #[error("{train} training and {validation} validation windows: the fit needs both")]
     NoWindows {
         /// Training windows.
@@ -63,7 +63,7 @@ impl Arx {
     /// Fits the linear model on `split.train`, choosing the ridge on `split.validation`.
     ///
     /// # Errors
-    /// When the layout or a window makes no sense, a part is empty, or no ridge gives a finite model.
+    /// If the layout or a window is invalid, a part is empty, or no ridge gives a finite model.
     pub fn fit(series: &Series, split: &Split, layout: &Layout) -> Result<Self, ArxError> {
         layout.check(series.inputs(), series.outputs())?;
         for part in [&split.train, &split.validation] {
@@ -81,7 +81,7 @@ impl Arx {
         Ok(Self { layout, input_names, output_names, input_scaling, output_scaling, linear, ridge })
     }
 
-    /// The ridge λ chosen.
+    /// The chosen ridge λ.
     #[must_use]
     pub fn ridge(&self) -> f64 {
         self.ridge
@@ -90,7 +90,7 @@ impl Arx {
     /// The outputs at the windows' targets, row-major, in the outputs' own units.
     ///
     /// # Errors
-    /// When the series has other channels, or a window lacks history or has another horizon.
+    /// If the series has other channels, or a window lacks history or has another horizon.
     pub fn predict(&self, series: &Series, windows: &[Window]) -> Result<Vec<f64>, PredictError> {
         series.check_channels(&self.input_names, &self.output_names)?;
         check_windows(series, windows, self.layout.memory(), self.layout.horizon)?;
@@ -124,7 +124,7 @@ impl Linear {
     }
 }
 
-/// The linear model with the ridge that predicts `validation` best.
+/// The linear model with the ridge that gives the least error on `validation`.
 #[expect(clippy::cast_precision_loss)]
 fn fit_linear(train: Samples, validation: &Samples) -> Result<(Linear, f64), ArxError> {
     let Samples { mut inputs, mut outputs } = train;
@@ -179,7 +179,7 @@ mod tests {
         Layout { input_lags: vec![0, 1], output_lags: vec![0, 1], horizon: 1, input_at_target: false }
     }
 
-    /// y\[k+1\] = 0.6 y\[k\] − 0.2 y\[k−1\] + 0.5 u\[k\] + 0.1 u\[k−1\] + 3, and noise.
+    /// y\[k+1\] = 0.6 y\[k\] − 0.2 y\[k−1\] + 0.5 u\[k\] + 0.1 u\[k−1\] + 3, plus noise.
     fn linear_system(noise: f64) -> Series {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(21);
         let u: Vec<f64> = (0..400).map(|_| rng.random_range(-1.0..1.0)).collect();
@@ -235,7 +235,7 @@ mod tests {
     #[test]
     fn the_ridge_is_the_best_on_validation() {
         let series = linear_system(1.0);
-        // Few training windows and useless lags: the plain fit follows the noise.
+        // Few training windows and useless lags: an unregularised fit overfits the noise.
         let layout = Layout { output_lags: (0..16).collect(), ..layout() };
         let all = windows(&series, layout.memory(), 1).unwrap();
         let split =

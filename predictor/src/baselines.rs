@@ -1,14 +1,14 @@
-//! What a network has to beat, without learning: persistence, the previous lap, a given physics prediction.
+//! Baselines without learning that a network should beat: persistence, the previous lap, a given physical prediction.
 //!
-//! All answer for the same windows as the network (row-major, in the outputs' own units); ridge ARX is in [`crate::arx`].
+//! All of them predict the same windows as the network (row-major, in the outputs' own units); ridge ARX is in [`crate::arx`].
 
 use crate::series::Series;
 use crate::window::Window;
 
-/// Why a baseline cannot answer.
+/// Reasons why a baseline cannot predict.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum BaselineError {
-    /// No sample a whole number of laps before the target is known at the present.
+    /// At the present sample, no sample a whole number of laps before the target is known yet.
     #[error(
         "run {run}, target {target}: no sample lies a whole number of laps of {period} samples back; \
          use windows with at least {needed} samples before the target"
@@ -23,32 +23,32 @@ pub enum BaselineError {
         /// Samples needed before the target.
         needed: usize,
     },
-    /// The physics prediction has not one row per sample of the series.
+    /// The physical prediction does not have one row per sample of the series.
     #[error("physics prediction of run {run}: {found} values, but the series has {expected} outputs there")]
     PhysicsShape {
         /// Index of the run.
         run: usize,
-        /// Values needed.
+        /// Required values.
         expected: usize,
-        /// Values given.
+        /// Given values.
         found: usize,
     },
 }
 
-/// Persistence: the outputs of the present, ŷ\[k+h\] = y\[k\].
+/// Persistence: the prediction equals the present outputs, ŷ\[k+h\] = y\[k\].
 ///
 /// # Panics
-/// When a window lies outside its run (as do the others here).
+/// If a window exceeds its run (as in the other functions of this module).
 #[must_use]
 pub fn persistence(series: &Series, windows: &[Window]) -> Vec<f64> {
     windows.iter().flat_map(|w| series.output(w.run, w.present)).copied().collect()
 }
 
-/// The outputs a whole number of laps of `period` samples before the target: of the latest such sample that is known at
-/// the present, ŷ\[k+h\] = y\[k+h−m·period\].
+/// The outputs a whole number of laps of `period` samples before the target. The function uses the latest such sample that is
+/// known at the present, ŷ\[k+h\] = y\[k+h−m·period\].
 ///
 /// # Errors
-/// When a window has no such sample.
+/// If a window has no such sample.
 pub fn previous_lap(series: &Series, windows: &[Window], period: usize) -> Result<Vec<f64>, BaselineError> {
     let mut predictions = Vec::with_capacity(windows.len() * series.outputs());
     for &Window { run, present, target } in windows {
@@ -61,13 +61,13 @@ pub fn previous_lap(series: &Series, windows: &[Window], period: usize) -> Resul
     Ok(predictions)
 }
 
-/// A physics prediction plus persistence of its residual, ŷ\[k+h\] = p\[k+h\] + (y\[k\] − p\[k\]).
+/// A physical prediction plus persistence of its residual, ŷ\[k+h\] = p\[k+h\] + (y\[k\] − p\[k\]).
 ///
-/// `physics` has, for each run, the outputs p predicted for every sample (row-major), by a model that needs only what is
-/// known h samples earlier, such as the reference motion.
+/// `physics` contains, for each run, the predicted outputs p of every sample (row-major). The physical model may use only data
+/// that are known h samples earlier, such as the reference motion.
 ///
 /// # Errors
-/// When `physics` has not the series' shape.
+/// If the shape of `physics` differs from that of the series.
 pub fn physics_with_residual(
     series: &Series,
     windows: &[Window],
@@ -94,7 +94,7 @@ mod tests {
     use crate::window::{targets, windows};
     use std::f64::consts::TAU;
 
-    /// y = sin θ, cos θ with 100 samples per lap.
+    /// y = sin θ, cos θ with 100 samples a lap.
     fn circle(samples: u32) -> Series {
         let mut series = Series::new(&[], &["s", "c"]).unwrap();
         let angle = |k: u32| f64::from(k) / 100.0 * TAU;
@@ -105,14 +105,14 @@ mod tests {
 
     #[test]
     fn persistence_of_a_sine_has_its_closed_form_error() {
-        // Over whole laps, mean (sin(θ + a) − sin θ)² = 1 − cos a.
+        // For whole laps, mean (sin(θ + a) − sin θ)² = 1 − cos a.
         let series = circle(303);
         let all = windows(&series, 0, 3).unwrap();
         let scores = score(&targets(&series, &all), &persistence(&series, &all), 2, None).unwrap();
         let expected = 1.0 - (3.0 / 100.0 * TAU).cos();
         eprintln!("{:.3e} {:.3e} expected {expected:.3e}", scores[0].mse, scores[1].mse);
         assert!(scores.iter().all(|s| s.count == 300 && (s.mse - expected).abs() < 1.0e-12));
-        // R = cos a, nearly 1 though nothing is predicted.
+        // R = cos a is nearly 1 although persistence predicts nothing.
         assert!((scores[0].r.unwrap() - (1.0 - expected)).abs() < 1.0e-12);
     }
 
@@ -132,7 +132,7 @@ mod tests {
     fn laps_shorter_than_the_horizon_reach_back_far_enough() {
         let series = circle(300);
         let window = Window { run: 0, present: 50, target: 75 };
-        // Two laps of 20 would be sample 35; one lap, 55, is not yet known.
+        // Two laps of 20 samples back is sample 35; one lap back, 55, is not known yet.
         assert_eq!(previous_lap(&series, &[window], 20).unwrap(), series.output(0, 35));
         let early = Window { run: 0, present: 10, target: 13 };
         assert!(matches!(

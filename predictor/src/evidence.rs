@@ -1,35 +1,35 @@
-//! Weight decay whose size the data choose: for networks that have to be right between and beyond their samples.
+//! Weight decay chosen by the evidence of the data, for networks that must be accurate between and beyond their samples.
 //!
 //! # Formula
-//! Minimise Σ e² + Σ λ w². Weights fall into classes of one λ each. Between rounds λ = α/β of each class is taken where the evidence of the data is greatest:
-//! α = γ / Σ w² over the weights of the class, β = (n − Σ γ) / Σ e², with n errors and γ = Σ (1 − λ \[(JᵀJ + Λ)⁻¹\]ᵢᵢ) the number of the weights of the class
-//! that the data determine (D. J. C. MacKay, "A practical Bayesian framework for backpropagation networks", Neural Computation 4, 1992; F. D. Foresee,
-//! M. T. Hagan, "Gauss–Newton approximation to Bayesian learning", ICNN 1997, MATLAB's `trainbr`). With a class for each input, λ of an input that
-//! tells nothing grows until its weights are as good as none (automatic relevance determination, R. M. Neal, "Bayesian Learning for Neural
-//! Networks", 1996, §1.2.3). No samples are kept back to stop the training.
+//! The cost is Σ e² + Σ λ w². Each class of weights has one λ. Between rounds, λ = α/β of each class is set to the maximum of the evidence: α = γ / Σ w² over
+//! the weights of the class, β = (n − Σ γ) / Σ e², with n errors and γ = Σ (1 − λ \[(JᵀJ + Λ)⁻¹\]ᵢᵢ) the number of the weights of the class that the data
+//! determine (D. J. C. MacKay, "A practical Bayesian framework for backpropagation networks", Neural Computation 4, 1992; F. D. Foresee, M. T. Hagan,
+//! "Gauss–Newton approximation to Bayesian learning", ICNN 1997, MATLAB's `trainbr`). With a class for each input, λ of an uninformative input grows until
+//! its weights are negligible (automatic relevance determination, R. M. Neal, "Bayesian Learning for Neural Networks", 1996, §1.2.3). The method needs no
+//! validation samples to stop the training.
 //!
-//! A round need not reach its minimum before λ changes: it ends after a share of the epochs, and every round as soon as its cost hardly falls.
+//! A round need not reach its minimum before λ changes: it ends after a share of the epochs, or as soon as its cost hardly falls.
 
 use crate::levenberg_marquardt::{Epoch, LeastSquares, MinimiseError, Outcome, Settings, Stop, minimise};
 use crate::normal_equations::NormalEquations;
 use std::ops::ControlFlow;
 
-/// λ of the first round.
+/// Initial λ.
 const FIRST: f64 = 1e-2;
-/// Least λ: below it the decay is lost in rounding.
+/// Least λ; a smaller decay would be lost in rounding.
 const LEAST: f64 = 1e-9;
-/// Greatest λ: weights of a class with it are as good as none.
+/// Greatest λ; the weights of its class are then negligible.
 const MOST: f64 = 1e4;
-/// Most rounds before the last.
+/// Most rounds before the last one.
 const ROUNDS: usize = 30;
-/// The rounds before the last have one of so many epochs each.
+/// Each round before the last one may use one of this many parts of the epochs.
 const SHARE: usize = 5;
-/// A round ends where so many epochs take less than this share of the cost away.
+/// A round ends if this many epochs reduce the cost by less than this share.
 const HARDLY: (usize, f64) = (5, 1e-3);
-/// Change of λ between rounds below which it has settled, as a factor.
+/// Factor between successive λ below which λ counts as settled.
 const SETTLED: f64 = 1.1;
 
-/// A problem whose weights decay, each with the λ of its class.
+/// A problem with weight decay; each weight has the λ of its class.
 struct Decayed<'a, P> {
     problem: &'a mut P,
     decay: &'a Decay<'a>,
@@ -74,11 +74,11 @@ impl<P: LeastSquares> LeastSquares for Decayed<'_, P> {
     }
 }
 
-/// Minimises `problem` from `start` in rounds with the decays that the data choose, one for each class of weights: `classes` says to which each
-/// weight belongs. The last round has at most `settings.epochs` epochs, and its outcome is returned.
+/// Minimises `problem` from `start` in rounds, with decays chosen by the evidence of the data, one for each class of weights; `classes` gives the class of
+/// each weight. The last round has at most `settings.epochs` epochs, and the function returns its outcome.
 ///
 /// # Errors
-/// As [`minimise`].
+/// See [`minimise`].
 pub fn minimise_by_evidence(
     problem: &mut impl LeastSquares,
     classes: &[usize],
@@ -103,7 +103,7 @@ pub fn minimise_by_evidence(
     until_settled(&mut Decayed { problem, decay: &decay }, weights, settings, &mut progress)
 }
 
-/// As [`minimise`], but ends as soon as the cost hardly falls ([`HARDLY`]), with [`Stop::Settled`].
+/// Minimises as [`minimise`] does, but ends with [`Stop::Settled`] as soon as the cost hardly falls ([`HARDLY`]).
 fn until_settled(
     problem: &mut impl LeastSquares,
     start: Vec<f64>,
@@ -125,7 +125,7 @@ fn until_settled(
     Ok(outcome)
 }
 
-/// λ of each class by the evidence at `weights`; none where the equations can't be inverted or nothing is left to explain.
+/// λ of each class by the evidence at `weights`; `None` if the matrix is singular or the residual is zero.
 fn chosen(problem: &mut impl LeastSquares, weights: &[f64], decay: &Decay<'_>) -> Option<Vec<f64>> {
     let mut equations = NormalEquations::new(weights.len());
     problem.linearise(weights, &mut equations);
@@ -160,7 +160,7 @@ mod tests {
         values.iter().map(|value| value * value).sum()
     }
 
-    /// y = x₀ w₀ with noise, and columns that say nothing.
+    /// y = x₀ w₀ with noise, and irrelevant columns.
     struct Linear {
         rows: Vec<(Vec<f64>, f64)>,
     }
@@ -187,7 +187,7 @@ mod tests {
         x.iter().zip(weights).map(|(x, w)| x * w).sum::<f64>() - y
     }
 
-    /// Few noisy rows of many columns: the weights come nearer to the truth than those of least squares, and λ is near the one that made them,
+    /// With few noisy rows and many columns, the estimated weights are closer to the true ones than those of least squares, and λ is close to its true value
     /// σ² / σ_w².
     #[test]
     fn the_decay_is_the_one_that_made_the_data() {
@@ -222,7 +222,7 @@ mod tests {
         assert!(decay > 0.3 * expected && decay < 3.0 * expected);
     }
 
-    /// Half of the columns made the data, the other half is noise: the decay of these is far greater, and their weights are next to none.
+    /// One half of the columns generated the data, the other half is irrelevant: the decay of the latter is far greater, and their weights are negligible.
     #[test]
     fn a_class_that_tells_nothing_decays_away() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(6);

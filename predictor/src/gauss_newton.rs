@@ -4,10 +4,11 @@
 //! Each sample gives one error per output, e = ŷ − y (scaled), so 1500 samples of 3 outputs are 4500 rows of J.
 //!
 //! # Formula
-//! The derivative of output o by weight (i, j) of layer l is δ^o_i a_j: the backpropagated derivative by unit i's sum times
-//! what enters through the weight. How JᵀJ is summed from these: `layer_pairs.rs`.
+//! The derivative of output o with respect to weight (i, j) of layer l is δ^o_i a_j: the backpropagated derivative with respect
+//! to unit i's sum, times the input of the weight. `layer_pairs.rs` describes the summation of JᵀJ from these.
 //!
-//! Samples are taken in batches small enough for the cache, in a fixed order on one thread: results are reproducible.
+//! The samples are processed in batches that fit into the cache, in a fixed order on one thread, so that results are
+//! reproducible.
 
 use crate::activation::Activation;
 use crate::columns::{column, column_mut};
@@ -42,11 +43,11 @@ pub struct NetworkErrors {
 }
 
 impl NetworkErrors {
-    /// The errors of networks of these layer sizes (at least two, each ≥ 1) on `training`, stopped early on
+    /// Creates the errors of networks of these layer sizes (at least two, each ≥ 1) on `training`, with early stopping on
     /// `validation`.
     ///
     /// # Panics
-    /// When the samples' columns are not the network's inputs and outputs.
+    /// If the columns of the samples do not match the network's inputs and outputs.
     #[must_use]
     pub fn new(
         sizes: &[usize],
@@ -75,7 +76,7 @@ impl NetworkErrors {
         }
     }
 
-    /// Fills the layers' values for a batch of the training samples, or of the validation samples, and the error.
+    /// Computes the layers' values for a batch of the training samples, or of the validation samples, and the error.
     fn forward(&mut self, weights: &[f64], batch: &Range<usize>, validate: bool) {
         let Some(samples) = (if validate { self.validation.as_ref() } else { Some(&self.training) }) else {
             return;
@@ -120,7 +121,7 @@ impl NetworkErrors {
         sum
     }
 
-    /// Fills the derivatives of every output by every unit's sum, from the last layer to the first.
+    /// Computes the derivatives of every output with respect to every unit's sum, from the last layer to the first.
     fn backward(&mut self, weights: &[f64], rows: usize) {
         for index in (0..self.layers.len() - 1).rev() {
             let (before, after) = self.layers.split_at_mut(index + 1);
@@ -130,7 +131,7 @@ impl NetworkErrors {
                 let slope = &mut column_mut(&mut layer.slope, unit)[..rows];
                 slope.iter_mut().zip(value).for_each(|(slope, value)| *slope = self.activation.slope(*value));
             }
-            // Without the biases, which no unit of this layer feeds.
+            // The biases are excluded, because no unit of this layer feeds them.
             let back = next.matrix(weights).rows(1, next.fan_in).transpose();
             for (delta, later) in layer.delta.iter_mut().zip(&next.delta) {
                 delta.rows_mut(0, rows).gemm(1.0, &later.rows(0, rows), &back, 0.0);
@@ -224,7 +225,7 @@ mod tests {
         Case { samples, weights }
     }
 
-    /// Errors of all samples by the streaming network: another implementation of the same formula.
+    /// Errors of all samples by the streaming network, an independent implementation of the same formula.
     fn errors(sizes: &[usize], activation: Activation, samples: &Samples, weights: &[f64]) -> Vec<f64> {
         let network = Network::new(sizes, activation, weights.to_vec()).unwrap();
         let mut scratch = network.scratch();

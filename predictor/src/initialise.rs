@@ -1,11 +1,11 @@
-//! Where training starts: the rule of Nguyen and Widrow.
+//! Initial weights by the rule of Nguyen and Widrow.
 //!
 //! # Formula
-//! A hidden layer of s units on r inputs in \[-1, 1\]: weight vectors of length 0.7 s^(1/r) in random directions, biases
-//! spread evenly so that the units' active ranges cover the inputs (D. Nguyen, B. Widrow, "Improving the learning speed
-//! of 2-layer neural networks by choosing initial values of the adaptive weights", IJCNN 1990), then stretched
-//! to the unit's active range, |z| < 2 for tanh and |z| < 4 for the logistic function, and shifted to inputs in \[0, 1\]
-//! after logistic units, as MATLAB's `initnw` does. Output weights and biases are uniform in (-1, 1).
+//! A hidden layer has s units on r inputs in \[-1, 1\]. The weight vectors have the length 0.7 s^(1/r) and random directions, and
+//! the biases are spread evenly so that the units' active ranges cover the inputs (D. Nguyen, B. Widrow, "Improving the learning
+//! speed of 2-layer neural networks by choosing initial values of the adaptive weights", IJCNN 1990). They are then scaled to the
+//! unit's active range, |z| < 2 for tanh and |z| < 4 for the logistic function, and shifted to inputs in \[0, 1\] after logistic
+//! units, as in MATLAB's `initnw`. Output weights and biases are uniform in (-1, 1).
 
 use crate::activation::Activation;
 use rand::{RngExt, SeedableRng};
@@ -48,7 +48,7 @@ fn magnitude(fan_in: usize, units: usize, activation: Activation) -> f64 {
     stretch * 0.7 * (units as f64).powf(1.0 / fan_in as f64)
 }
 
-/// Position of a unit among its layer's, evenly from −1 to 1; a single unit sits at 0.
+/// Normalised position of a unit in its layer, evenly from −1 to 1; a single unit has 0.
 #[expect(clippy::cast_precision_loss)]
 fn spread(unit: usize, units: usize) -> f64 {
     if units == 1 { 0.0 } else { 2.0 * unit as f64 / (units - 1) as f64 - 1.0 }
@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn logistic_units_see_inputs_centred() {
-        // An input of 1/2 from every logistic unit is the middle: there z is the bias before the shift.
+        // An output of 1/2 from every logistic unit is the centre; there z equals the bias before the shift.
         let weights = nguyen_widrow(&[2, 3, 4, 1], Activation::Logistic, 5);
         let second: Vec<&[f64]> = weights[9..9 + 16].chunks(4).collect();
         let expected = 2.8 * 4.0_f64.powf(1.0 / 3.0);

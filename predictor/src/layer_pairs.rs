@@ -1,41 +1,41 @@
 //! JᵀJ of a network, layer by layer, without J.
 //!
 //! # Formula
-//! With bias inputs a₀ = 1, the derivative of output o by weight (i, j) of layer l is δ^o_i a_j: the backpropagated slope of
-//! unit i times what enters through the weight. So
+//! With bias inputs a₀ = 1, the derivative of output o with respect to weight (i, j) of layer l is δ^o_i a_j: the backpropagated
+//! slope of unit i times the input of the weight. Therefore
 //!
 //! (JᵀJ)_{(i,j),(i′,j′)} = Σ_samples (Σ_o δ^o_i δ^o_i′) · (a_j a_j′),
 //!
-//! a sum of Kronecker products: the bracket, which holds the outputs, does not depend on j, j′. (J. Martens, R. Grosse,
-//! "Optimizing neural networks with Kronecker-factored approximate curvature", ICML 2015, and A. Botev, H. Ritter, D.
-//! Barber, "Practical Gauss–Newton optimisation for deep learning", ICML 2017, replace this sum by one product of means;
-//! here it is exact.) For each pair of layers it is one matrix product over the samples of all pairs (j, j′) with all
-//! pairs (i, i′); on the diagonal both factors are symmetric and only half of each is formed. J itself is never formed,
-//! only one triangle of JᵀJ is, and the work hardly depends on the number of outputs, where a plain JᵀJ grows with it.
+//! a sum of Kronecker products, because the bracket with the outputs does not depend on j, j′. (J. Martens, R. Grosse,
+//! "Optimizing neural networks with Kronecker-factored approximate curvature", ICML 2015, and A. Botev, H. Ritter, D. Barber,
+//! "Practical Gauss–Newton optimisation for deep learning", ICML 2017, approximate this sum by one product of means; here it is
+//! exact.) For each pair of layers the sum is one matrix product over the samples, of all pairs (j, j′) with all pairs (i, i′).
+//! For a layer with itself, both factors are symmetric and only half of each is computed. The program never forms J itself, and
+//! only one triangle of JᵀJ. The work hardly depends on the number of outputs, whereas that of a plain JᵀJ grows with it.
 
 use crate::columns::{column, column_mut};
 use crate::network::weight_count;
 use nalgebra::{DMatrix, DMatrixView};
 use std::ops::Range;
 
-/// Samples per batch: the products of the largest pair of layers of the usual networks then fit into the second-level
-/// cache (64, 128, 192 and 320 were tried).
+/// Samples per batch; the products of the largest pair of layers of the usual networks then fit into the second-level cache (64,
+/// 128, 192 and 320 were tried).
 pub const BATCH: usize = 128;
 
-/// One layer of weights and a batch's values around it.
+/// One layer of weights, with its inputs and derivatives for a batch.
 #[derive(Debug)]
 pub struct Layer {
-    /// Its weights' place in the flat list.
+    /// Index range of its weights in the flat list.
     pub weights: Range<usize>,
     pub fan_in: usize,
     pub units: usize,
-    /// What enters, 1 for the bias first: batch × (fan-in + 1).
+    /// Inputs of the layer, with 1 for the bias first: batch × (fan-in + 1).
     pub entering: DMatrix<f64>,
     /// The same, one column a sample: (fan-in + 1) × batch.
     pub samples: DMatrix<f64>,
-    /// Slopes of the activation at what leaves: batch × units.
+    /// Slopes of the activation at the outputs: batch × units.
     pub slope: DMatrix<f64>,
-    /// Derivatives of output o by the units' sums: per output batch × units.
+    /// Derivatives of output o with respect to the units' sums; for each output, batch × units.
     pub delta: Vec<DMatrix<f64>>,
 }
 
@@ -44,7 +44,7 @@ impl Layer {
         let (fan_in, units, outputs) = (sizes[layer - 1], sizes[layer], sizes[sizes.len() - 1]);
         let start = weight_count(&sizes[..layer]);
         let entering = DMatrix::from_fn(BATCH, fan_in + 1, |_, value| f64::from(value == 0));
-        // The derivative of output o by the last layer's sum i is 1 where o = i; earlier layers are overwritten.
+        // The derivative of output o with respect to the last layer's sum i is 1 for o = i; earlier layers are overwritten.
         let last = |output: usize| DMatrix::from_fn(BATCH, units, |_, unit| f64::from(unit == output));
         Self {
             weights: start..start + (fan_in + 1) * units,
@@ -68,16 +68,16 @@ impl Layer {
     }
 }
 
-/// The part of JᵀJ between two layers (`first` ≤ `second`), and a batch's products for it.
+/// The block of JᵀJ between two layers (`first` ≤ `second`), and a batch's products for it.
 #[derive(Debug)]
 pub struct Block {
     first: usize,
     second: usize,
-    /// Pairs (of `second`, of `first`) of entering values: pairs × batch.
+    /// Pairs (of `second`, of `first`) of layer inputs: pairs × batch.
     entering: DMatrix<f64>,
     /// Pairs (of `second`, of `first`) of units: batch × pairs.
     units: DMatrix<f64>,
-    /// The sums: pairs of entering values × pairs of units.
+    /// The sums: pairs of layer inputs × pairs of units.
     sum: DMatrix<f64>,
 }
 
@@ -97,7 +97,7 @@ impl Block {
         }
     }
 
-    /// Pairs (k of `second`, k′ of `first`), k fastest; on the diagonal k ≥ k′ only.
+    /// Pairs (k of `second`, k′ of `first`), k fastest; for a layer with itself only k ≥ k′.
     fn pairs(&self, second: usize, first: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
         let diagonal = self.first == self.second;
         (0..first)
@@ -132,7 +132,7 @@ impl Block {
         self.sum.gemm(1.0, &self.entering.columns(0, rows), &self.units.rows(0, rows), 1.0);
     }
 
-    /// Puts the sums where they belong in the lower triangle.
+    /// Writes the sums into the lower triangle.
     pub fn scatter(&self, layers: &[Layer], matrix: &mut DMatrix<f64>) {
         let (second, first) = (&layers[self.second], &layers[self.first]);
         let (height, width) = (second.fan_in + 1, first.fan_in + 1);

@@ -1,25 +1,25 @@
-//! Levenberg–Marquardt minimisation with the rule MATLAB documents for `trainlm`.
+//! Levenberg–Marquardt minimisation by the documented rule of MATLAB's `trainlm`.
 //!
 //! # Rule
-//! Each epoch forms JᵀJ and Jᵀe once and tries Δw = −(JᵀJ + μI)⁻¹ Jᵀe. A step that lowers the mean squared error is kept
-//! and μ shrinks by `mu_decrease`; otherwise μ grows by `mu_increase` and the step is tried again (M. T. Hagan, M. B.
-//! Menhaj, "Training feedforward networks with the Marquardt algorithm", IEEE Trans. Neural Networks 5(6), 1994; MathWorks,
-//! Neural Network Toolbox, `trainlm`). J and e are those of the plain sum of squares. A factorisation that fails counts
-//! as a step that did not help.
+//! Each epoch computes JᵀJ and Jᵀe once and tries Δw = −(JᵀJ + μI)⁻¹ Jᵀe. If the step lowers the mean squared error, it is
+//! accepted and μ is multiplied by `mu_decrease`; otherwise μ is multiplied by `mu_increase` and the step is tried again (M. T.
+//! Hagan, M. B. Menhaj, "Training feedforward networks with the Marquardt algorithm", IEEE Trans. Neural Networks 5(6), 1994;
+//! MathWorks, Neural Network Toolbox, `trainlm`). J and e are those of the plain sum of squares. A failed factorisation counts as
+//! a rejected step.
 //!
-//! Training stops at `epochs`, `goal`, `min_gradient`, `mu_max`, or when the validation error has not fallen below its
-//! best for `max_fail` epochs in which it rose above it; the best validation weights are returned.
+//! The training stops at `epochs`, `goal`, `min_gradient` or `mu_max`, or if the validation error has risen above its best in
+//! `max_fail` epochs without falling below it. The result has the weights of the best validation error.
 //!
-//! # Where the documentation is silent
-//! The gradient compared with `min_gradient` is that of the mean squared error, 2 Jᵀe / n, in the Euclidean norm.
+//! # Undocumented details
+//! The gradient for `min_gradient` is that of the mean squared error, 2 Jᵀe / n, in the Euclidean norm.
 
 use crate::normal_equations::{DampedSolver, NormalEquations};
 use std::ops::ControlFlow;
 
-/// Smallest μ; below it the damping is lost in rounding anyway.
+/// Smallest μ; a smaller damping would be lost in rounding.
 const MU_MIN: f64 = 1.0e-20;
 
-/// Weights w whose errors e(w) are to be small.
+/// A least-squares problem: weights w with errors e(w).
 pub trait LeastSquares {
     /// Number of weights.
     fn weights(&self) -> usize;
@@ -30,10 +30,10 @@ pub trait LeastSquares {
     /// Sum of squared errors at `weights`.
     fn cost(&mut self, weights: &[f64]) -> f64;
 
-    /// Adds JᵀJ and Jᵀe at `weights` to `equations`, which are zero.
+    /// Adds JᵀJ and Jᵀe at `weights` to `equations`, which are zero before the call.
     fn linearise(&mut self, weights: &[f64], equations: &mut NormalEquations);
 
-    /// Mean squared error on data that do not train, if there are any.
+    /// Mean squared error on the validation data, if there are any.
     fn validation(&mut self, _weights: &[f64]) -> Option<f64> {
         None
     }
@@ -42,21 +42,21 @@ pub trait LeastSquares {
 /// Parameters of the rule; the default is MATLAB's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// Most epochs (accepted steps).
+    /// Largest number of epochs (accepted steps).
     pub epochs: usize,
-    /// Mean squared error at which to stop.
+    /// Mean squared error at which the training stops.
     pub goal: f64,
-    /// Norm of the gradient of the mean squared error at which to stop.
+    /// Norm of the gradient of the mean squared error at which the training stops.
     pub min_gradient: f64,
-    /// Epochs with a validation error above the best so far before stopping.
+    /// Number of epochs with a validation error above the best one after which the training stops.
     pub max_fail: usize,
-    /// First damping μ.
+    /// Initial damping μ.
     pub mu: f64,
-    /// Factor on μ after a step that helped, in (0, 1).
+    /// Factor on μ after an accepted step, in (0, 1).
     pub mu_decrease: f64,
-    /// Factor on μ after a step that did not, > 1.
+    /// Factor on μ after a rejected step, > 1.
     pub mu_increase: f64,
-    /// Damping beyond which there is no use in going on.
+    /// Damping above which the training stops.
     pub mu_max: f64,
 }
 
@@ -75,22 +75,22 @@ impl Default for Settings {
     }
 }
 
-/// Why training ended.
+/// Reasons why the training ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
     /// The mean squared error reached the goal.
     Goal,
-    /// All epochs are done.
+    /// The largest number of epochs was reached.
     Epochs,
-    /// The gradient is small: a minimum.
+    /// The gradient is small, which indicates a minimum.
     Gradient,
-    /// No damping gives a better step: a minimum, to the precision of the arithmetic.
+    /// No damping gives a better step: a minimum within the precision of the arithmetic.
     MuMax,
-    /// The validation error has been rising.
+    /// The validation error keeps rising.
     Validation,
-    /// The error hardly falls any more ([`crate::evidence`]).
+    /// The error hardly falls ([`crate::evidence`]).
     Settled,
-    /// The caller asked to stop.
+    /// The caller stopped the training.
     Interrupted,
 }
 
@@ -103,7 +103,7 @@ pub struct Epoch {
     pub mse: f64,
     /// Mean squared validation error, if there are validation data.
     pub validation_mse: Option<f64>,
-    /// Norm of the gradient of the mean squared error where the step started.
+    /// Norm of the gradient of the mean squared error at the start of the step.
     pub gradient: f64,
     /// Damping of the next step.
     pub mu: f64,
@@ -112,38 +112,38 @@ pub struct Epoch {
 /// Result of a minimisation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Best weights: lowest validation error, or lowest error if nothing validates.
+    /// Best weights: those of the lowest validation error, or of the lowest error without validation.
     pub weights: Vec<f64>,
-    /// Why it ended.
+    /// Reason for the end.
     pub stop: Stop,
-    /// The epoch the weights are of.
+    /// Epoch of these weights.
     pub best_epoch: usize,
     /// All epochs, from 0.
     pub history: Vec<Epoch>,
 }
 
-/// Why minimisation cannot start.
+/// Reasons why the minimisation cannot start.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum MinimiseError {
-    /// A parameter makes no sense.
+    /// A parameter is out of range.
     #[error("{name} = {value}: it must be {must_be}")]
     BadSetting {
         /// Name of the parameter.
         name: &'static str,
-        /// Value given.
+        /// Given value.
         value: f64,
-        /// What it must be.
+        /// Permitted range.
         must_be: &'static str,
     },
-    /// The number of start weights is wrong.
+    /// The number of initial weights is wrong.
     #[error("{given} start weights for a problem of {needed}")]
     WrongStart {
-        /// Weights given.
+        /// Given weights.
         given: usize,
-        /// Weights needed.
+        /// Required weights.
         needed: usize,
     },
-    /// The error is NaN or infinite at the start.
+    /// The initial error is NaN or infinite.
     #[error(
         "the mean squared error is {mse} at the start: check data and start weights for numbers that are too large"
     )]
@@ -153,10 +153,10 @@ pub enum MinimiseError {
     },
 }
 
-/// Minimises `problem` from `start`. `progress` sees every epoch and may end the training.
+/// Minimises `problem` from `start`. The function calls `progress` for every epoch; the callback may end the training.
 ///
 /// # Errors
-/// When a setting makes no sense, the start has the wrong length, or the error there is not finite.
+/// If a setting is out of range, `start` has the wrong length, or the initial error is not finite.
 pub fn minimise(
     problem: &mut impl LeastSquares,
     start: Vec<f64>,
@@ -248,7 +248,7 @@ impl<'a, P: LeastSquares> Search<'a, P> {
         self.problem.linearise(&self.weights, &mut self.equations);
     }
 
-    /// Notes the epoch, the best weights so far, and shows it to the caller.
+    /// Records the epoch and the best weights so far, and reports the epoch to the caller.
     fn record(&mut self, progress: &mut impl FnMut(&Epoch) -> ControlFlow<()>) -> Option<Stop> {
         let norm = self.equations.gradient().iter().map(|g| g * g).sum::<f64>().sqrt();
         let gradient = 2.0 * mean(norm, self.problem.errors());
@@ -274,7 +274,7 @@ impl<'a, P: LeastSquares> Search<'a, P> {
         }
     }
 
-    /// Moves to better weights; false when no damping up to `mu_max` gives any.
+    /// Moves to better weights; returns false if no damping up to `mu_max` gives any.
     fn step(&mut self) -> bool {
         while self.mu <= self.settings.mu_max {
             if self.solver.step(&self.equations, self.mu, &mut self.step).is_ok() {
@@ -301,7 +301,8 @@ impl<'a, P: LeastSquares> Search<'a, P> {
 }
 
 impl Best {
-    /// MATLAB's count: a lower validation error resets it, a higher one adds to it, an equal one does neither.
+    /// Counts failures as MATLAB does: a lower validation error resets the count, a higher one increments it, an equal one leaves
+    /// it.
     fn update(&mut self, epoch: usize, validation_mse: Option<f64>, weights: &[f64]) {
         let lower = validation_mse.is_none_or(|mse| mse < self.validation_mse);
         if lower {

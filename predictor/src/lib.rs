@@ -1,22 +1,23 @@
-//! Learning to predict: NARX networks, Levenberg–Marquardt training, and the baselines a network has to beat.
+//! Learned prediction: NARX networks, Levenberg–Marquardt training, and the baselines that a network should beat.
 //!
-//! This crate deals in time series of inputs u\[k\] and outputs y\[k\] (vectors, any units, evenly sampled) and knows
-//! nothing of processes, arms or plants. Its nouns, in the order in which data passes through them:
+//! This crate works on time series of inputs u\[k\] and outputs y\[k\] (vectors, any units, evenly sampled) and is independent of
+//! processes, arms and plants. Its nouns, in the order in which data passes through them:
 //!
 //! 1. [`series`]: [`Series`]: named input and output channels and one or more [`Run`]s of them, all finite.
-//! 2. [`window`]: [`Layout`]: which past samples a prediction looks at and how far ahead it looks; [`Window`]: one
-//!    prediction to make (run, present sample, target sample). Every predictor answers for the same windows.
-//! 3. [`split`]: [`Split`]: which windows train, which stop the training early, which are only tested on.
+//! 2. [`window`]: [`Layout`]: the past samples of a prediction and its horizon; [`Window`]: one prediction to make (run, present
+//!    sample, target sample). Every predictor answers for the same windows.
+//! 3. [`split`]: [`Split`]: the windows for training, for early stopping and for testing.
 //! 4. [`scaling`]: [`Scaling`]: each channel's map to \[-1, 1\].
 //! 5. [`activation`], [`network`]: [`Network`]: the feed-forward function; [`Scratch`]: its working memory.
-//! 6. [`initialise`]: where training starts (Nguyen–Widrow, seeded).
-//! 7. [`normal_equations`], [`levenberg_marquardt`]: the minimiser, for any [`LeastSquares`] problem;
-//!    [`evidence`]: the same with a weight decay that the data choose; [`gauss_newton`]: a network's errors over a set of samples as such a problem.
-//! 8. [`training`]: [`train`]: all of the above in a row, from [`Series`] and [`Split`] to a [`Narx`].
-//! 9. [`narx`]: [`Narx`]: the trained model: layout, scaling, network, and where it came from; one-step prediction and
-//!    free run. [`weight_file`]: a [`Narx`] as a versioned file.
+//! 6. [`initialise`]: initial weights (Nguyen–Widrow, seeded).
+//! 7. [`normal_equations`], [`levenberg_marquardt`]: the minimiser, for any [`LeastSquares`] problem; [`evidence`]: the same with
+//!    a weight decay chosen by the evidence of the data; [`gauss_newton`]: a network's errors over a set of samples as such a
+//!    problem.
+//! 8. [`training`]: [`train`]: all of these steps, from [`Series`] and [`Split`] to a [`Narx`].
+//! 9. [`narx`]: [`Narx`]: the trained model: layout, scaling, network and provenance; one-step prediction and free run.
+//!    [`weight_file`]: a [`Narx`] as a versioned file.
 //! 10. [`predictor`]: [`Predictor`]: a [`Narx`] fed sample by sample, for use inside a control loop.
-//! 11. [`baselines`], [`arx`]: persistence, previous lap, a given physics prediction, ridge ARX.
+//! 11. [`baselines`], [`arx`]: persistence, previous lap, a given physical prediction, ridge ARX.
 //! 12. [`metrics`]: mean squared error, correlation and skill, per output channel.
 
 pub mod activation;

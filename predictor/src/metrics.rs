@@ -2,9 +2,9 @@
 //!
 //! # Formulas
 //! MSE = mean (ŷ − y)², R = correlation of ŷ and y (Pearson), skill = 1 − MSE / MSE of the best baseline (A. H. Murphy,
-//! "Skill scores based on the mean square error", Monthly Weather Review 116, 1988, with the best of several
-//! references). Skill 1 is perfect, 0 is the baseline, below 0 is worse. R alone proves nothing: persistence reaches
-//! 0.999 on slowly varying outputs.
+//! "Skill scores based on the mean square error", Monthly Weather Review 116, 1988, with the best of several references). A skill
+//! of 1 is perfect, 0 equals the baseline, below 0 is worse. R alone is not sufficient: persistence reaches 0.999 on slowly
+//! varying outputs.
 
 use crate::series::Series;
 use crate::split::Split;
@@ -14,11 +14,11 @@ use serde::Serialize;
 /// Scores of one output channel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Score {
-    /// Predictions scored.
+    /// Number of scored predictions.
     pub count: usize,
-    /// Mean squared error, in the output's unit squared; NaN if nothing was scored.
+    /// Mean squared error, in the output's unit squared; NaN without predictions.
     pub mse: f64,
-    /// Correlation of prediction and truth; none if one of them is constant.
+    /// Correlation of prediction and truth; `None` if one of them is constant.
     pub r: Option<f64>,
     /// Largest absolute error, in the output's unit.
     pub max: f64,
@@ -41,21 +41,21 @@ pub struct Parts<T> {
     "{predictions} predicted and {truths} true values of {channels} channels, mask of {mask}: they must match"
 )]
 pub struct ShapeError {
-    /// Predicted values.
+    /// Number of predicted values.
     pub predictions: usize,
-    /// True values.
+    /// Number of true values.
     pub truths: usize,
-    /// Channels.
+    /// Number of channels.
     pub channels: usize,
     /// Rows of the mask; without a mask, rows of the true values.
     pub mask: usize,
 }
 
-/// Scores row-major `prediction` against row-major `truth`, channel by channel, over the rows where `mask` is true
-/// (all of them without a mask): give one mask for steady contact, another for the time around detachments.
+/// Scores row-major `prediction` against row-major `truth`, channel by channel, over the rows with a true `mask` (all rows
+/// without a mask). Separate masks give, for example, the scores in steady contact and around detachments.
 ///
 /// # Errors
-/// When the lists have different lengths.
+/// If the lists differ in length.
 pub fn score(
     truth: &[f64],
     prediction: &[f64],
@@ -78,7 +78,7 @@ pub fn score(
 
 /// Skill of a model against the best of several baselines, per channel: 1 − MSE / (smallest baseline MSE).
 ///
-/// None where the best baseline is perfect or unknown: there is nothing to predict.
+/// The result is `None` if the best baseline is perfect or unknown.
 #[must_use]
 pub fn skill(model: &[Score], baselines: &[&[Score]]) -> Vec<Option<f64>> {
     let of_channel = |(channel, model): (usize, &Score)| {
@@ -92,10 +92,10 @@ pub fn skill(model: &[Score], baselines: &[&[Score]]) -> Vec<Option<f64>> {
 /// Scores a predictor on the three parts of a split.
 ///
 /// # Errors
-/// Whatever `predict` returns.
+/// Any error of `predict`.
 ///
 /// # Panics
-/// When `predict` returns another number of values than windows × outputs.
+/// If `predict` returns a number of values other than windows × outputs.
 pub fn by_part<E>(
     series: &Series,
     split: &Split,
@@ -117,7 +117,7 @@ fn score_channel(pairs: impl Iterator<Item = (f64, f64)>) -> Score {
         let error = prediction - truth;
         squares += error * error;
         max = max.max(error.abs());
-        // Running means and co-moments (Welford 1962): no cancellation for small variations around a large value.
+        // Running means and co-moments (Welford 1962) avoid cancellation for small variations around a large value.
         let delta = [truth - means[0], prediction - means[1]];
         means[0] += delta[0] / count as f64;
         means[1] += delta[1] / count as f64;

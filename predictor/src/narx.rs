@@ -1,9 +1,8 @@
 //! The trained model: a nonlinear autoregressive network with exogenous inputs (NARX).
 //!
-//! *Series-parallel* (open loop): every prediction looks at measured outputs, h samples ahead. *Closed loop* (free run):
-//! from some instant on the model looks at its own predictions instead; errors accumulate. (K. S. Narendra, K.
-//! Parthasarathy, "Identification and control of dynamical systems using neural networks", IEEE Trans. Neural Networks 1(1),
-//! 1990.)
+//! *Series-parallel* (open loop): every prediction uses measured outputs, h samples ahead. *Closed loop* (free run): from some instant on the
+//! model uses its own predictions instead, so errors accumulate (K. S. Narendra, K. Parthasarathy, "Identification and control of dynamical
+//! systems using neural networks", IEEE Trans. Neural Networks 1(1), 1990).
 
 use crate::network::{Network, NetworkError};
 use crate::push_error::PushError;
@@ -12,26 +11,26 @@ use crate::series::{Series, SeriesError};
 use crate::window::{Layout, Window, WindowError, check_windows};
 use serde::{Deserialize, Serialize};
 
-/// Where a model comes from.
+/// Provenance of a model.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
-    /// Name of the arm whose motion it was trained on.
+    /// Name of the arm whose motion trained the model.
     pub arm: String,
-    /// Hash of what that arm is made of.
+    /// Hash of the dynamic parameters of that arm.
     pub arm_hash: String,
-    /// The joint whose play it was trained on, if it was one.
+    /// The joint whose play trained the model; empty if there is none.
     #[serde(default)]
     pub joint: String,
-    /// Command that made it.
+    /// The command that made the model.
     pub command: String,
-    /// The runs that trained it, in words.
+    /// Descriptions of the training runs.
     #[serde(default)]
     pub scenarios: Vec<String>,
-    /// Seed of the start weights.
+    /// Seed of the initial weights.
     #[serde(default)]
     pub seed: u64,
-    /// Whether it did better than what it corrects on runs that had no part in the training; not if nobody tried.
+    /// True if runs outside the training proved that the model improves on the physical prediction; false without a test.
     #[serde(default)]
     pub proved: bool,
 }
@@ -48,89 +47,89 @@ pub struct Narx {
     pub(crate) provenance: Provenance,
 }
 
-/// The pieces of a model don't fit together.
+/// Errors of inconsistent parts of a model.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum NarxError {
-    /// The layout makes no sense.
+    /// The layout is invalid.
     #[error(transparent)]
     Layout(#[from] WindowError),
-    /// The network's first or last layer does not fit the layout.
+    /// The network's first or last layer does not match the layout.
     #[error(
         "the lags of {inputs} input and {outputs} output channels make {width} regressors and {outputs} predictions, \
          but the network takes {network_inputs} and gives {network_outputs}"
     )]
     NetworkShape {
-        /// Input channels.
+        /// Number of input channels.
         inputs: usize,
-        /// Output channels.
+        /// Number of output channels.
         outputs: usize,
-        /// Regressors by the layout.
+        /// Number of regressors according to the layout.
         width: usize,
-        /// Inputs of the network.
+        /// Number of inputs of the network.
         network_inputs: usize,
-        /// Outputs of the network.
+        /// Number of outputs of the network.
         network_outputs: usize,
     },
-    /// Models that have no mean.
+    /// Models without a mean: none, or models with different recipes.
     #[error(
         "models of other samples, channels, scalings, layers or units have no mean, and none has one: give models of one recipe"
     )]
     Mean,
-    /// Channels cannot stand where they are to stand.
+    /// The given indices of the channels are invalid.
     #[error("{own} channels need a place each among {all}: give one place below {all} for each of them")]
     Places {
-        /// Channels of the model.
+        /// Number of channels of the model.
         own: usize,
-        /// Channels that it is to have.
+        /// Number of channels of the wider model.
         all: usize,
     },
-    /// A scaling has the wrong number of channels, or a value that cannot scale.
+    /// A scaling has the wrong number of channels, or an invalid value.
     #[error(
         "the {kind} scaling is not usable: it needs a finite minimum and a positive gain for each of {channels} channels"
     )]
     Scaling {
         /// `input` or `output`.
         kind: &'static str,
-        /// Channels it needs.
+        /// Required number of channels.
         channels: usize,
     },
 }
 
-/// Why a model cannot predict a series.
+/// Reasons why a model cannot predict a series.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum PredictError {
     /// The series has other channels than the model.
     #[error(transparent)]
     Channels(#[from] SeriesError),
-    /// A window does not suit the model.
+    /// A window does not match the model.
     #[error(transparent)]
     Window(#[from] WindowError),
-    /// The model's own predictions got out of hand.
+    /// The model's own predictions diverged.
     #[error("free run from sample {start} of run {run}: {source}")]
     FreeRun {
         /// Index of the run.
         run: usize,
         /// First predicted sample.
         start: usize,
-        /// What happened.
+        /// Cause.
         source: PushError,
     },
 }
 
 impl Narx {
-    /// Which samples it looks at and how far ahead.
+    /// Samples used for a prediction, and horizon.
     #[must_use]
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Names of its input channels.
+    /// Names of the input channels.
     #[must_use]
     pub fn input_names(&self) -> &[String] {
         &self.input_names
     }
 
-    /// Names of its output channels.
+    /// Names of the output channels.
     #[must_use]
     pub fn output_names(&self) -> &[String] {
         &self.output_names
@@ -142,8 +141,8 @@ impl Narx {
         &self.network
     }
 
-    /// The network between regressors and outputs in their own units: the scalings are taken into its first and last layers, so that nothing is
-    /// scaled sample by sample.
+    /// The network between regressors and outputs in their own units. The function moves the scalings into the first and last layers, so that
+    /// no sample needs scaling.
     ///
     /// # Errors
     /// A weight that is not finite in these units.
@@ -178,11 +177,11 @@ impl Narx {
         Network::new(sizes, self.network.activation(), weights)
     }
 
-    /// This model with the input channels `names`, of which it looks at none but its own, which stand at `places` among them. The weights of the others
-    /// are zero.
+    /// This model with the input channels `names`. Its own channels have the indices `places` among them; the weights of all other channels are
+    /// zero.
     ///
     /// # Errors
-    /// Places that do not fit.
+    /// Invalid indices.
     pub fn widened(&self, names: &[String], places: &[usize]) -> Result<Self, NarxError> {
         let (own, all) = (self.input_names.len(), names.len());
         if places.len() != own || places.iter().any(|place| *place >= all) {
@@ -217,7 +216,7 @@ impl Narx {
         model.checked()
     }
 
-    /// The mean of `models` of one recipe as one model: their hidden units side by side, those of one model with no weight on those of another.
+    /// The mean of `models` of one recipe as one model: their hidden units side by side, without weights between the units of different models.
     ///
     /// # Errors
     /// No model, or models that differ in more than their weights.
@@ -237,20 +236,20 @@ impl Narx {
         Self { network, ..first.clone() }.checked()
     }
 
-    /// Where it comes from.
+    /// Provenance of the model.
     #[must_use]
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }
 
-    /// This model, with a note of whether it did better than what it corrects on runs that had no part in the training.
+    /// This model, with the result of its proof on runs outside the training.
     #[must_use]
     pub fn with_proof(mut self, proved: bool) -> Self {
         self.provenance.proved = proved;
         self
     }
 
-    /// This model if its pieces fit together.
+    /// Checks that the parts of the model are consistent.
     pub(crate) fn checked(self) -> Result<Self, NarxError> {
         let (inputs, outputs) = (self.input_names.len(), self.output_names.len());
         self.layout.check(inputs, outputs)?;
@@ -269,10 +268,10 @@ impl Narx {
         Ok(self)
     }
 
-    /// Open loop: the outputs at the windows' targets from measured samples, row-major, in the outputs' own units.
+    /// Open loop: predicts the outputs at the windows' targets from measured samples, row-major, in the outputs' own units.
     ///
     /// # Errors
-    /// When the series has other channels, or a window lacks history or has another horizon.
+    /// If the series has other channels, or a window lacks history or has another horizon.
     pub fn predict(&self, series: &Series, windows: &[Window]) -> Result<Vec<f64>, PredictError> {
         series.check_channels(&self.input_names, &self.output_names)?;
         check_windows(series, windows, self.layout.memory(), self.layout.horizon)?;
@@ -290,7 +289,7 @@ impl Narx {
     }
 }
 
-/// Scales one row of regressors, in the order in which [`Layout`] gathers them.
+/// Scales one row of regressors, in the order of [`Layout`].
 pub(crate) fn scale_regressors(layout: &Layout, inputs: &Scaling, outputs: &Scaling, row: &mut [f64]) {
     let of_inputs = layout.input_lags.len() + usize::from(layout.input_at_target);
     let (u, y) = row.split_at_mut(of_inputs * inputs.channels());

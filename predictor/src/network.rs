@@ -8,9 +8,9 @@
 //! the units of the layer before. A 40-10-10-10-10-3 network has 773.
 //!
 //! # Layout in memory
-//! For [`Network::forward`] a second copy of the weights is kept in panels of four units, padded with zero weights:
-//! biases, weights on the first unit of the layer before, weights on the second, …, four numbers each. A panel's sums
-//! stay in registers. (Three panels at once, to fetch each input only once, was tried and is slower.)
+//! [`Network::forward`] uses a second copy of the weights in panels of four units, padded with zero weights: biases, weights on
+//! the first unit of the layer before, weights on the second, …, four numbers each. A panel's sums stay in registers. (Three
+//! panels at once, to fetch each input only once, proved slower.)
 
 use crate::activation::{Activation, fused};
 
@@ -20,23 +20,23 @@ const LANES: usize = 4;
 /// Four units' values, padded with zeros.
 type Lanes = [f64; LANES];
 
-/// Why a network cannot be made.
+/// Reasons why a network cannot be created.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum NetworkError {
     /// There is no output layer, or a layer is empty.
     #[error("layer sizes {sizes:?}: give at least an input and an output layer, each with one unit or more")]
     BadSizes {
-        /// The sizes asked for.
+        /// The given sizes.
         sizes: Vec<usize>,
     },
-    /// The number of weights does not fit the layer sizes.
+    /// The number of weights does not match the layer sizes.
     #[error("layers {sizes:?} take {needed} weights, but {given} are given")]
     WrongWeightCount {
         /// The layer sizes.
         sizes: Vec<usize>,
-        /// Weights these layers take.
+        /// Required weights.
         needed: usize,
-        /// Weights given.
+        /// Given weights.
         given: usize,
     },
     /// A weight is NaN or infinite.
@@ -49,8 +49,8 @@ pub enum NetworkError {
     },
 }
 
-/// Number of weights, biases included, of a network with these layer sizes (inputs first, outputs last); the largest
-/// number there is, if they are more.
+/// Number of weights, biases included, of a network with these layer sizes (inputs first, outputs last); saturates at the largest
+/// `usize`.
 #[must_use]
 pub fn weight_count(sizes: &[usize]) -> usize {
     let of_layer = |pair: &[usize]| pair[0].saturating_add(1).saturating_mul(pair[1]);
@@ -75,10 +75,10 @@ pub struct Scratch {
 }
 
 impl Network {
-    /// A network of the given layer sizes (inputs first, outputs last) and flat `weights`.
+    /// Creates a network of the given layer sizes (inputs first, outputs last) and flat `weights`.
     ///
     /// # Errors
-    /// When a layer is missing or empty, the weights don't fit the layers, or one of them is not finite.
+    /// If a layer is missing or empty, the number of weights does not match the layers, or a weight is not finite.
     pub fn new(sizes: &[usize], activation: Activation, weights: Vec<f64>) -> Result<Self, NetworkError> {
         if sizes.len() < 2 || sizes.contains(&0) {
             return Err(NetworkError::BadSizes { sizes: sizes.to_vec() });
@@ -95,8 +95,9 @@ impl Network {
         Ok(Self { sizes: sizes.to_vec(), activation, weights, panels, arch: pulp::Arch::new() })
     }
 
-    /// The mean of `networks` as one network: their hidden units side by side, those of one network with no weight on those of another. None for no network,
-    /// and for networks of other layers or units, or without hidden ones.
+    /// The mean of `networks` as one network: their hidden units side by side, without weights between the units of different
+    /// networks. Returns `None` without networks, for networks with different layers or units, and for networks without hidden
+    /// units.
     pub(crate) fn mean(networks: &[&Self]) -> Option<Self> {
         let first = networks.first()?;
         let is_alike = |other: &&Self| (&other.sizes, other.activation) == (&first.sizes, first.activation);
@@ -123,7 +124,7 @@ impl Network {
                 }
             } else {
                 for network in 0..count {
-                    // The first layer looks at the inputs, which are shared, the others at the units of their own network.
+                    // The first layer uses the shared inputs, the other layers the units of their own network.
                     let (left, right) = if layer == 0 { (0, 0) } else { (network, count - 1 - network) };
                     let none = |networks: usize| std::iter::repeat_n(0.0, networks * pair[0]);
                     for row in (0..units).map(|unit| of_unit(network, unit)) {
@@ -174,10 +175,10 @@ impl Network {
         Scratch { from: vec![[0.0; LANES]; widest], to: vec![[0.0; LANES]; widest] }
     }
 
-    /// The network's outputs at `x`; nothing is allocated.
+    /// Computes the network's outputs at `x`, without allocation.
     ///
     /// # Panics
-    /// When `x` has not [`Network::inputs`] elements or `scratch` was made for a smaller network.
+    /// If `x` does not have [`Network::inputs`] elements, or `scratch` belongs to a smaller network.
     pub fn forward<'s>(&self, x: &[f64], scratch: &'s mut Scratch) -> &'s [f64] {
         assert_eq!(x.len(), self.inputs(), "number of network inputs");
         self.arch.dispatch(Forward { network: self, x, scratch });
@@ -231,7 +232,7 @@ fn activate<const FUSED: bool>(activation: Activation, values: &mut [Lanes]) {
     }
 }
 
-/// Four units' weighted sums. Four partial sums, so that one addition need not wait for the one before.
+/// Weighted sums of four units. Four partial sums shorten the chain of dependent additions.
 #[inline(always)]
 fn panel_sum<const FUSED: bool>(panel: &[Lanes], from: &[Lanes]) -> Lanes {
     let mut sums = [panel[0], [0.0; LANES], [0.0; LANES], [0.0; LANES]];

@@ -7,14 +7,14 @@
 use crate::columns::{column, column_mut};
 use nalgebra::{DMatrix, DVectorViewMut};
 
-/// Columns of a block of the factorisation: enough for an efficient matrix product, few enough that factoring a block
-/// column by column costs little beside it.
+/// Columns of a block of the factorisation: enough for an efficient matrix product, and few enough that the column-by-column
+/// factorisation of a block takes little time.
 const BLOCK: usize = 32;
 
 /// JᵀJ and Jᵀe, summed over all errors.
 #[derive(Debug, Clone)]
 pub struct NormalEquations {
-    /// JᵀJ; only the lower triangle is meaningful.
+    /// JᵀJ; only the lower triangle is valid.
     pub(crate) matrix: DMatrix<f64>,
     /// Jᵀe.
     pub(crate) gradient: Vec<f64>,
@@ -39,7 +39,7 @@ impl NormalEquations {
         self.gradient.fill(0.0);
     }
 
-    /// Adds one error and its derivatives by each unknown: for small problems written by hand.
+    /// Adds one error and its derivatives with respect to each unknown; for small problems written by hand.
     pub fn add_row(&mut self, error: f64, jacobian: &[f64]) {
         for (j, &right) in jacobian.iter().enumerate() {
             self.gradient[j] += right * error;
@@ -73,7 +73,7 @@ pub struct DampedSolver {
 pub struct NotPositiveDefinite;
 
 impl DampedSolver {
-    /// A solver for `weights` unknowns.
+    /// Creates a solver for `weights` unknowns.
     #[must_use]
     pub fn new(weights: usize) -> Self {
         Self { factor: DMatrix::zeros(weights, weights) }
@@ -82,7 +82,7 @@ impl DampedSolver {
     /// Writes Δw = −(JᵀJ + μI)⁻¹ Jᵀe into `step`.
     ///
     /// # Errors
-    /// When the damped matrix is not positive definite; `step` is then meaningless.
+    /// If the damped matrix is not positive definite; `step` is then invalid.
     pub fn step(
         &mut self,
         equations: &NormalEquations,
@@ -107,12 +107,12 @@ impl DampedSolver {
     }
 }
 
-/// Replaces the lower triangle of A by its Cholesky factor L, A = L Lᵀ; what lies above the diagonal is meaningless.
+/// Replaces the lower triangle of A by its Cholesky factor L, A = L Lᵀ; the part above the diagonal is invalid.
 ///
-/// nalgebra's own factorisation goes column by column through the whole matrix, which takes several times as long for the
-/// 773 weights of the usual network. Here one matrix product takes what the columns to the left explain off a block of
-/// columns; only the block itself is then factored column by column (G. H. Golub, C. F. Van Loan, "Matrix Computations",
-/// 4th edition, 2013, section 4.2.5).
+/// nalgebra's own factorisation goes column by column through the whole matrix, which takes several times as long for the 773 weights
+/// of the usual network. Here one matrix product subtracts the contribution of the columns to the left from a block of columns; only
+/// the block itself is then factored column by column (G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th edition, 2013, section
+/// 4.2.5).
 fn factorise(matrix: &mut DMatrix<f64>) -> Result<(), NotPositiveDefinite> {
     let size = matrix.nrows();
     for start in (0..size).step_by(BLOCK) {
@@ -157,7 +157,7 @@ mod tests {
         }
         let mut step = vec![0.0; size];
         DampedSolver::new(size).step(&equations, mu, &mut step).unwrap();
-        // Stacked least squares min |[J; √μ I] Δw + [e; 0]| by singular values: no normal equations.
+        // Stacked least squares min |[J; √μ I] Δw + [e; 0]| by singular values, without normal equations.
         let mut stacked = DMatrix::zeros(rows + size, size);
         stacked.rows_mut(0, rows).copy_from(&jacobian);
         stacked.rows_mut(rows, size).copy_from(&(DMatrix::identity(size, size) * mu.sqrt()));

@@ -1,9 +1,8 @@
-//! A model fed sample by sample, inside a control loop: nothing is allocated after [`Predictor::new`].
+//! A model that receives one sample after another inside a control loop; nothing is allocated after [`Predictor::new`].
 //!
-//! Each [`Predictor::push`] gives the samples of the present k and returns the prediction for k + h. Where the outputs
-//! of the present are not measured, the model's own prediction for k, made h samples ago, takes their place (closed
-//! loop); before there is one, the last outputs known, and before those the outputs given to
-//! [`Predictor::start_from`] (zero if none are).
+//! Each [`Predictor::push`] takes the samples of the present k and returns the prediction for k + h. If the outputs of the
+//! present are not measured, the model uses its own prediction for k, made h samples ago (closed loop). Before such a prediction
+//! exists, it uses the last known outputs, and before those the outputs given to [`Predictor::start_from`] (zero by default).
 
 use crate::narx::{Narx, PredictError};
 use crate::network::Scratch;
@@ -29,7 +28,7 @@ impl History {
         &self.values[(self.newest + lag) % self.rows * self.channels..][..self.channels]
     }
 
-    /// Makes room for a new row and returns it; the oldest is lost.
+    /// Returns the slot of a new row; the oldest row is overwritten.
     fn push(&mut self) -> &mut [f64] {
         self.newest = (self.newest + self.rows - 1) % self.rows;
         &mut self.values[self.newest * self.channels..][..self.channels]
@@ -51,13 +50,13 @@ pub struct Predictor {
     present: Vec<f64>,
     regressors: Vec<f64>,
     prediction: Vec<f64>,
-    /// Samples taken, and own predictions made without a break.
+    /// Number of samples taken, and of own predictions made without a break.
     taken: usize,
     predicted: usize,
 }
 
 impl Predictor {
-    /// A predictor that has seen nothing and assumes outputs of zero (in their own units) until told better.
+    /// Creates a predictor without samples; it assumes outputs of zero (in their own units) until some are given.
     #[must_use]
     pub fn new(narx: Narx) -> Self {
         let (inputs, outputs) = (narx.input_names.len(), narx.output_names.len());
@@ -86,17 +85,17 @@ impl Predictor {
         &self.narx
     }
 
-    /// Forgets all samples and assumes outputs of zero again.
+    /// Clears all samples and resets the assumed outputs to zero.
     pub fn reset(&mut self) {
         (self.taken, self.predicted) = (0, 0);
         self.present.fill(0.0);
         self.narx.output_scaling.apply(&mut self.present);
     }
 
-    /// Outputs to assume until one is measured or predicted, in their own units.
+    /// Sets the assumed outputs until one is measured or predicted, in their own units.
     ///
     /// # Errors
-    /// When the length is wrong or a value is not finite; nothing is then changed.
+    /// If the length is wrong or a value is not finite; nothing changes then.
     pub fn start_from(&mut self, outputs: &[f64]) -> Result<(), PushError> {
         check("output", outputs, self.present.len())?;
         self.present.copy_from_slice(outputs);
@@ -104,20 +103,20 @@ impl Predictor {
         Ok(())
     }
 
-    /// Takes the samples of the present k, outputs only if they are measured, and predicts the outputs of k + h (own
-    /// units). None until the memory is full.
+    /// Takes the samples of the present k, with outputs only if they are measured, and predicts the outputs of k + h (own units).
+    /// Returns `None` until the history is full.
     ///
     /// # Errors
-    /// When a sample has the wrong length or is not finite, when the model also wants the inputs at k + h, or when the
-    /// prediction is not finite.
+    /// If a sample has the wrong length or is not finite, if the model also needs the inputs at k + h, or if the prediction is
+    /// not finite.
     pub fn push(&mut self, inputs: &[f64], outputs: Option<&[f64]>) -> Result<Option<&[f64]>, PushError> {
         self.advance(inputs, None, outputs)
     }
 
-    /// As [`Predictor::push`], for models that look at the inputs of the predicted instant k + h, `planned`.
+    /// Works as [`Predictor::push`] does, for models that use the inputs of the predicted instant k + h, `planned`.
     ///
     /// # Errors
-    /// As [`Predictor::push`]; also when the model does not use `planned`.
+    /// See [`Predictor::push`]; also if the model does not use `planned`.
     pub fn push_planned(
         &mut self,
         inputs: &[f64],
@@ -199,12 +198,12 @@ fn check(kind: &'static str, values: &[f64], channels: usize) -> Result<(), Push
 }
 
 impl Narx {
-    /// Closed loop: the outputs of samples `start` to `start + steps − 1` of one run, row-major, looking at measured inputs
-    /// but, from `start` on, at the model's own outputs.
+    /// Closed loop: predicts the outputs of samples `start` to `start + steps − 1` of one run, row-major, from measured inputs
+    /// and, from `start` on, from the model's own outputs.
     ///
     /// # Errors
-    /// When the series has other channels, `start` has less than memory + horizon samples before it, the run ends too
-    /// early, or a prediction is not finite.
+    /// If the series has other channels, `start` has less than memory + horizon samples before it, the run ends too early, or a
+    /// prediction is not finite.
     pub fn free_run(
         &self,
         series: &Series,

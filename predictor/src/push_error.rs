@@ -1,16 +1,16 @@
-//! The reasons for which a sample is not taken.
+//! Errors of refused samples.
 
-/// Why a sample is not taken. The predictor is unchanged, but a sample is missing: repeat it or reset.
+/// Reasons why the predictor refuses a sample. The predictor stays unchanged, but a sample is missing: repeat it or reset.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PushError {
-    /// A sample has another number of channels.
+    /// The number of channels of a sample is wrong.
     #[error("{given} {kind} values for {channels} channels")]
     WrongLength {
         /// `input`, `planned input` or `output`.
         kind: &'static str,
-        /// Values given.
+        /// Number of given values.
         given: usize,
-        /// Channels of the model.
+        /// Number of channels of the model.
         channels: usize,
     },
     /// A value is NaN or infinite.
@@ -23,17 +23,17 @@ pub enum PushError {
         /// The value.
         value: f64,
     },
-    /// The model looks at the inputs of the predicted instant, and they are not given (or the reverse).
+    /// The model uses the inputs of the predicted instant, and they are not given (or the reverse).
     #[error(
         "inputs at the predicted instant: the model uses them: {used}, they are given: {given}; call the matching push"
     )]
     Planned {
-        /// Whether the model uses them.
+        /// True if the model uses them.
         used: bool,
-        /// Whether they are given.
+        /// True if they are given.
         given: bool,
     },
-    /// The network's output overflowed. This sample *is* taken; its prediction counts as unknown.
+    /// The network's output overflowed. The predictor has taken this sample; its prediction counts as unknown.
     #[error("prediction of output channel {channel} is {value}: reset the predictor")]
     NonFinitePrediction {
         /// Index of the channel.

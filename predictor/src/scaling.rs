@@ -1,16 +1,15 @@
 //! Scaling to \[-1, 1\], channel by channel, like MATLAB's `mapminmax`.
 //!
 //! # Formula
-//! s = (v − min) · gain − 1, gain = 2 / (max − min). A channel that is constant in the training data (or whose range is
-//! not a normal number) gets gain 1, as in MATLAB: it becomes −1 and tells the network nothing, and a later value
-//! comes through in its own unit.
+//! s = (v − min) · gain − 1, gain = 2 / (max − min). A channel that is constant in the training data (or whose range is not a normal number) gets gain 1, as in
+//! MATLAB. It becomes −1 and carries no information; the scaling keeps the unit of later values.
 
 use serde::{Deserialize, Serialize};
 
 /// Least range of a channel, share of the widest of its group.
 pub const LEAST_RANGE: f64 = 0.05;
 
-/// The map of each channel; made from the training data alone.
+/// The map of each channel, fitted to the training data alone.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scaling {
@@ -19,7 +18,7 @@ pub struct Scaling {
 }
 
 impl Scaling {
-    /// The scaling of `channels` channels that maps the smallest and largest values among `rows` to −1 and 1.
+    /// Fits the scaling of `channels` channels: the smallest and largest values among `rows` become −1 and 1.
     #[must_use]
     pub fn fit<'a>(channels: usize, rows: impl IntoIterator<Item = &'a [f64]>) -> Self {
         let mut range = vec![(f64::INFINITY, f64::NEG_INFINITY); channels];
@@ -37,10 +36,10 @@ impl Scaling {
         Self { gain: range.iter().map(gain).collect(), minimum: range.iter().map(minimum).collect() }
     }
 
-    /// This scaling with each channel taken as if it moved by at least its least range, in its own unit; none for `least_ranges` that are empty.
+    /// This scaling with the range of each channel raised to its least range, in its own unit; an empty `least_ranges` changes nothing.
     ///
-    /// Channels of one unit are scaled together so: the least range is [`LEAST_RANGE`] of the widest of them. A channel that only moves by rounding errors would
-    /// else fill the whole of \[-1, 1\] with them.
+    /// It serves channels with a common unit: the least range is [`LEAST_RANGE`] of the widest of them. Otherwise the rounding errors of a constant channel
+    /// would fill the whole of \[-1, 1\].
     #[must_use]
     pub fn with_least_ranges(mut self, least_ranges: &[f64]) -> Self {
         for (gain, least) in self.gain.iter_mut().zip(least_ranges) {
@@ -52,7 +51,7 @@ impl Scaling {
         self
     }
 
-    /// The scaling of `channels` channels among which those of this one stand at `places`; the others keep their unit.
+    /// The scaling of `channels` channels in which those of this one have the indices `places`; the others keep their unit.
     #[must_use]
     pub(crate) fn widened(&self, channels: usize, places: &[usize]) -> Self {
         let mut wide = Self { minimum: vec![0.0; channels], gain: vec![1.0; channels] };
@@ -68,7 +67,7 @@ impl Scaling {
         self.gain.len()
     }
 
-    /// Whether the map can be used in both directions: as many minima as gains, all finite, gains positive.
+    /// Returns true if the map works in both directions: as many minima as gains, all finite, gains positive.
     #[must_use]
     pub fn is_usable(&self) -> bool {
         self.minimum.len() == self.gain.len()
@@ -83,7 +82,7 @@ impl Scaling {
         }
     }
 
-    /// Takes one row back to its own units, in place.
+    /// Converts one row back to its own units, in place.
     pub fn reverse(&self, row: &mut [f64]) {
         for ((value, minimum), gain) in row.iter_mut().zip(&self.minimum).zip(&self.gain) {
             *value = (*value + 1.0) / gain + minimum;
@@ -95,7 +94,7 @@ impl Scaling {
 mod tests {
     use super::*;
 
-    /// The second channel moves by a rounding error, the third by a tenth of the first, the fourth not at all; the fifth has a unit of its own.
+    /// The second channel moves by a rounding error, the third by a tenth of the first, the fourth not at all; the fifth has its own unit.
     #[test]
     fn what_hardly_moves_is_not_blown_up() {
         let rows: [&[f64]; 2] = [&[0.0, 1.0, 0.0, 3.0, 0.0], &[2.0, 1.0 + 4e-16, 0.2, 3.0, 1e-6]];

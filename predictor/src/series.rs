@@ -1,9 +1,9 @@
-//! Time series: named channels, and runs in which they were sampled evenly.
+//! Time series: named channels, and evenly sampled runs of them.
 
-/// Why samples cannot join a [`Series`].
+/// Reasons why a [`Series`] refuses samples.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum SeriesError {
-    /// There is nothing to predict.
+    /// There is no output channel.
     #[error("no output channel: name at least one")]
     NoOutputs,
     /// Two channels share a name.
@@ -12,16 +12,16 @@ pub enum SeriesError {
         /// The name.
         name: String,
     },
-    /// A run's values don't divide into samples.
+    /// The number of a run's values is not a multiple of the number of channels.
     #[error("run `{run}`: {values} {kind} values don't divide into samples of {channels} channels")]
     Ragged {
         /// Name of the run.
         run: String,
         /// `input` or `output`.
         kind: &'static str,
-        /// Values given.
+        /// Number of given values.
         values: usize,
-        /// Channels of that kind.
+        /// Number of channels of that kind.
         channels: usize,
     },
     /// Inputs and outputs have different lengths.
@@ -29,9 +29,9 @@ pub enum SeriesError {
     LengthMismatch {
         /// Name of the run.
         run: String,
-        /// Input samples.
+        /// Number of input samples.
         inputs: usize,
-        /// Output samples.
+        /// Number of output samples.
         outputs: usize,
     },
     /// A sample is NaN or infinite.
@@ -41,7 +41,7 @@ pub enum SeriesError {
     NonFinite {
         /// Name of the run.
         run: String,
-        /// Sample, from 0.
+        /// Index of the sample, from 0.
         sample: usize,
         /// Name of the channel.
         channel: String,
@@ -53,14 +53,14 @@ pub enum SeriesError {
     OtherChannels {
         /// `input` or `output`.
         kind: &'static str,
-        /// Channels expected.
+        /// Expected channels.
         expected: Vec<String>,
-        /// Channels found.
+        /// Found channels.
         found: Vec<String>,
     },
 }
 
-/// One evenly sampled recording of all channels; made by [`Series::push_run`], so all its values are finite.
+/// One evenly sampled recording of all channels. [`Series::push_run`] creates it, so all its values are finite.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
     name: String,
@@ -69,7 +69,7 @@ pub struct Run {
     outputs: Vec<f64>,
 }
 
-/// Named channels and runs of them. Windows never straddle runs.
+/// Named channels and runs of them. A window never spans two runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     input_names: Vec<String>,
@@ -78,7 +78,7 @@ pub struct Series {
 }
 
 impl Run {
-    /// Name, as it appears in messages.
+    /// Name of the run, for messages.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -92,10 +92,10 @@ impl Run {
 }
 
 impl Series {
-    /// An empty series of these channels. There may be no inputs; there must be an output.
+    /// Creates an empty series of these channels. It may have no inputs, but needs an output.
     ///
     /// # Errors
-    /// When there is no output, or a name appears twice.
+    /// If there is no output, or a name appears twice.
     pub fn new(input_names: &[&str], output_names: &[&str]) -> Result<Self, SeriesError> {
         if output_names.is_empty() {
             return Err(SeriesError::NoOutputs);
@@ -111,8 +111,8 @@ impl Series {
     /// Adds a run. `inputs` and `outputs` are row-major: all channels of sample 0, then of sample 1, and so on.
     ///
     /// # Errors
-    /// When the values don't divide into samples, inputs and outputs differ in length, or a value is not finite
-    /// (run, sample and channel are named). The series is then unchanged.
+    /// If the values do not form whole samples, inputs and outputs differ in length, or a value is not finite (the error names
+    /// run, sample and channel). The series is then unchanged.
     pub fn push_run(&mut self, name: &str, inputs: Vec<f64>, outputs: Vec<f64>) -> Result<(), SeriesError> {
         let samples = outputs.len() / self.outputs();
         let ragged = |kind, values: &[f64], channels| SeriesError::Ragged {
@@ -140,10 +140,10 @@ impl Series {
         Ok(())
     }
 
-    /// Whether this series has exactly these channels, in this order.
+    /// Checks that this series has exactly these channels, in this order.
     ///
     /// # Errors
-    /// When it has not; both lists are in the message.
+    /// If the channels differ; the message contains both lists.
     pub fn check_channels(&self, inputs: &[String], outputs: &[String]) -> Result<(), SeriesError> {
         for (kind, expected, found) in
             [("input", inputs, &self.input_names), ("output", outputs, &self.output_names)]

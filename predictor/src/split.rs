@@ -1,20 +1,20 @@
-//! Which windows train, which decide when to stop, and which are only tested on.
+//! Split of the windows into training, validation (early stopping) and test.
 //!
-//! A random split puts neighbouring samples on both sides, so that the test merely interpolates; by block or, better, by
-//! run it has to extrapolate. Report both, believe the second.
+//! A random split puts neighbouring samples on both sides, so that the test only interpolates. A split by block or, better, by
+//! run makes it extrapolate. Report both results and rely on the second.
 
 use crate::window::Window;
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 
-/// Shares of the windows; they add up to 1.
+/// Shares of the windows; their sum is 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fractions {
-    /// Share that trains, in (0, 1].
+    /// Training share, in (0, 1].
     pub train: f64,
-    /// Share that decides when to stop, in \[0, 1).
+    /// Validation share, in \[0, 1).
     pub validation: f64,
-    /// Share that is only tested on, in \[0, 1).
+    /// Test share, in \[0, 1).
     pub test: f64,
 }
 
@@ -23,48 +23,48 @@ impl Fractions {
     pub const PAPER: Self = Self { train: 0.5, validation: 0.2, test: 0.3 };
 }
 
-/// What a run is used for in [`by_run`].
+/// Use of a run in [`by_run`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Part {
-    /// It trains.
+    /// For training.
     Train,
-    /// It decides when to stop.
+    /// For validation.
     Validation,
-    /// It is only tested on.
+    /// For the test.
     Test,
-    /// It is left out.
+    /// Not used.
     Unused,
 }
 
-/// Windows by use; none appears twice.
+/// Windows by use; no window appears twice.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Split {
-    /// Windows that train.
+    /// Training windows.
     pub train: Vec<Window>,
-    /// Windows that decide when to stop; may be empty.
+    /// Validation windows; may be empty.
     pub validation: Vec<Window>,
-    /// Windows that are only tested on; may be empty.
+    /// Test windows; may be empty.
     pub test: Vec<Window>,
 }
 
-/// The fractions are negative, not finite, without a training share, or don't add up to 1.
+/// The fractions are negative, not finite, without a training share, or their sum is not 1.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[error(
     "fractions {train} / {validation} / {test} of training / validation / test: give shares >= 0 that add up to 1, training > 0"
 )]
 pub struct FractionsError {
-    /// Training share given.
+    /// Given training share.
     pub train: f64,
-    /// Validation share given.
+    /// Given validation share.
     pub validation: f64,
-    /// Test share given.
+    /// Given test share.
     pub test: f64,
 }
 
-/// Distributes the windows at random, like MATLAB's `dividerand`; each part keeps the order of time.
+/// Distributes the windows at random, like MATLAB's `dividerand`; each part stays in chronological order.
 ///
 /// # Errors
-/// When the fractions don't make sense.
+/// If the fractions are invalid.
 pub fn at_random(windows: &[Window], fractions: Fractions, seed: u64) -> Result<Split, FractionsError> {
     let [_, validation, test] = counts(windows.len(), fractions)?;
     let mut order: Vec<usize> = (0..windows.len()).collect();
@@ -79,12 +79,12 @@ pub fn at_random(windows: &[Window], fractions: Fractions, seed: u64) -> Result<
     Ok(Split { train: take(train), validation: take(validation), test: take(test) })
 }
 
-/// Cuts every run into three blocks in the order of time: training, validation, test (MATLAB's `divideblock`, run by
-/// run). The first `gap` windows of each later block are dropped; memory + horizon of the layout leaves no sample in two
-/// blocks. Expects windows in the order of [`crate::window::windows`].
+/// Cuts every run into three blocks in chronological order: training, validation, test (MATLAB's `divideblock`, run by run). The
+/// function drops the first `gap` windows of each later block; with a gap of memory + horizon of the layout, no sample belongs to
+/// two blocks. It expects windows in the order of [`crate::window::windows`].
 ///
 /// # Errors
-/// When the fractions don't make sense.
+/// If the fractions are invalid.
 pub fn by_block(windows: &[Window], fractions: Fractions, gap: usize) -> Result<Split, FractionsError> {
     let mut split = Split::default();
     for run in windows.chunk_by(|a, b| a.run == b.run) {
@@ -99,14 +99,14 @@ pub fn by_block(windows: &[Window], fractions: Fractions, gap: usize) -> Result<
     Ok(split)
 }
 
-/// Uses whole runs: `part` says what the run with this index is used for.
+/// Splits by whole runs: `part` gives the use of the run with this index.
 #[must_use]
 pub fn by_run(windows: &[Window], part: impl Fn(usize) -> Part) -> Split {
     let take = |wanted| windows.iter().filter(|window| part(window.run) == wanted).copied().collect();
     Split { train: take(Part::Train), validation: take(Part::Validation), test: take(Part::Test) }
 }
 
-/// Windows per part; rounding goes to the training share, as in `dividerand`.
+/// Number of windows per part; rounding favours the training share, as in `dividerand`.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
 fn counts(windows: usize, fractions: Fractions) -> Result<[usize; 3], FractionsError> {
     let Fractions { train, validation, test } = fractions;

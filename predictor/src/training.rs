@@ -1,7 +1,7 @@
-//! From a series and a split to a trained model.
+//! Training: from a series and a split to a trained model.
 //!
-//! Scaling is fitted to the training windows alone. Errors are those of the scaled outputs, so that every output counts
-//! the same whatever its unit; the mean squared errors of the history are in these scaled units.
+//! The scaling is fitted to the training windows alone. Errors are those of the scaled outputs, so that every output has the same weight, whatever its
+//! unit; the mean squared errors of the history are in these scaled units.
 
 use crate::activation::Activation;
 use crate::evidence::minimise_by_evidence;
@@ -17,26 +17,26 @@ use crate::window::{Layout, Window, WindowError, check_windows, targets};
 use nalgebra::DMatrix;
 use std::ops::ControlFlow;
 
-/// What to train and how.
+/// Settings of a training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recipe {
-    /// Samples to look at, and horizon.
+    /// Samples of a prediction, and horizon.
     pub layout: Layout,
-    /// Least range of each input channel, in its unit ([`Scaling::with_least_ranges`]). Empty: none.
+    /// Least range of each input channel, in its unit ([`Scaling::with_least_ranges`]); may be empty.
     pub least_ranges: Vec<f64>,
-    /// Units of each hidden layer; none makes a linear model.
+    /// Units of each hidden layer; an empty list gives a linear model.
     pub hidden: Vec<usize>,
     /// Kind of hidden unit.
     pub activation: Activation,
-    /// Seed of the start weights.
+    /// Seed of the initial weights.
     pub seed: u64,
     /// Parameters of Levenberg–Marquardt.
     pub settings: Settings,
-    /// Whether the weights decay as the data choose ([`crate::evidence`]); the validation windows then train, too.
+    /// If true, weight decay is chosen by the evidence of the data ([`crate::evidence`]), and the validation windows join the training.
     pub decay: bool,
 }
 
-/// A trained model and how training went.
+/// A trained model and the course of its training.
 #[derive(Debug, Clone)]
 pub struct Trained {
     /// The model.
@@ -45,10 +45,10 @@ pub struct Trained {
     pub outcome: Outcome,
 }
 
-/// Why a model cannot be trained.
+/// Reasons why a model cannot be trained.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum TrainError {
-    /// The layout makes no sense, or a window does not suit it.
+    /// The layout is invalid, or a window does not match it.
     #[error(transparent)]
     Window(#[from] WindowError),
     /// There are fewer errors than weights.
@@ -57,16 +57,16 @@ pub enum TrainError {
          or fewer lags or units"
     )]
     TooFewSamples {
-        /// Training windows given.
+        /// Given training windows.
         windows: usize,
-        /// Outputs per window.
+        /// Number of outputs of a window.
         outputs: usize,
-        /// Weights of the network.
+        /// Number of weights of the network.
         weights: usize,
-        /// Windows needed.
+        /// Required windows.
         needed: usize,
     },
-    /// An output does not vary.
+    /// An output is constant.
     #[error(
         "output `{channel}` is {value} in every training window: leave it out or train on runs in which it varies"
     )]
@@ -76,23 +76,22 @@ pub enum TrainError {
         /// Its value.
         value: f64,
     },
-    /// The layers make no network.
+    /// The layer sizes are invalid.
     #[error(transparent)]
     Network(#[from] NetworkError),
     /// Levenberg–Marquardt cannot start.
     #[error(transparent)]
     Minimise(#[from] MinimiseError),
-    /// The trained pieces don't fit together.
+    /// The parts of the trained model are inconsistent.
     #[error(transparent)]
     Model(#[from] NarxError),
 }
 
-/// Trains a model on `split.train`, stopping early on `split.validation` unless that is empty. The same arguments give
-/// the same model. `progress` sees every epoch and may end the training.
+/// Trains a model on `split.train`, with early stopping on `split.validation` unless that is empty. The same arguments give the same model. The function
+/// calls `progress` for every epoch; the callback may end the training.
 ///
 /// # Errors
-/// When the layout, a window or a setting makes no sense, the training windows are too few, or an output is constant
-/// in them.
+/// If the layout, a window or a setting is invalid, the training windows are too few, or an output is constant in them.
 pub fn train(
     series: &Series,
     split: &Split,
@@ -139,7 +138,7 @@ fn decay_classes(sizes: &[usize]) -> Vec<usize> {
     classes
 }
 
-/// The layer sizes, if series, split and recipe go together.
+/// The layer sizes, if series, split and recipe are consistent.
 fn check(series: &Series, split: &Split, recipe: &Recipe) -> Result<Vec<usize>, TrainError> {
     let (layout, outputs) = (&recipe.layout, series.outputs());
     layout.check(series.inputs(), outputs)?;
@@ -167,7 +166,7 @@ fn check(series: &Series, split: &Split, recipe: &Recipe) -> Result<Vec<usize>, 
     Ok(sizes)
 }
 
-/// Scaling of inputs and outputs over everything the windows look at.
+/// Fits the scaling of inputs and outputs to all samples in the windows.
 pub(crate) fn fit_scaling(series: &Series, windows: &[Window], layout: &Layout) -> (Scaling, Scaling) {
     let inputs = windows.iter().flat_map(|w| {
         let past = layout.input_lags.iter().map(|lag| w.present - lag);

@@ -1,4 +1,4 @@
-//! A trained model as a file: JSON with a format name and a version; every number comes back bit for bit.
+//! A trained model as a file: JSON with a format name and a version; every number is restored bit for bit.
 //!
 //! ```text
 //! { "format": "freeplay.narx", "version": 1,
@@ -21,10 +21,10 @@ use std::path::Path;
 
 /// Name of the format.
 pub const FORMAT: &str = "freeplay.narx";
-/// Version written, and the only one read.
+/// Version of written files; the reader accepts no other.
 pub const VERSION: u64 = 1;
 
-/// Why a weight file cannot be used.
+/// Reasons why a weight file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum WeightFileError {
     /// The file cannot be read or written.
@@ -32,33 +32,33 @@ pub enum WeightFileError {
     Io {
         /// The file.
         origin: String,
-        /// What the system says.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// It is not JSON, or a field is missing, unknown or of another type (line and column are given).
+    /// The file is not JSON, or a field is missing, unknown or of another type (the message gives line and column).
     #[error("{origin}: not a readable weight file: {}; give one that freeplay train wrote", plain_words(&source.to_string()))]
     Syntax {
         /// The file.
         origin: String,
-        /// What the parser says.
+        /// The error of the parser.
         source: serde_json::Error,
     },
-    /// It is JSON, but something else.
+    /// The file is JSON of another format.
     #[error("{origin}: format is `{found}`, not `{FORMAT}`: give a file made by training")]
     OtherFormat {
         /// The file.
         origin: String,
-        /// Format found.
+        /// The format found.
         found: String,
     },
-    /// Another version of the format.
+    /// The file has another version of the format.
     #[error(
         "{origin}: version {found} of {FORMAT}, but only {VERSION} can be read: train again with this program"
     )]
     OtherVersion {
         /// The file.
         origin: String,
-        /// Version found.
+        /// The version found.
         found: u64,
     },
     /// A weight is not a finite number.
@@ -66,31 +66,31 @@ pub enum WeightFileError {
     NonFiniteWeight {
         /// The file.
         origin: String,
-        /// Position in the list, from 0.
+        /// Index in the list, from 0.
         index: usize,
     },
-    /// Layer sizes and weights don't fit.
+    /// Layer sizes and weights are inconsistent.
     #[error("{origin}: {source}: train again or restore the file")]
     Network {
         /// The file.
         origin: String,
-        /// What does not fit.
+        /// The inconsistency.
         source: NetworkError,
     },
-    /// Layout, channels, scaling and network don't fit.
+    /// Layout, channels, scaling and network are inconsistent.
     #[error("{origin}: {source}: train again or restore the file")]
     Model {
         /// The file.
         origin: String,
-        /// What does not fit.
+        /// The inconsistency.
         source: NarxError,
     },
 }
 
-/// The model was trained for something else than it is to be used for.
+/// The model was trained for another purpose than its use.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum MismatchError {
-    /// It was trained on another arm.
+    /// The model was trained on another arm.
     #[error(
         "the weights were trained on arm `{trained}` (hash {trained_hash}), not on `{wanted}` (hash {wanted_hash}): \
          train for this arm; they were made by: {command}"
@@ -100,26 +100,26 @@ pub enum MismatchError {
         trained: String,
         /// Its hash.
         trained_hash: String,
-        /// Arm wanted.
+        /// Required arm.
         wanted: String,
         /// Its hash.
         wanted_hash: String,
-        /// Command that made the weights.
+        /// The command that made the weights.
         command: String,
     },
-    /// It was trained on play in another joint.
+    /// The model was trained on play in another joint.
     #[error(
         "the weights were trained on play in `{trained}`, not in `{wanted}`: train for this joint; they were made by: {command}"
     )]
     OtherJoint {
         /// Joint of the weights.
         trained: String,
-        /// Joint wanted.
+        /// Required joint.
         wanted: String,
-        /// Command that made the weights.
+        /// The command that made the weights.
         command: String,
     },
-    /// It has other channels.
+    /// The model has other channels.
     #[error(
         "the weights have other {kind} channels than the controller: {}: train with this program",
         first_difference(expected, found)
@@ -127,26 +127,26 @@ pub enum MismatchError {
     OtherChannels {
         /// `input` or `output`.
         kind: &'static str,
-        /// Channels wanted.
+        /// Required channels.
         expected: Vec<String>,
         /// Channels of the weights.
         found: Vec<String>,
     },
-    /// It looks at other samples.
+    /// The model uses other samples.
     #[error(
         "the weights look at {}, the controller at {}: train with this program",
         in_words(found),
         in_words(expected)
     )]
     OtherLayout {
-        /// Layout wanted.
+        /// Required layout.
         expected: Box<Layout>,
         /// Layout of the weights.
         found: Box<Layout>,
     },
 }
 
-/// The first place where two lists of channels differ.
+/// The first difference between two lists of channels.
 fn first_difference(expected: &[String], found: &[String]) -> String {
     let differs = |at: &usize| expected.get(*at) != found.get(*at);
     let at = (0..expected.len().max(found.len())).find(differs).unwrap_or_default();
@@ -154,7 +154,7 @@ fn first_difference(expected: &[String], found: &[String]) -> String {
     format!("channel {} of {} is {}, not {}", at + 1, found.len(), name(found), name(expected))
 }
 
-/// A layout for a person.
+/// A layout as text for a message.
 fn in_words(layout: &Layout) -> String {
     let Layout { input_lags, output_lags, horizon, input_at_target } = layout;
     let ahead = if *input_at_target { " and the inputs of the predicted sample" } else { "" };
@@ -182,7 +182,7 @@ struct File {
     activation: Activation,
     input_scaling: Scaling,
     output_scaling: Scaling,
-    /// JSON has no NaN or infinity; writers put null.
+    /// JSON has no NaN or infinity; writers use null for them.
     weights: Vec<Option<f64>>,
 }
 
@@ -208,10 +208,10 @@ impl Narx {
         text
     }
 
-    /// A model from the text of a weight file; `origin` names it in messages.
+    /// Parses a model from the text of a weight file; `origin` names it in messages.
     ///
     /// # Errors
-    /// When the text is not such a file, of another version, or inconsistent, or a weight is not finite.
+    /// If the text is not a weight file, has another version or is inconsistent, or if a weight is not finite.
     pub fn from_json(text: &str, origin: &str) -> Result<Self, WeightFileError> {
         let named = || origin.to_owned();
         let syntax = |source| WeightFileError::Syntax { origin: named(), source };
@@ -246,7 +246,7 @@ impl Narx {
     /// Writes the weight file.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), WeightFileError> {
         let origin = path.display().to_string();
         let written = freeplay_storage::write(path, self.to_json());
@@ -256,7 +256,7 @@ impl Narx {
     /// Reads a weight file.
     ///
     /// # Errors
-    /// When the file cannot be read, and as [`Narx::from_json`].
+    /// If the file cannot be read; see also [`Narx::from_json`].
     pub fn load(path: &Path) -> Result<Self, WeightFileError> {
         let origin = path.display().to_string();
         match freeplay_storage::read_text(path) {
@@ -265,10 +265,10 @@ impl Narx {
         }
     }
 
-    /// Whether the model was trained on the arm with this hash (`name` is for the message).
+    /// Checks that the model was trained on the arm with this hash (`name` is for the message).
     ///
     /// # Errors
-    /// When it was trained on another one.
+    /// If it was trained on another arm.
     pub fn check_arm(&self, name: &str, hash: &str) -> Result<(), MismatchError> {
         let Provenance { arm, arm_hash, command, .. } = self.provenance.clone();
         if arm_hash == hash {
@@ -283,10 +283,10 @@ impl Narx {
         })
     }
 
-    /// Whether the model was trained on play in this joint, if it says in which.
+    /// Checks that the model was trained on play in this joint, if it names one.
     ///
     /// # Errors
-    /// When it was trained on another one.
+    /// If it was trained on another joint.
     pub fn check_joint(&self, joint: &str) -> Result<(), MismatchError> {
         let Provenance { joint: trained, command, .. } = &self.provenance;
         if trained.is_empty() || trained == joint {
@@ -296,10 +296,10 @@ impl Narx {
         Err(MismatchError::OtherJoint { trained, wanted: joint.to_owned(), command })
     }
 
-    /// Whether the model has exactly these channels, in this order.
+    /// Checks that the model has exactly these channels, in this order.
     ///
     /// # Errors
-    /// When it has others.
+    /// If it has other channels.
     pub fn check_channels(&self, inputs: &[&str], outputs: &[&str]) -> Result<(), MismatchError> {
         for (kind, wanted, found) in
             [("input", inputs, &self.input_names), ("output", outputs, &self.output_names)]
@@ -312,10 +312,10 @@ impl Narx {
         Ok(())
     }
 
-    /// Whether the model looks at exactly these samples.
+    /// Checks that the model uses exactly these samples.
     ///
     /// # Errors
-    /// When it looks at others.
+    /// If it uses other samples.
     pub fn check_layout(&self, layout: &Layout) -> Result<(), MismatchError> {
         if self.layout == *layout {
             return Ok(());

@@ -1,17 +1,17 @@
-//! What one prediction looks at, and where predictions can be made.
+//! Samples of one prediction, and the instants at which predictions are possible.
 //!
 //! # Formula
-//! ŷ\[k+h\] = f(u\[k−i\] for each input lag i, y\[k−j\] for each output lag j), horizon h ≥ 1. Lag 0 is the present. The
-//! network of Erkaya (2018), Eq. 10, y(t) = f(u(t), u(t−1), …, y(t−1), …), is h = 1 with the input *at the predicted
-//! instant* included ([`Layout::input_at_target`]), which a controller has only for planned inputs.
+//! ŷ\[k+h\] = f(u\[k−i\] for each input lag i, y\[k−j\] for each output lag j), horizon h ≥ 1. Lag 0 is the present. The network
+//! of Erkaya (2018), Eq. 10, y(t) = f(u(t), u(t−1), …, y(t−1), …), is the case h = 1 with the input *at the predicted instant*
+//! ([`Layout::input_at_target`]), which a controller knows only for planned inputs.
 
 use crate::series::Series;
 use serde::{Deserialize, Serialize};
 
-/// Largest lag and horizon, samples: more than a minute at 1 kHz, and little enough to keep in memory.
+/// Largest lag and horizon, samples: more than a minute at 1 kHz, and small enough for the memory.
 pub const LONGEST: usize = 100_000;
 
-/// Which samples a prediction is made from, and for which instant.
+/// Samples of a prediction, and its instant.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Layout {
@@ -21,7 +21,7 @@ pub struct Layout {
     pub output_lags: Vec<usize>,
     /// Samples from the present to the predicted instant, at least 1.
     pub horizon: usize,
-    /// Whether the inputs at the predicted instant are known, too.
+    /// True if the inputs at the predicted instant are also known.
     pub input_at_target: bool,
 }
 
@@ -30,13 +30,13 @@ pub struct Layout {
 pub struct Window {
     /// Index of the run.
     pub run: usize,
-    /// Latest sample that may be looked at (but for a layout's inputs at the target).
+    /// Latest sample that the prediction may use (apart from a layout's inputs at the target).
     pub present: usize,
     /// Sample to predict: `present` + horizon.
     pub target: usize,
 }
 
-/// Why no windows can be made.
+/// Reasons why windows cannot be made.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum WindowError {
     /// The horizon is 0.
@@ -45,7 +45,7 @@ pub enum WindowError {
     /// A lag or the horizon is beyond [`LONGEST`].
     #[error("a lag or horizon of {samples} samples is too long: at most {LONGEST}")]
     TooLong {
-        /// Samples asked for.
+        /// The given number of samples.
         samples: usize,
     },
     /// A lag appears twice.
@@ -56,10 +56,10 @@ pub enum WindowError {
         /// The lag.
         lag: usize,
     },
-    /// Nothing is looked at.
+    /// The layout has no regressors.
     #[error("the layout looks at no sample: give at least one lag of a channel")]
     NoRegressors,
-    /// A window looks outside its run, or has another horizon.
+    /// A window exceeds its run, or has another horizon.
     #[error(
         "window with present {present} and target {target} of run {run}: it must have {memory} samples before the \
          present, look {horizon} ahead, and end inside the run; make windows with this memory and horizon"
@@ -67,13 +67,13 @@ pub enum WindowError {
     Outside {
         /// Index of the run.
         run: usize,
-        /// The window's present.
+        /// Present sample of the window.
         present: usize,
-        /// The window's target.
+        /// Target sample of the window.
         target: usize,
-        /// Samples needed before the present.
+        /// Required samples before the present.
         memory: usize,
-        /// Horizon needed.
+        /// Required horizon.
         horizon: usize,
     },
     /// A run is shorter than one window.
@@ -83,22 +83,22 @@ pub enum WindowError {
     TooFewSamples {
         /// Name of the run.
         run: String,
-        /// Samples it has.
+        /// Number of its samples.
         samples: usize,
-        /// Samples looked back.
+        /// Samples before the present.
         memory: usize,
-        /// Samples looked ahead.
+        /// Samples after the present.
         horizon: usize,
-        /// Samples needed.
+        /// Required samples.
         needed: usize,
     },
 }
 
 impl Layout {
-    /// Whether the layout makes sense for the given numbers of channels.
+    /// Checks the layout for the given numbers of channels.
     ///
     /// # Errors
-    /// When the horizon is 0, a lag or the horizon is too long, a lag appears twice, or nothing is looked at.
+    /// If the horizon is 0, a lag or the horizon is too long, a lag appears twice, or there are no regressors.
     pub fn check(&self, inputs: usize, outputs: usize) -> Result<(), WindowError> {
         if self.horizon == 0 {
             return Err(WindowError::NoHorizon);
@@ -115,7 +115,7 @@ impl Layout {
         if self.width(inputs, outputs) == 0 { Err(WindowError::NoRegressors) } else { Ok(()) }
     }
 
-    /// Largest lag: the samples before the present that a prediction needs.
+    /// Largest lag, which is the number of samples that a prediction needs before the present.
     #[must_use]
     pub fn memory(&self) -> usize {
         self.input_lags.iter().chain(&self.output_lags).copied().max().unwrap_or(0)
@@ -161,10 +161,10 @@ impl Layout {
 
 /// All windows of a series, run after run, that have `memory` samples before the present and look `horizon` ahead.
 ///
-/// Give the largest memory of all predictors that are to be compared, so that all answer for the same windows.
+/// For a comparison of predictors, give the largest memory of all of them, so that they predict the same windows.
 ///
 /// # Errors
-/// When the horizon is 0 or a run is too short for a single window.
+/// If the horizon is 0 or a run is too short for a single window.
 pub fn windows(series: &Series, memory: usize, horizon: usize) -> Result<Vec<Window>, WindowError> {
     if horizon == 0 {
         return Err(WindowError::NoHorizon);
@@ -188,7 +188,7 @@ pub fn windows(series: &Series, memory: usize, horizon: usize) -> Result<Vec<Win
     Ok(all)
 }
 
-/// Whether all windows lie inside their runs, have `memory` samples before the present, and look `horizon` ahead.
+/// Checks that all windows lie inside their runs, have `memory` samples before the present, and look `horizon` ahead.
 pub(crate) fn check_windows(
     series: &Series,
     windows: &[Window],
@@ -210,7 +210,7 @@ pub(crate) fn check_windows(
 /// The true outputs at the windows' targets, row-major.
 ///
 /// # Panics
-/// When a window lies outside its run.
+/// If a window exceeds its run.
 #[must_use]
 pub fn targets(series: &Series, windows: &[Window]) -> Vec<f64> {
     windows.iter().flat_map(|window| series.output(window.run, window.target)).copied().collect()

@@ -1,4 +1,4 @@
-//! The minimiser against closed forms, a published table, known weights, and another algorithm.
+//! Tests of the minimiser against closed forms, a published table, known weights, and another algorithm.
 use freeplay_predictor::gauss_newton::{NetworkErrors, Samples};
 use freeplay_predictor::initialise::nguyen_widrow;
 use freeplay_predictor::levenberg_marquardt::{MinimiseError, Outcome, Settings, Stop, minimise};
@@ -10,7 +10,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::ops::ControlFlow;
 
-/// Errors written as a function of the weights that also gives their derivatives.
+/// A problem given by a function of the weights that returns the errors and their derivatives.
 struct ByHand<F> {
     weights: usize,
     errors: usize,
@@ -42,7 +42,7 @@ fn run(problem: &mut impl LeastSquares, start: Vec<f64>, settings: &Settings) ->
     minimise(problem, start, settings, |_| ControlFlow::Continue(())).unwrap()
 }
 
-/// To the limit of the arithmetic.
+/// Settings for a minimum within the precision of the arithmetic.
 fn exhaustive() -> Settings {
     Settings { min_gradient: 0.0, ..Settings::default() }
 }
@@ -79,7 +79,7 @@ fn a_linear_network_ends_at_the_least_squares_solution() {
     let worst = expected.iter().zip(&outcome.weights).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
     eprintln!("{:?} after {} epochs, largest difference {worst:.1e}", outcome.stop, outcome.best_epoch);
     assert!(outcome.history.last().unwrap().mse > 1.0e-3, "the fit leaves an error");
-    // Damping by mu alone keeps the first step from being exact.
+    // Only the damping mu keeps the first step from being exact.
     assert!(worst < 1.0e-7 && outcome.best_epoch < 20);
 }
 
@@ -177,7 +177,7 @@ fn gauss_newton(sizes: &[usize], samples: &Samples, start: &[f64]) -> Vec<f64> {
 #[test]
 fn the_minimum_is_the_one_another_algorithm_finds() {
     let sizes = [2, 3, 1];
-    // Noisy data of a known network, and a start near it: one basin, and an error that cannot vanish.
+    // Noisy data of a known network, and a start near it, so that there is one minimum nearby and a nonzero error.
     let teacher = nguyen_widrow(&sizes, Activation::Tanh, 2);
     let network = Network::new(&sizes, Activation::Tanh, teacher.clone()).unwrap();
     let mut samples = random_samples(200, 2, 5, |x| network.forward(x, &mut network.scratch()).to_vec());
@@ -293,7 +293,7 @@ fn senseless_settings_and_starts_are_refused() {
 }
 
 /// SciPy 1.17.1 (MINPACK's Levenberg–Marquardt, `least_squares(f, w0, method="lm", xtol=ftol=gtol=1e-15)`) on the same forty samples
-/// from the same start: mean squared error and what the network says at −1, 0 and 1.
+/// from the same start: mean squared error and the network's outputs at −1, 0 and 1.
 #[test]
 fn the_minimum_is_the_one_scipy_finds() {
     const ERROR: f64 = 1.794_561_945_450_004_3e-4;

@@ -1,4 +1,4 @@
-//! Trained models: known systems, closed against open loop, streaming against batch, bad input.
+//! Tests of trained models: known systems, closed against open loop, streaming against batch, invalid input.
 use freeplay_predictor::activation::Activation;
 use freeplay_predictor::baselines::persistence;
 use freeplay_predictor::levenberg_marquardt::{Settings, Stop};
@@ -126,7 +126,7 @@ fn perfect_predictions_make_closed_and_open_loop_equal() {
     }
 }
 
-/// A model with odd lags and horizon 3; not trained to the end, any function will do.
+/// A model with irregular lags and horizon 3; its training need not converge, because the tests accept any function.
 fn rough_model(series: &Series, planned: bool) -> Narx {
     let mut layout = layout(&[0, 2, 5], &[0, 1, 7], 3);
     layout.input_at_target = planned;
@@ -167,7 +167,7 @@ fn closed_loop_equals_open_loop_on_a_series_of_own_predictions() {
     let narx = rough_model(&series, false);
     let (start, steps) = (60, 40);
     let closed = narx.free_run(&series, 1, start, steps).unwrap();
-    // The same by hand: each prediction is written into a copy of the series before the next is made.
+    // The same by hand: the test writes each prediction into a copy of the series before it makes the next one.
     let inputs: Vec<f64> = (0..200).flat_map(|k| series.input(1, k)).copied().collect();
     let mut outputs: Vec<f64> = (0..200).flat_map(|k| series.output(1, k)).copied().collect();
     outputs[2 * start..].fill(0.0);
@@ -336,7 +336,7 @@ fn training_can_be_watched_and_interrupted() {
     assert_eq!(trained.unwrap().outcome.stop, Stop::Interrupted);
 }
 
-/// With one hidden layer, with several, and with none, where the first layer is the last.
+/// The test covers one hidden layer, several, and none, in which case the first layer is also the last.
 #[test]
 fn the_network_in_own_units_says_what_the_model_says() {
     let series = narendra_series(200);
@@ -359,7 +359,7 @@ fn the_network_in_own_units_says_what_the_model_says() {
     }
 }
 
-/// Between channels that it does not look at, a model says the same whatever they hold.
+/// The output of a widened model must not depend on the values of the added channels.
 #[test]
 fn a_widened_model_looks_at_its_own_channels_alone() {
     let series = narendra_series(200);

@@ -1,4 +1,4 @@
-//! Weight files: what is written comes back bit for bit; what is wrong is named.
+//! Tests of weight files: contents are restored bit for bit, and errors name the fault.
 use freeplay_predictor::narx::NarxError;
 use freeplay_predictor::network::NetworkError;
 use freeplay_predictor::weight_file::{MismatchError, WeightFileError};
