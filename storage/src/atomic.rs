@@ -1,9 +1,9 @@
-//! Files that appear whole or not at all.
+//! Atomic files: a file appears complete or not at all.
 //!
-//! The bytes go to a temporary file in the same folder, `.NAME.freeplay-part`, created exclusively and without following links. A commit
-//! makes them durable, renames the file over its target, and makes the name durable. A link under the target's name is replaced, never
-//! written through. The writer holds a lock on its temporary file. One that a killed process left is not locked, and the next write to the
-//! same target removes it.
+//! The writer puts the bytes into a temporary file in the same folder, `.NAME.freeplay-part`, created exclusively and without following
+//! links. A commit makes them durable, renames the file to its target, and makes the name durable. The rename replaces a link under the
+//! target's name and never writes through it. The writer holds a lock on its temporary file. The file of a killed process is unlocked, and
+//! the next write to the same target removes it.
 
 use std::fs::FileType;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
@@ -17,13 +17,13 @@ use crate::handle::Handle;
 use crate::path::{check_path, file_name, parent};
 use crate::perform::perform;
 
-/// The end of the name of every temporary file.
+/// Suffix of the name of every temporary file.
 pub const TEMPORARY_SUFFIX: &str = ".freeplay-part";
 
-/// How often a temporary file is tried that another process takes away at the same time.
+/// Number of attempts to create a temporary file that another process removes at the same time.
 const TRIES: usize = 8;
 
-/// A file on its way to its name. Dropped without [`AtomicFile::commit`], it leaves what was there before.
+/// A file that is being written. If it is dropped without [`AtomicFile::commit`], the earlier target stays.
 #[derive(Debug)]
 pub struct AtomicFile {
     handle: Handle,
@@ -33,10 +33,10 @@ pub struct AtomicFile {
 }
 
 impl AtomicFile {
-    /// Begins a file that will replace `target`.
+    /// Creates a file that will replace `target`.
     ///
     /// # Errors
-    /// A path that is refused; a folder or device under the name; another process that writes the same file; what the system says.
+    /// A refused path; a folder or device under the name; another process that writes the same file; an error of the operating system.
     pub fn create(target: &Path) -> Result<Self, StorageError> {
         Self::begin(target).map_err(|source| StorageError::new(Operation::Write, target, source))
     }
@@ -53,7 +53,7 @@ impl AtomicFile {
                     if file.handle.is_at(&file.temporary) {
                         return Ok(file);
                     }
-                    // Another process took it for a leftover before it was locked.
+                    // Another process removed it as a leftover before it was locked.
                     return Err(Refusal::Busy.into());
                 }
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => remove_leftover(&temporary)?,
@@ -63,25 +63,25 @@ impl AtomicFile {
         Err(Refusal::Busy.into())
     }
 
-    /// The bytes written so far are cut to `length`.
+    /// Truncates the bytes written so far to `length`.
     ///
     /// # Errors
-    /// What the system says.
+    /// An error of the operating system.
     pub fn truncate(&mut self, length: u64) -> io::Result<()> {
         self.handle.truncate(length)
     }
 
-    /// Makes the file durable and gives it its name.
+    /// Makes the file durable and renames it to its target.
     ///
     /// # Errors
-    /// What the system says. The target is as before, unless the last step failed: then the new file is there, whole, and a power cut may
-    /// bring back the old one.
+    /// An error of the operating system. The target stays as before, unless the last step failed: then the new file is there, complete,
+    /// and a power cut may restore the old one.
     pub fn commit(mut self) -> Result<(), StorageError> {
         let done = self.handle.sync().and_then(|()| self.publish());
         done.map_err(|source| StorageError::new(Operation::Write, &self.target, source))
     }
 
-    /// Gives the file its name now.
+    /// Renames the file to its target.
     fn publish(&mut self) -> io::Result<()> {
         let (from, to) = (&self.temporary, &self.target);
         perform(&Call::Rename { from, to }, || std::fs::rename(from, to))?;
@@ -89,7 +89,7 @@ impl AtomicFile {
         sync_folder(&parent(&self.target))
     }
 
-    /// Gives the file its name now; it goes on to grow under it.
+    /// Renames the file to its target now; it continues to grow under that name.
     pub(crate) fn into_published(mut self) -> Result<Handle, StorageError> {
         self.publish().map_err(|source| StorageError::new(Operation::Write, &self.target, source))?;
         self.handle.renamed(&self.target);
@@ -100,7 +100,7 @@ impl AtomicFile {
 impl Drop for AtomicFile {
     fn drop(&mut self) {
         if !self.is_published {
-            // The error that led here is the one to report.
+            // The original error is the one to report.
             let _ = remove(&self.temporary);
         }
     }
@@ -128,18 +128,18 @@ impl Seek for AtomicFile {
     }
 }
 
-/// Writes `bytes` to `target`, whole or not at all, readable by its owner alone.
+/// Writes `bytes` to `target` atomically, readable only by its owner.
 ///
 /// # Errors
-/// As [`AtomicFile`] has them; the target is as before.
+/// The errors of [`AtomicFile`]; the target stays as before.
 pub fn write(target: &Path, bytes: impl AsRef<[u8]>) -> Result<(), StorageError> {
     let mut file = AtomicFile::create(target)?;
     file.write_all(bytes.as_ref()).map_err(|source| StorageError::new(Operation::Write, target, source))?;
     file.commit()
 }
 
-/// Refuses a target that a file must not take the place of: a folder, a device, a pipe, a socket, a link to one of these, or a name in a
-/// folder that the kernel fills.
+/// Refuses a target that a file must not replace: a folder, a device, a pipe, a socket, a link to one of these, or a name in a folder of a
+/// kernel file system.
 fn check_replaceable(target: &Path) -> io::Result<()> {
     let is_replaceable = |kind: FileType| kind.is_file() || kind.is_symlink();
     for found in [std::fs::symlink_metadata(target), std::fs::metadata(target)].into_iter().flatten() {
@@ -158,17 +158,17 @@ fn check_replaceable(target: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes a temporary file that no process has locked.
+/// Removes a temporary file without a lock.
 fn remove_leftover(temporary: &Path) -> io::Result<()> {
     let Ok(metadata) = std::fs::symlink_metadata(temporary) else { return Ok(()) };
     if !metadata.is_file() {
-        // A planted link or pipe; removing a name follows nothing.
+        // A planted link or pipe; removing the name does not follow it.
         return remove(temporary);
     }
     match Handle::append(temporary) {
         Ok(leftover) => {
             leftover.lock()?;
-            // Whoever replaces it would need the lock that is held here.
+            // A process that replaces it would need the lock that this one holds.
             if leftover.is_at(temporary) { remove(temporary) } else { Ok(()) }
         }
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),

@@ -17,19 +17,19 @@ pub(crate) enum Call<'a> {
     List(&'a Path),
     /// Creates a file that does not exist.
     Create { path: &'a Path, handle: u64 },
-    /// Opens a file for appending, made if it is missing.
+    /// Opens a file for appending, and creates it if it is missing.
     Append { path: &'a Path, handle: u64 },
     /// Writes at an offset, bytes.
     Write { handle: u64, offset: u64, bytes: &'a [u8] },
-    /// Cuts a file to a length, bytes.
+    /// Truncates a file to a length, bytes.
     Truncate { handle: u64, length: u64 },
     /// Makes the data of a file durable.
     SyncFile { handle: u64 },
     /// Makes the names in a folder durable.
     SyncFolder(&'a Path),
-    /// Gives a file another name, in place of what has it.
+    /// Renames a file, replacing an existing one.
     Rename { from: &'a Path, to: &'a Path },
-    /// Makes one folder.
+    /// Creates one folder.
     MakeFolder(&'a Path),
     /// Locks an open file or folder.
     Lock(&'a Path),

@@ -1,34 +1,34 @@
-//! Why the file system was not read or written.
+//! Errors of the file system.
 
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-/// The longest path that is accepted, bytes. Linux stops at 4,096; a path has to leave room for the names of results below it.
+/// The longest accepted path, bytes. Linux permits 4,096; a path must leave room for the names of results below it.
 pub const PATH_LIMIT: usize = 1024;
 
-/// What was tried.
+/// The attempted operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// Opening or reading a file, listing a folder.
     Read,
     /// Creating, writing, renaming or removing a file.
     Write,
-    /// Making or locking a folder.
+    /// Creating or locking a folder.
     Folder,
 }
 
-/// A cause that this crate finds before the operating system does.
+/// A cause that this crate detects before the operating system.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
     /// A pipe, device, socket or folder where a regular file is expected.
     #[error("it is {0}, not a regular file")]
     NotRegular(&'static str),
-    /// A link where none is followed.
+    /// A link at a place where links are not followed.
     #[error("it is a link, and links are not followed here")]
     Link,
-    /// A file above the limit of its kind.
+    /// A file larger than the limit of its kind.
     #[error("the file is longer than {limit} bytes, the most that is read of its kind")]
     TooLarge {
         /// The limit, bytes.
@@ -37,13 +37,13 @@ pub enum Refusal {
     /// A path that cannot be printed or stored as text.
     #[error("the path is not UTF-8")]
     PathNotUtf8,
-    /// A path above [`PATH_LIMIT`].
+    /// A path longer than [`PATH_LIMIT`].
     #[error("the path has {length} bytes, above the limit of {limit}", limit = PATH_LIMIT)]
     PathTooLong {
-        /// Its length, bytes.
+        /// Length of the path, bytes.
         length: usize,
     },
-    /// Another process writes this file or works in this folder.
+    /// Another process writes this file or uses this folder.
     #[error("another process is writing to it")]
     Busy,
     /// Results of an earlier command.
@@ -80,20 +80,20 @@ impl From<Refusal> for io::Error {
     }
 }
 
-/// A file or folder that was not read or written: the operation, the path, the cause and the remedy in one line.
+/// A failed access to a file or folder: the operation, the path, the cause and the remedy in one line.
 #[derive(Debug, Error)]
 #[error("cannot {} {}: {source}; {}", self.verb(), path.display(), self.remedy())]
 pub struct StorageError {
-    /// What was tried.
+    /// The attempted operation.
     pub operation: Operation,
     /// The file or folder.
     pub path: PathBuf,
-    /// What the operating system said, or a [`Refusal`].
+    /// The error of the operating system, or a [`Refusal`].
     pub source: io::Error,
 }
 
 impl StorageError {
-    /// A failed `operation` on `path`.
+    /// The error of an `operation` on `path`.
     #[must_use]
     pub fn new(operation: Operation, path: &Path, source: io::Error) -> Self {
         Self { operation, path: path.to_path_buf(), source }
@@ -110,13 +110,13 @@ impl StorageError {
         }
     }
 
-    /// The cause, where this crate found it.
+    /// The cause, if this crate detected it.
     #[must_use]
     pub fn refusal(&self) -> Option<&Refusal> {
         self.source.get_ref().and_then(|cause| cause.downcast_ref())
     }
 
-    /// What to do about it.
+    /// The remedy.
     #[must_use]
     pub fn remedy(&self) -> &'static str {
         match (self.refusal(), self.operation) {
@@ -127,7 +127,7 @@ impl StorageError {
     }
 }
 
-/// A caller that names the path itself keeps the cause alone.
+/// For a caller that names the path itself, the conversion keeps only the cause.
 impl From<StorageError> for io::Error {
     fn from(error: StorageError) -> Self {
         error.source

@@ -1,22 +1,22 @@
-//! Whether other users can change what a path leads to.
+//! Detects whether other users can replace the target of a path.
 
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use rustix::process::getuid;
 
-/// A folder in which another user can rename and replace files, whatever their modes are.
+/// A folder in which another user can rename and replace files, whatever their modes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exposure {
     /// The folder.
     pub folder: PathBuf,
-    /// User id of its owner, unless everybody can.
+    /// User id of its owner; `None` if every user can.
     pub owner: Option<u32>,
 }
 
 impl Exposure {
-    /// The outermost such folder on the way to `path`, that itself included; none if only this user, the superuser and whoever called
-    /// `sudo` can. Links are followed.
+    /// The outermost such folder on the way to `path`, including `path` itself. Returns `None` if only this user, the superuser and
+    /// the caller of `sudo` can replace files. Links are followed.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         let path = std::fs::canonicalize(path).ok()?;
@@ -29,7 +29,7 @@ impl Exposure {
         let caller = std::env::var("SUDO_UID").ok().and_then(|id| id.parse().ok());
         let is_trusted = [Some(0), Some(getuid().as_raw()), caller].contains(&Some(found.uid()));
         let exposure = |owner| Some(Self { folder: folder.to_path_buf(), owner });
-        // In a sticky folder only the owners of a file and of the folder rename the file.
+        // In a sticky folder only the owners of a file and of the folder can rename the file.
         if found.mode() & 0o002 != 0 && found.mode() & 0o1000 == 0 {
             exposure(None)
         } else if !is_trusted {

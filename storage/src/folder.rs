@@ -1,4 +1,4 @@
-//! Folders: made, listed, reserved; names removed and made durable.
+//! Folders: creating, listing, reserving; removing names and making them durable.
 
 use std::fs::{DirBuilder, File, FileTimes, OpenOptions};
 use std::io::{self, ErrorKind};
@@ -14,15 +14,15 @@ use crate::handle::flags;
 use crate::path::{check_path, parent};
 use crate::perform::perform;
 
-/// Open to its owner alone.
+/// Accessible only by the owner.
 const PRIVATE: u32 = 0o700;
 
-/// Opens a folder. A pipe that somebody has put in its place is an error, and is not waited for.
+/// Opens a folder. A pipe planted in its place causes an error without waiting.
 pub(crate) fn open_folder(folder: &Path) -> io::Result<File> {
     OpenOptions::new().read(true).custom_flags(flags(OFlags::DIRECTORY)).open(folder)
 }
 
-/// Makes the names in `folder` durable. A file system that cannot does nothing.
+/// Makes the names in `folder` durable. The function ignores file systems without this feature.
 pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     let synced = perform(&Call::SyncFolder(folder), || open_folder(folder)?.sync_all());
     match synced {
@@ -31,15 +31,15 @@ pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Removes a name. A link is removed, not what it stands for.
+/// Removes a name. For a link, the function removes the link and not its target.
 pub(crate) fn remove(path: &Path) -> io::Result<()> {
     perform(&Call::Remove(path), || std::fs::remove_file(path))
 }
 
-/// Removes the file or link `path`, if it is there.
+/// Removes the file or link `path`, if it exists.
 ///
 /// # Errors
-/// What the system says.
+/// An error of the operating system.
 pub fn remove_file(path: &Path) -> Result<(), StorageError> {
     match check_path(path).and_then(|()| remove(path)) {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
@@ -47,10 +47,10 @@ pub fn remove_file(path: &Path) -> Result<(), StorageError> {
     }
 }
 
-/// Makes the folder `path` and those above it, each for its owner alone, and durable.
+/// Creates the folder `path` and its parents, private to their owner, and makes them durable.
 ///
 /// # Errors
-/// A path that is refused; a file or a link in its place; what the system says.
+/// A refused path; a file or a link in its place; an error of the operating system.
 pub fn make_folder(path: &Path) -> Result<(), StorageError> {
     let failed = |source| StorageError::new(Operation::Folder, path, source);
     check_path(path).map_err(failed)?;
@@ -60,18 +60,18 @@ pub fn make_folder(path: &Path) -> Result<(), StorageError> {
     make_missing(path).map_err(failed)
 }
 
-/// Makes those of `path` and the folders above it that are missing.
+/// Creates the missing folders of `path` and its parents.
 pub(crate) fn make_missing(path: &Path) -> io::Result<()> {
     for folder in missing(path).iter().rev() {
         let made = perform(&Call::MakeFolder(folder), || DirBuilder::new().mode(PRIVATE).create(folder));
         match made {
-            // Another process made it in between.
+            // Another process created it meanwhile.
             Err(error) if error.kind() == ErrorKind::AlreadyExists && folder.is_dir() => {}
             done => done?,
         }
         sync_folder(&parent(folder))?;
     }
-    // A file in the place of the folder, or of one above it, is told by asking for the folder.
+    // A query of the folder reveals a file at its path or at that of a parent.
     if path.as_os_str().is_empty() || std::fs::metadata(path)?.is_dir() {
         Ok(())
     } else {
@@ -79,7 +79,7 @@ pub(crate) fn make_missing(path: &Path) -> io::Result<()> {
     }
 }
 
-/// The folders of `path` that are not there, the innermost first.
+/// The missing folders of `path`, the innermost first.
 fn missing(path: &Path) -> Vec<PathBuf> {
     let is_missing = |folder: &&Path| {
         let found = std::fs::symlink_metadata(folder);
@@ -88,19 +88,19 @@ fn missing(path: &Path) -> Vec<PathBuf> {
     path.ancestors().take_while(is_missing).map(Path::to_owned).collect()
 }
 
-/// The folders that are made for results which take minutes to be found. Those that nothing is in are gone again with this value.
+/// Folders created in advance for results that take minutes to compute. Dropping this value removes those that are still empty.
 #[derive(Debug)]
 pub(crate) struct ReservedFolder {
     made: Vec<PathBuf>,
 }
 
 impl ReservedFolder {
-    /// Notes which folders of `path` are missing.
+    /// Records the missing folders of `path`.
     pub fn before(path: &Path) -> Self {
         Self { made: missing(path) }
     }
 
-    /// Leaves the folders to whoever holds them.
+    /// Keeps the folders, because another process owns them.
     pub fn leave(&mut self) {
         self.made.clear();
     }
@@ -108,7 +108,7 @@ impl ReservedFolder {
 
 impl Drop for ReservedFolder {
     fn drop(&mut self) {
-        // The system removes no folder that holds something.
+        // The system removes only empty folders.
         let _ = self.made.iter().try_for_each(|folder| remove_one_folder(folder));
     }
 }
@@ -117,10 +117,10 @@ fn remove_one_folder(folder: &Path) -> io::Result<()> {
     perform(&Call::RemoveFolder(folder), || std::fs::remove_dir(folder))
 }
 
-/// Removes the folder `path` with all that is in it, if it is there. No link is followed.
+/// Removes the folder `path` with its contents, if it exists, without following links.
 ///
 /// # Errors
-/// What the system says.
+/// An error of the operating system.
 pub fn remove_folder(path: &Path) -> Result<(), StorageError> {
     match perform(&Call::RemoveFolder(path), || std::fs::remove_dir_all(path)) {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
@@ -128,14 +128,14 @@ pub fn remove_folder(path: &Path) -> Result<(), StorageError> {
     }
 }
 
-/// What an entry of a folder is.
+/// Kind of an entry of a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EntryKind {
     /// A regular file.
     File,
     /// A folder.
     Folder,
-    /// A link, wherever it leads.
+    /// A link, whatever its target.
     Link,
     /// A pipe, device or socket.
     Other,
@@ -146,14 +146,14 @@ pub enum EntryKind {
 pub struct Entry {
     /// The folder's path with the entry's name.
     pub path: PathBuf,
-    /// Its kind; a link is not followed.
+    /// Kind of the entry; links are not followed.
     pub kind: EntryKind,
 }
 
-/// The entries of the folder `path`, by name. The folder itself may be a link, its entries are not followed.
+/// Lists the entries of the folder `path`, by name. The folder itself may be a link; its entries are not followed.
 ///
 /// # Errors
-/// A path that is refused; what the system says.
+/// A refused path; an error of the operating system.
 pub fn list(path: &Path) -> Result<Vec<Entry>, StorageError> {
     let failed = |source| StorageError::new(Operation::Read, path, source);
     check_path(path).map_err(failed)?;
@@ -172,10 +172,10 @@ pub fn list(path: &Path) -> Result<Vec<Entry>, StorageError> {
     Ok(found)
 }
 
-/// Sets when the file or folder `path` was read and changed last.
+/// Sets the times of the last access and of the last change of the file or folder `path`.
 ///
 /// # Errors
-/// What the system says.
+/// An error of the operating system.
 pub fn set_times(path: &Path, time: SystemTime) -> Result<(), StorageError> {
     let times = FileTimes::new().set_accessed(time).set_modified(time);
     let open = || OpenOptions::new().read(true).custom_flags(flags(OFlags::NONBLOCK)).open(path);
@@ -183,10 +183,11 @@ pub fn set_times(path: &Path, time: SystemTime) -> Result<(), StorageError> {
         .map_err(|source| StorageError::new(Operation::Write, path, source))
 }
 
-/// Whether a file could be written to `path`, without leaving anything: for results that take minutes to be found.
+/// Checks in advance, without side effects, that a file could be written to `path`; it serves results that take minutes to
+/// compute.
 ///
 /// # Errors
-/// A path that is refused; a missing folder; a folder in the place of the file.
+/// A refused path; a missing folder; a folder at the path of the file.
 pub fn check_target(path: &Path) -> Result<(), StorageError> {
     let failed = |source| Err(StorageError::new(Operation::Write, path, source));
     if let Err(refused) = check_path(path) {
@@ -204,7 +205,7 @@ pub fn check_target(path: &Path) -> Result<(), StorageError> {
     failed(io::Error::new(kind, text))
 }
 
-/// Which file a path leads to. A file that was written whole in place of another has another identity.
+/// Identity of a file. If a write replaces a file atomically, the identity changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileIdentity {
     device: u64,
@@ -212,7 +213,7 @@ pub struct FileIdentity {
 }
 
 impl FileIdentity {
-    /// The identity of the file `path`, links followed; none if there is none.
+    /// The identity of the file `path`, with links followed; `None` if it does not exist.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         let found = std::fs::metadata(path).ok()?;
@@ -220,7 +221,7 @@ impl FileIdentity {
     }
 }
 
-/// Whether two paths lead to one file. Links are followed.
+/// Returns true if two paths lead to the same file. Links are followed.
 #[must_use]
 pub fn same_file(one: &Path, other: &Path) -> bool {
     FileIdentity::of(one).is_some_and(|one| FileIdentity::of(other) == Some(one))

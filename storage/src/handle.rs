@@ -1,4 +1,4 @@
-//! An open file whose writes, cuts and syncs pass through [`perform`].
+//! An open file; [`perform`] makes its writes, truncations and syncs.
 
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -12,13 +12,13 @@ use crate::call::Call;
 use crate::error::Refusal;
 use crate::perform::perform;
 
-/// Readable and writable by its owner alone.
+/// Accessible only by the owner.
 const PRIVATE: u32 = 0o600;
 
 /// The number of the next created file.
 static NEXT: AtomicU64 = AtomicU64::new(1);
 
-/// A kind of file in words.
+/// Text for a kind of file.
 pub(crate) fn kind(found: FileType) -> &'static str {
     match found {
         found if found.is_fifo() => "a pipe",
@@ -29,7 +29,7 @@ pub(crate) fn kind(found: FileType) -> &'static str {
     }
 }
 
-/// Flags for `open`: no link is followed, no pipe is waited for.
+/// Flags for `open` that follow no links and do not wait for pipes.
 pub(crate) fn flags(flags: OFlags) -> i32 {
     flags.bits().cast_signed()
 }
@@ -44,7 +44,7 @@ pub(crate) struct Handle {
 }
 
 impl Handle {
-    /// Creates the file `path`, which must not exist, for its owner alone.
+    /// Creates the file `path`, which must not exist, private to its owner.
     pub fn create_new(path: &Path) -> io::Result<Self> {
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
         let file = perform(&Call::Create { path, handle: number }, || {
@@ -55,7 +55,7 @@ impl Handle {
         Ok(Self { file, path: path.to_path_buf(), number, offset: 0 })
     }
 
-    /// Opens the regular file `path` for appending, made for its owner alone if it is missing.
+    /// Opens the regular file `path` for appending; if it is missing, creates it private to its owner.
     pub fn append(path: &Path) -> io::Result<Self> {
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
         let file = perform(&Call::Append { path, handle: number }, || {
@@ -75,24 +75,24 @@ impl Handle {
         perform(&Call::Lock(&self.path), || lock(&self.file))
     }
 
-    /// Whether the name `path` still stands for this file.
+    /// Returns true if the name `path` still refers to this file.
     pub fn is_at(&self, path: &Path) -> bool {
         std::fs::symlink_metadata(path).is_ok_and(|found| !found.is_symlink()) && is_at(&self.file, path)
     }
 
-    /// The file got another name.
+    /// Records the new name of the file.
     pub fn renamed(&mut self, path: &Path) {
         self.path = path.to_path_buf();
     }
 
-    /// Cuts the file to `length` bytes and goes on there.
+    /// Truncates the file to `length` bytes and continues there.
     pub fn truncate(&mut self, length: u64) -> io::Result<()> {
         let call = Call::Truncate { handle: self.number, length };
         perform(&call, || self.file.set_len(length))?;
         self.seek(SeekFrom::Start(length)).map(|_| ())
     }
 
-    /// Makes what was written durable.
+    /// Makes all written bytes durable.
     pub fn sync(&self) -> io::Result<()> {
         perform(&Call::SyncFile { handle: self.number }, || self.file.sync_all())
     }
@@ -108,7 +108,7 @@ impl Handle {
     }
 }
 
-/// Whether the name `path` stands for the open `file`.
+/// Returns true if the name `path` refers to the open `file`.
 pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     let (Ok(there), Ok(here)) = (std::fs::metadata(path), file.metadata()) else { return false };
     (there.dev(), there.ino()) == (here.dev(), here.ino())
@@ -125,7 +125,7 @@ pub(crate) fn lock(file: &File) -> io::Result<()> {
 impl Write for Handle {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let call = Call::Write { handle: self.number, offset: self.offset, bytes };
-        // A short write is completed here: the log of a debug build has whole writes.
+        // `write_all` completes short writes, so that the log of a debug build contains whole writes.
         perform(&call, || self.file.write_all(bytes))?;
         self.offset += bytes.len() as u64;
         Ok(bytes.len())

@@ -1,9 +1,9 @@
-//! Faults on demand and a log of calls, in debug builds.
+//! Fault injection and a log of calls, in debug builds.
 //!
-//! `FREEPLAY_STORAGE_FAULT=ROLE:N:ERRNO` lets the N-th call (from 1) of every process fail whose first argument is ROLE, such as `plant`;
-//! `N+` lets all calls from the N-th on fail that take space or write. `FREEPLAY_STORAGE_LOG=FILE` appends one line a call, in the order
-//! in which the processes made them: role, number, `ok` or `failed`, the call, its handle, its paths and, for a write, offset and bytes.
-//! A test rebuilds from it which data and names survive a power cut after any call.
+//! `FREEPLAY_STORAGE_FAULT=ROLE:N:ERRNO` makes the N-th call (from 1) fail in every process whose first argument is ROLE, such as
+//! `plant`; `N+` makes all calls from the N-th on fail that need space or write. `FREEPLAY_STORAGE_LOG=FILE` appends one line a call, in
+//! the order of the calls of all processes: role, number, `ok` or `failed`, the call, its handle, its paths and, for a write, offset and
+//! bytes. From the log a test reconstructs the data and names that survive a power cut after any call.
 
 use std::fmt::Write as _;
 use std::fs::{File, OpenOptions};
@@ -13,17 +13,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::call::Call;
 
-/// The calls of this process so far.
+/// Number of calls of this process so far.
 static CALLS: AtomicU64 = AtomicU64::new(0);
 
-/// What the environment asks for.
+/// Settings from the environment.
 struct Injection {
     role: String,
     fault: Option<Fault>,
     log: Option<File>,
 }
 
-/// Which call fails, and how.
+/// The failing call, and its error.
 struct Fault {
     number: u64,
     and_later: bool,
@@ -59,7 +59,7 @@ impl Fault {
     }
 }
 
-/// Whether a full disk refuses `call`.
+/// Returns true if `call` fails on a full disk.
 fn takes_space(call: &Call) -> bool {
     matches!(
         call,
@@ -73,7 +73,7 @@ fn takes_space(call: &Call) -> bool {
     )
 }
 
-/// Makes `call` by `act`, unless it has to fail; logs it.
+/// Makes `call` by `act`, unless a fault is injected, and logs it.
 pub(crate) fn perform<T>(call: &Call, act: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
     let Some(injection) = injection() else { return act() };
     let number = CALLS.fetch_add(1, Ordering::Relaxed) + 1;
@@ -81,7 +81,7 @@ pub(crate) fn perform<T>(call: &Call, act: impl FnOnce() -> io::Result<T>) -> io
     let done = fault.map_or_else(act, |fault| Err(io::Error::from_raw_os_error(fault.errno)));
     if let Some(mut log) = injection.log.as_ref() {
         let line = line(&injection.role, number, done.is_ok(), call);
-        // One write a line: lines of several processes do not mix.
+        // Each line is one write, so that lines of several processes do not mix.
         let _ = log.write_all(line.as_bytes());
     }
     done

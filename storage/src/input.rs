@@ -13,18 +13,18 @@ use crate::handle::{flags, kind};
 use crate::path::check_path;
 use crate::perform::perform;
 
-/// The most that is read of a document: a model, scenario, task, mapping, weight file, path, diagnosis, summary or receipt; bytes.
-/// Parsers hold a document in memory several times over; the largest of the project, the receipt of a full blind set, has 3 MB.
+/// Largest size of a document: a model, scenario, task, mapping, weight file, path, diagnosis, summary or receipt; bytes. Parsers keep several
+/// copies of a document in memory; the largest of the project, the receipt of a full blind set, has 3 MB.
 pub const DOCUMENT_LIMIT: u64 = 32 << 20;
 
-/// The most that is read of a file that people write: a model, a scenario, a mapping; bytes. The trees that parsers of TOML and XML build take
-/// about a hundred bytes for a byte of text, so that such a file takes at most 0.4 GiB. The largest public robots have 0.3 MiB.
+/// Largest size of a file that people write: a model, a scenario, a mapping; bytes. Parsers of TOML and XML build trees of about a hundred
+/// bytes for a byte of text, so that such a file needs at most 0.4 GiB. The largest public robots have 0.3 MiB.
 pub const CONFIG_LIMIT: u64 = 4 << 20;
 
 /// A regular file open for reading.
 ///
-/// Pipes, devices, sockets and folders are refused: recordings are read more than once, and a pipe that nobody writes to would be waited
-/// for without end. `/dev/stdin` is read where it is redirected from a file, and refused where it is a pipe or a terminal.
+/// The function refuses pipes, devices, sockets and folders: recordings are read more than once, and reading a pipe without a writer would
+/// never end. It accepts `/dev/stdin` if that is redirected from a file, and refuses it for a pipe or a terminal.
 #[derive(Debug)]
 pub struct InputFile {
     file: File,
@@ -36,7 +36,7 @@ impl InputFile {
     /// Opens `path`. The last component may be a link.
     ///
     /// # Errors
-    /// A path that is refused; [`Refusal::NotRegular`]; what the system says.
+    /// A refused path; [`Refusal::NotRegular`]; an error of the operating system.
     pub fn open(path: &Path) -> Result<Self, StorageError> {
         Self::open_with(path, OFlags::empty())
     }
@@ -59,20 +59,20 @@ impl InputFile {
         Ok(Self { file, path: path.to_path_buf(), length: metadata.len() })
     }
 
-    /// Its length when it was opened, bytes.
+    /// Length at opening, bytes.
     #[must_use]
     pub fn length(&self) -> u64 {
         self.length
     }
 
-    /// The file itself, for a reader that goes to and fro in it, as that of Parquet does.
+    /// The file itself, for a reader with random access, such as that of Parquet.
     #[must_use]
     pub fn into_file(self) -> File {
         self.file
     }
 }
 
-/// Opening a socket, or a link where none is followed, fails with a number that says little.
+/// Replaces the unclear error numbers for opening a socket or a link by a [`Refusal`].
 fn explained(path: &Path, error: io::Error) -> io::Error {
     let found = std::fs::symlink_metadata(path).map(|metadata| metadata.file_type());
     match (found, rustix::io::Errno::from_io_error(&error)) {
@@ -97,15 +97,15 @@ impl Seek for InputFile {
 /// Opens `path`, whose last component must not be a link.
 ///
 /// # Errors
-/// As [`InputFile::open`]; [`Refusal::Link`].
+/// See [`InputFile::open`]; [`Refusal::Link`].
 pub fn open_without_links(path: &Path) -> Result<InputFile, StorageError> {
     InputFile::open_with(path, OFlags::NOFOLLOW)
 }
 
-/// The bytes of the file `path`, at most `limit`.
+/// Reads the bytes of the file `path`, at most `limit`.
 ///
 /// # Errors
-/// As [`InputFile::open`]; [`Refusal::TooLarge`].
+/// See [`InputFile::open`]; [`Refusal::TooLarge`].
 pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, StorageError> {
     let mut file = InputFile::open(path)?;
     let failed = |source| StorageError::new(Operation::Read, path, source);
@@ -120,18 +120,18 @@ pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, StorageError> {
     Ok(bytes)
 }
 
-/// The text of the document `path`, at most [`DOCUMENT_LIMIT`] bytes.
+/// Reads the text of the document `path`, at most [`DOCUMENT_LIMIT`] bytes.
 ///
 /// # Errors
-/// As [`read_bytes`]; [`ErrorKind::InvalidData`] if it is not UTF-8.
+/// See [`read_bytes`]; [`ErrorKind::InvalidData`] if the text is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, StorageError> {
     text(path, DOCUMENT_LIMIT)
 }
 
-/// The text of the file `path` that people write, at most [`CONFIG_LIMIT`] bytes.
+/// Reads the text of the file `path` that people write, at most [`CONFIG_LIMIT`] bytes.
 ///
 /// # Errors
-/// As [`read_text`].
+/// See [`read_text`].
 pub fn read_config(path: &Path) -> Result<String, StorageError> {
     text(path, CONFIG_LIMIT)
 }

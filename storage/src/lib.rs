@@ -1,20 +1,19 @@
-//! Files and folders that a person sees. Every crate of the project opens, reads, writes, renames and removes them here.
+//! Access to the user's files and folders. Every crate of the project opens, reads, writes, renames and removes them through this crate.
 //!
-//! In the order in which data passes through them:
+//! The items, in the order in which data passes through them:
 //!
-//! - an [`InputFile`] is a regular file open for reading; [`read_bytes`] and [`read_text`] read a whole one up to a limit;
-//! - [`list`] names what a folder holds, and follows no link out of it;
-//! - an [`OutputFolder`] is a folder that one command has to itself, locked until the command ends, and gone again if nothing was put into it;
-//! - [`make_folder`] makes a folder for its owner alone;
-//! - an [`AtomicFile`] appears under its name whole or not at all; [`write()`] does the same for bytes in memory;
+//! - an [`InputFile`] is a regular file open for reading; [`read_bytes`] and [`read_text`] read a whole file up to a limit;
+//! - [`list`] returns the entries of a folder, without following links;
+//! - an [`OutputFolder`] is a folder for the exclusive use of one command, locked until the command ends, and removed again if it stays empty;
+//! - [`make_folder`] creates a folder private to its owner;
+//! - an [`AtomicFile`] appears under its name complete or not at all; [`write()`] does the same for bytes in memory;
 //! - a [`LiveFile`] is the exception: a recording that is readable while it grows;
-//! - an [`Exposure`] tells that other users can change what is in a folder;
-//! - a [`StorageError`] names the operation, the path, the cause and the remedy; a [`Refusal`] is a cause of this crate;
-//! - [`plain_words`] says what a parser finds wrong with a text in words of the person who wrote it.
+//! - an [`Exposure`] reports a folder whose contents other users can change;
+//! - a [`StorageError`] contains the operation, the path, the cause and the remedy; a [`Refusal`] is a cause detected by this crate;
+//! - [`plain_words`] rewrites the message of a parser in the terms of the person who wrote the text.
 //!
-//! Every call to the operating system passes through one function of the module `call`. A debug build reads the variables
-//! `FREEPLAY_STORAGE_FAULT` and `FREEPLAY_STORAGE_LOG` there, lets the n-th call fail, and logs what a disk is told; a release build has
-//! neither.
+//! One function of the module `call` makes every call to the operating system. In a debug build it reads the variables
+//! `FREEPLAY_STORAGE_FAULT` and `FREEPLAY_STORAGE_LOG`, makes the n-th call fail, and logs the calls; a release build has neither.
 
 mod atomic;
 mod call;

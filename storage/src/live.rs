@@ -9,33 +9,33 @@ use crate::error::{Operation, StorageError};
 use crate::handle::Handle;
 use crate::path::check_path;
 
-/// A file that takes its name at once and grows under it. A killed process leaves what it wrote; a power cut may take what was not yet
-/// [finished](LiveFile::finish). Its reader has to cope with a file that ends early.
+/// A file that has its name at once and grows under it. The bytes written by a killed process stay; a power cut may lose bytes that
+/// are not yet [finished](LiveFile::finish). A reader must accept a file that ends early.
 #[derive(Debug)]
 pub struct LiveFile(Handle);
 
 impl LiveFile {
-    /// Begins an empty file in place of `target`, readable by its owner alone. A link under this name is replaced.
+    /// Creates an empty file in place of `target`, readable only by its owner. A link under this name is replaced.
     ///
     /// # Errors
-    /// As [`AtomicFile::create`].
+    /// See [`AtomicFile::create`].
     pub fn create(target: &Path) -> Result<Self, StorageError> {
         AtomicFile::create(target)?.into_published().map(Self)
     }
 
-    /// Opens the regular file `target` to append to it, and makes it if it is missing.
+    /// Opens the regular file `target` for appending, and creates it if it is missing.
     ///
     /// # Errors
-    /// A path that is refused; a link, a pipe or a device under the name; what the system says.
+    /// A refused path; a link, a pipe or a device under the name; an error of the operating system.
     pub fn open_to_append(target: &Path) -> Result<Self, StorageError> {
         let opened = check_path(target).and_then(|()| Handle::append(target));
         opened.map(Self).map_err(|source| StorageError::new(Operation::Write, target, source))
     }
 
-    /// Cuts the file to `length` bytes and goes on there.
+    /// Truncates the file to `length` bytes and continues there.
     ///
     /// # Errors
-    /// What the system says.
+    /// An error of the operating system.
     pub fn truncate(&mut self, length: u64) -> io::Result<()> {
         self.0.truncate(length)
     }
@@ -43,7 +43,7 @@ impl LiveFile {
     /// Makes all written bytes durable.
     ///
     /// # Errors
-    /// What the system says.
+    /// An error of the operating system.
     pub fn finish(&self) -> io::Result<()> {
         self.0.sync()
     }
@@ -51,7 +51,7 @@ impl LiveFile {
     /// The file as the standard output or error of a child process.
     ///
     /// # Errors
-    /// What the system says.
+    /// An error of the operating system.
     pub fn to_stdio(&self) -> io::Result<Stdio> {
         self.0.try_clone().map(|handle| handle.into_file().into())
     }

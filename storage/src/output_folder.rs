@@ -11,49 +11,50 @@ use crate::handle::{is_at, lock};
 use crate::path::check_path;
 use crate::perform::perform;
 
-/// What a command wants of its folder.
+/// Requirements of a command on its folder.
 #[derive(Clone, Copy, Debug)]
 pub struct Claim<'a> {
-    /// Names in the folder that the command writes. One that is there is a result of an earlier command.
+    /// Names of the command's results in the folder. An existing one is a result of an earlier command.
     pub results: &'a [&'a str],
-    /// Results of an earlier command may be replaced.
+    /// If true, the command may replace results of an earlier one.
     pub force: bool,
 }
 
-/// A folder that one command has to itself. The lock is on the folder, so that it leaves no file behind, and ends with the process.
+/// A folder for the exclusive use of one command. The lock is on the folder itself, so that it needs no lock file, and it ends with
+/// the process.
 #[derive(Debug)]
 pub struct OutputFolder {
     path: PathBuf,
-    // Dropped in this order: removed if it is empty, then unlocked.
+    // Fields drop in this order: the folder is removed if it is empty, then unlocked.
     _reserved: ReservedFolder,
     lock: Option<File>,
 }
 
 impl OutputFolder {
-    /// Makes the folder `path` and those above it, locks it, and looks for earlier results.
+    /// Creates the folder `path` and its parents, locks it, and checks for earlier results.
     ///
     /// # Errors
-    /// A path that is refused; [`Refusal::Busy`]; [`Refusal::Occupied`]; what the system says.
+    /// A refused path; [`Refusal::Busy`]; [`Refusal::Occupied`]; an error of the operating system.
     pub fn claim(path: &Path, claim: Claim) -> Result<Self, StorageError> {
         let failed = |source| StorageError::new(Operation::Folder, path, source);
         let mut absolute = check_path(path).and_then(|()| std::path::absolute(path)).map_err(failed)?;
         if absolute.is_symlink() {
-            // The folder that a person names may be a link; those that are made in it may not.
+            // The folder that a person names may be a link; folders created in it may not.
             absolute = std::fs::canonicalize(&absolute).map_err(failed)?;
         }
-        // A relative path in a deep folder, or in one that is no text.
+        // The absolute path may be too long or not UTF-8, although the relative one is valid.
         check_path(&absolute).map_err(failed)?;
         let mut reserved = ReservedFolder::before(&absolute);
         make_missing(&absolute).map_err(failed)?;
         let locked = match lock_folder(&absolute) {
-            // Another command has removed it between our making and our locking it.
+            // Another command has removed it between its creation and its locking.
             Err(error) if error.kind() == ErrorKind::NotFound => Err(Refusal::Busy.into()),
-            // Whoever removed it has ended since, and so has its claim; the name is free for the next.
+            // The process that removed it has ended since, and so has its claim; the name is free for the next one.
             Ok(Some(lock)) if !is_at(&lock, &absolute) => Err(Refusal::Busy.into()),
             done => done,
         };
         let lock = locked.map_err(failed).inspect_err(|error| {
-            // The folder that has the name now is another command's, however empty it still is.
+            // The folder that has the name now belongs to another command, even if it is still empty.
             if error.refusal() == Some(&Refusal::Busy) {
                 reserved.leave();
             }
@@ -65,10 +66,10 @@ impl OutputFolder {
         Ok(folder)
     }
 
-    /// Claims a folder `path`, or `path-2`, `path-3` … where another command has the name already.
+    /// Claims the folder `path`, or `path-2`, `path-3` … if another command has the name already.
     ///
     /// # Errors
-    /// As [`OutputFolder::claim`].
+    /// See [`OutputFolder::claim`].
     pub fn claim_new(path: &Path) -> Result<Self, StorageError> {
         let mut number = 1_u32;
         loop {
@@ -89,7 +90,7 @@ impl OutputFolder {
         &self.path
     }
 
-    /// Whether the file system could lock the folder. Some network file systems cannot.
+    /// Returns true if the file system could lock the folder. Some network file systems cannot.
     #[must_use]
     pub fn holds_lock(&self) -> bool {
         self.lock.is_some()
@@ -110,7 +111,7 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
     name.into()
 }
 
-/// Locks a folder; none where its file system has no such lock.
+/// Locks a folder; returns `None` if its file system does not support the lock.
 fn lock_folder(path: &Path) -> io::Result<Option<File>> {
     let locked = perform(&Call::Lock(path), || {
         let folder = open_folder(path)?;

@@ -1,11 +1,11 @@
-//! Which paths are accepted.
+//! Checks of paths.
 
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use crate::error::{PATH_LIMIT, Refusal};
 
-/// Whether `path` is UTF-8 and no longer than [`PATH_LIMIT`].
+/// Checks that `path` is UTF-8 and not longer than [`PATH_LIMIT`].
 ///
 /// # Errors
 /// [`Refusal::PathNotUtf8`], [`Refusal::PathTooLong`].
@@ -17,7 +17,7 @@ pub fn check_path(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The folder that `path` is in.
+/// The parent folder of `path`.
 pub(crate) fn parent(path: &Path) -> PathBuf {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.unwrap_or(Path::new(".")).to_path_buf()

@@ -1,4 +1,4 @@
-//! The function that every call to the operating system passes through.
+//! The function that makes every call to the operating system.
 
 use std::io;
 

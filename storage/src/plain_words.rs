@@ -1,15 +1,15 @@
-//! What a parser says of a file or an argument, in words of the person who wrote it.
+//! Rewrites messages of parsers in the terms of the person who wrote the file or argument.
 //!
 //! Parsers name types of the program: `invalid type: string "fast", expected f64`. A person who writes a scenario knows numbers, text, lists and
-//! tables. The sentences are those of `serde` and of the standard library's `parse`; any other sentence passes as it is.
+//! tables. The module rewrites messages of `serde` and of the standard library's `parse`; all other messages stay unchanged.
 
-/// `said` by a parser, in plain words; under a picture of the line, only the sentence changes.
+/// Rewrites the message `said` of a parser in plain words. If it contains an excerpt of the line, only the sentence changes.
 #[must_use]
 pub fn plain_words(said: &str) -> String {
     let said = without_error_number(said.trim_end());
     let (picture, sentence) = said.rsplit_once('\n').unwrap_or(("", &said));
     let separator = if picture.is_empty() { "" } else { "\n" };
-    // JSON's parser puts the place behind its sentence, TOML's before.
+    // The JSON parser puts the position after its sentence, the TOML parser before it.
     let (place, sentence, group) = match placed(sentence) {
         Some((sentence, place)) => (format!("{place}: "), sentence, "an object"),
         None => (String::new(), sentence, "a table"),
@@ -17,7 +17,7 @@ pub fn plain_words(said: &str) -> String {
     format!("{picture}{separator}{place}{}", in_words(sentence, group))
 }
 
-/// `said` without the number that the standard library puts behind the words of the operating system.
+/// `said` without the error number that the standard library appends to a message of the operating system.
 #[must_use]
 pub fn without_error_number(said: &str) -> String {
     let mut text = said.to_owned();
@@ -28,7 +28,7 @@ pub fn without_error_number(said: &str) -> String {
     text
 }
 
-/// A sentence and the place behind it, as in `… at line 3 column 1`.
+/// Splits a sentence from the position after it, as in `… at line 3 column 1`.
 fn placed(sentence: &str) -> Option<(&str, String)> {
     let (sentence, place) = sentence.rsplit_once(" at line ")?;
     let (line, column) = place.split_once(" column ")?;
@@ -36,7 +36,7 @@ fn placed(sentence: &str) -> Option<(&str, String)> {
     (is_number(line) && is_number(column)).then(|| (sentence, format!("line {line}, column {column}")))
 }
 
-/// A sentence in plain words; `group` is what the file's format calls keys with values.
+/// Rewrites a sentence; `group` is the file format's term for keys with values.
 fn in_words(sentence: &str, group: &str) -> String {
     let after = |start: &str| sentence.strip_prefix(start);
     if let Some((found, wanted)) = after("invalid type: ")
@@ -82,7 +82,7 @@ fn in_words(sentence: &str, group: &str) -> String {
     .to_owned()
 }
 
-/// A number beyond its bounds, of which the upper one may be the largest number that there is.
+/// Text for a number out of range; the upper limit may be the largest number of its type.
 fn outside(value: &str, least: &str, most: &str) -> String {
     let most = most.trim_start_matches('=');
     if most == u64::MAX.to_string() || most == i64::MAX.to_string() {
@@ -91,7 +91,7 @@ fn outside(value: &str, least: &str, most: &str) -> String {
     format!("{value} is out of range, expected a whole number between {least} and {most}")
 }
 
-/// What stood in the file.
+/// Text for the value found in the file.
 fn found_words(found: &str, group: &str) -> String {
     for kind in ["integer ", "floating point ", "boolean ", "character "] {
         if let Some(value) = found.strip_prefix(kind) {
@@ -111,7 +111,7 @@ fn found_words(found: &str, group: &str) -> String {
     .to_owned()
 }
 
-/// What should stand there.
+/// Text for the expected value.
 fn wanted_words(wanted: &str, group: &str) -> String {
     let counted = ["an array of length ", "a tuple of size "];
     if let Some(count) = counted.into_iter().find_map(|start| wanted.strip_prefix(start)) {
@@ -151,7 +151,7 @@ fn wanted_words(wanted: &str, group: &str) -> String {
     .to_owned()
 }
 
-/// Where a JSON file ended.
+/// Text for the element in which a JSON file ended.
 fn inside(what: &str, group: &str) -> String {
     match what {
         "a string" => "text in quotes".to_owned(),
@@ -193,7 +193,7 @@ mod tests {
             ("invalid digit found in string", "expected a whole number"),
             ("0 is not in 1..=1000", "0 is out of range, expected a whole number between 1 and 1000"),
             ("0 is not in 1..18446744073709551615", "0 is below 1, expected 1 or more"),
-            // Text of the person stays, whatever it looks like.
+            // Text of the person stays unchanged, whatever it contains.
             (
                 "invalid type: string \", expected f64\", expected u8",
                 "found text \", expected f64\", expected a whole number from 0 to 255",

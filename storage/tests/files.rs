@@ -1,4 +1,4 @@
-//! What the crate promises of files and folders, on a real file system.
+//! Tests of the crate's guarantees for files and folders, on a real file system.
 
 use std::io::{Seek, SeekFrom, Write};
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -63,7 +63,7 @@ fn a_planted_link_is_replaced_and_not_written_through() {
     std::fs::write(&victim, "precious").expect("a file");
     for name in ["report.html", "run.mcap"] {
         symlink(&victim, folder.path().join(name)).expect("a link");
-        // A link in the place of the temporary file is no way in either.
+        // A link in the place of the temporary file must not redirect the write, either.
         symlink(&victim, folder.path().join(format!(".{name}{TEMPORARY_SUFFIX}"))).expect("a link");
     }
     write(&folder.path().join("report.html"), "page").expect("written");
@@ -143,7 +143,7 @@ fn readers_stop_at_their_limit() {
     std::fs::write(&path, [b'x'; 100]).expect("a file");
     assert_eq!(read_bytes(&path, 100).expect("as long as allowed").len(), 100);
     assert!(refused(read_bytes(&path, 99)).contains("longer than 99 bytes"));
-    // A file of the kernel says that it has no bytes, and has many.
+    // A file of the kernel reports zero bytes, but contains many.
     let error = read_bytes(Path::new("/proc/self/maps"), 50).expect_err("longer than it says");
     assert_eq!(error.refusal(), Some(&Refusal::TooLarge { limit: 50 }));
     std::fs::write(&path, b"\xff").expect("a file");

@@ -1,11 +1,11 @@
-//! What needs no network, and the paper's network, on held-out paths.
+//! Baselines on held-out paths: predictors without a network, and the network of the paper.
 //!
-//! - *the model alone*: nothing is left;
-//! - *the last value seen*: what a tracker saw last, at the end of the other paths (persistence without a tracker);
-//! - *the nearest trained instant*: what was left where the groups of the inputs were closest;
+//! - *the model alone*: predicts a remainder of zero;
+//! - *the last value seen*: the tracker's last value at the end of the other paths (persistence without a tracker);
+//! - *the nearest trained instant*: the remainder at the training instant with the closest inputs;
 //! - *ridge ARX*: the best linear function of the same inputs;
-//! - *the paper's NARX*: torques and path (of the joints), at the last two samples, with the last two of its own answers (closed loop), four layers of ten logistic
-//!   units, Levenberg–Marquardt, half of the samples to train, a fifth to stop, at random.
+//! - *the paper's NARX*: torques and path (of the joints) at the last two samples, with the last two of its own answers (closed loop), four layers of ten
+//!   logistic units, Levenberg–Marquardt; a random half of the samples for training and a fifth for validation.
 
 use freeplay_controller::remainder::InputGroup;
 use freeplay_predictor::split::{Fractions, at_random};
@@ -20,13 +20,13 @@ use crate::data::{Channel, Data, OUTPUTS};
 use crate::held_out::{Answers, Tried, scored};
 use crate::structure::{Fitting, Structure, fit_with_split, said, split};
 
-/// What something says of the windows of a held-out fold, m.
+/// Predictor of the windows of a held-out fold, m.
 type Say<'a> = dyn Fn(usize, &[Window]) -> Result<Vec<Vector3<f64>>, Failure> + 'a;
 
-/// Most windows that train the paper's network: it has 700 weights.
+/// Most training windows of the paper's network, which has 700 weights.
 const MOST: usize = 1500;
 
-/// All of them on the inputs of `structure`.
+/// Scores all baselines on the inputs of `structure`.
 ///
 /// # Errors
 /// Too few samples.
@@ -53,7 +53,7 @@ pub fn all(data: &Data, structure: &Structure, fitting: Fitting) -> Result<Vec<T
     Ok(all)
 }
 
-/// What was left at the end of the last run of another path.
+/// The remainder at the end of the last run of another path.
 fn last_seen(data: &Data, fold: usize) -> Vector3<f64> {
     let last = (0..data.runs.len()).rev().find(|run| data.folds[*run] != fold);
     last.and_then(|run| data.runs[run].left.last().copied()).unwrap_or_default()
@@ -97,7 +97,7 @@ fn linear(
     Ok(rows.chunks_exact(3).map(|row| Vector3::new(row[0], row[1], row[2])).collect())
 }
 
-/// The paper's network on every held-out path; none for recordings without torques.
+/// Scores the paper's network on every held-out path; returns `None` for recordings without torques.
 fn paper(data: &Data, fitting: Fitting) -> Result<Option<Tried>, Failure> {
     if data.runs.iter().any(|run| run.torque.is_empty()) {
         return Ok(None);
@@ -126,7 +126,7 @@ fn paper(data: &Data, fitting: Fitting) -> Result<Option<Tried>, Failure> {
     Ok(Some(scored(data, name, held.iter())))
 }
 
-/// Torques and the path of the tool as inputs.
+/// A series with torques and joint path as inputs.
 fn paper_series(data: &Data) -> Result<Series, Failure> {
     let torques: Vec<String> = (1..=data.joints()).map(|joint| format!("torque_{joint}")).collect();
     let positions: Vec<String> = (1..=data.joints()).map(|joint| format!("path_{joint}")).collect();

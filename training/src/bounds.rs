@@ -1,8 +1,8 @@
-//! What held-out paths confirm of a network's answers: how much at which distance from what trained, and along which axis.
+//! Bounds of a network's answers, confirmed by held-out paths: a share by distance from the training motions, and a share for each axis.
 //!
-//! Of an answer ŷ to a truth y the share that leaves least is Σ yŷ / Σ ŷ², the slope of the regression of the truth on the answer. It is taken
-//! for parts of the held-out samples by their distance ([`Region`]), falling with the distance, and then for each axis. No held-out path may be worse off
-//! with the answer than without: Σ (y − s ŷ)² ≤ Σ y² holds up to s = 2 Σ yŷ / Σ ŷ² of that path, and an axis has no greater share.
+//! For answers ŷ to truths y, the share with the least residual is Σ yŷ / Σ ŷ², the slope of the regression of the truth on the answer. The program computes it
+//! for parts of the held-out samples by their distance ([`Region`]), falling with the distance, and then for each axis. The answer must make no held-out path
+//! worse: Σ (y − s ŷ)² ≤ Σ y² holds up to s = 2 Σ yŷ / Σ ŷ² of that path, which limits the share of an axis.
 
 use freeplay_controller::remainder::{Axis, InputGroup, Region};
 use freeplay_predictor::Window;
@@ -10,9 +10,9 @@ use freeplay_predictor::Window;
 use crate::data::Data;
 use crate::held_out::{Answers, correlation, range, rms};
 
-/// Centres of a region.
+/// Number of centres of a region.
 pub const CENTRES: usize = 48;
-/// Parts of the held-out samples by distance.
+/// Number of parts of the held-out samples by distance.
 const PARTS: usize = 8;
 
 /// One held-out sample.
@@ -23,14 +23,14 @@ struct Sample {
     said: [f64; 3],
 }
 
-/// The region around the `inputs` at `windows`, without trust.
+/// Creates the region around the `inputs` at `windows`, without trust.
 pub fn around(data: &Data, inputs: &[InputGroup], windows: &[Window]) -> Region {
     let rows: Vec<Vec<f64>> =
         windows.iter().map(|window| data.row(inputs, window.run, window.target)).collect();
     Region::around(&rows, inputs, data.joints(), CENTRES)
 }
 
-/// Trust by distance, and the axes, as the `held` paths confirm them, for a region that looks at `inputs`; `stride` is that of their windows.
+/// Computes the trust by distance, and the axes, confirmed by the `held` paths, for a region with `inputs`; `stride` is that of their windows.
 pub fn confirmed(
     data: &Data,
     inputs: &[InputGroup],
@@ -79,16 +79,18 @@ pub fn confirmed(
     (trust, axes)
 }
 
-/// Σ yŷ / Σ ŷ² of pairs (y, ŷ); 0 for answers that are all 0.
+/// Σ yŷ / Σ ŷ² of pairs (y, ŷ); 0 if all answers are 0.
 fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (product, square) =
         pairs.fold((0.0, 0.0), |(product, square), (y, said)| (product + y * said, square + said * said));
     if square > 0.0 { product / square } else { 0.0 }
 }
 
-/// The trust of `samples`, which are sorted by their distance: in equal parts, the never rising shares that leave least, and nothing beyond the farthest.
+/// The trust of `samples`, which are sorted by their distance. The function cuts them into equal parts, computes the best non-increasing shares, and sets the
+/// share to zero beyond the farthest sample.
 ///
-/// Parts in which the share would rise are taken as one (pool adjacent violators, Ayer et al. 1955): a part in which little is said cannot hold down those that are farther.
+/// If the share would rise, the function pools the parts (pool adjacent violators, Ayer et al. 1955), so that a part with small answers does not limit the
+/// parts farther away.
 fn trust(samples: &[Sample]) -> Vec<[f64; 2]> {
     let size = samples.len().div_ceil(PARTS).max(1);
     let mut pools: Vec<Pool> = Vec::with_capacity(PARTS);
@@ -104,15 +106,15 @@ fn trust(samples: &[Sample]) -> Vec<[f64; 2]> {
         table.extend(pool.middles.iter().map(|middle| [*middle, pool.share()]));
     }
     if let (Some(last), Some(farthest)) = (table.last().copied(), samples.last()) {
-        // As far beyond the farthest as that is beyond the middle of its part.
+        // The end point lies as far beyond the farthest sample as that lies beyond the middle of its part.
         table.push([farthest.distance + (farthest.distance - last[0]), 0.0]);
     }
     table
 }
 
-/// Parts of the samples that share one trust.
+/// Pool of parts with a common share.
 struct Pool {
-    /// Middle distance of each part.
+    /// Middle distances of the parts.
     middles: Vec<f64>,
     /// Σ yŷ and Σ ŷ².
     sums: [f64; 2],
@@ -131,7 +133,7 @@ impl Pool {
         Pool { sums: [self.sums[0] + other.sums[0], self.sums[1] + other.sums[1]], middles: self.middles }
     }
 
-    /// The share that leaves least, 0 to 1.
+    /// The share with the least residual, limited to 0 to 1.
     fn share(&self) -> f64 {
         let [product, square] = self.sums;
         if square > 0.0 { (product / square).clamp(0.0, 1.0) } else { 0.0 }
@@ -142,7 +144,7 @@ impl Pool {
 mod tests {
     use super::{Sample, slope, trust};
 
-    /// Answers that are right near by, half as much too large in the middle and of the wrong sign far off.
+    /// Answers that are correct at small distances, half as much too large at medium ones and of the wrong sign at large ones.
     #[test]
     fn trust_falls_to_what_the_truth_confirms_at_each_distance() {
         let sample = |k: u32| {
@@ -161,7 +163,7 @@ mod tests {
         assert!(table[8][1] <= 0.0 && table[7][1] <= 0.0);
     }
 
-    /// Near by hardly anything is said, and that is wrong; farther away the answers are right.
+    /// At small distances the answers are tiny and wrong; farther away they are correct.
     #[test]
     fn a_part_that_says_little_does_not_hold_down_the_others() {
         let sample = |k: u32| {

@@ -1,6 +1,6 @@
-//! Which inputs and layers predict held-out paths best.
+//! Choice of the inputs and layers that best predict held-out paths.
 //!
-//! Inputs are chosen first ([`Selection`]), with one small layer; then layers are compared on these inputs. Each path is held out in turn.
+//! The program chooses the inputs first ([`Selection`]), with one small layer, and then compares layers on these inputs. Each path is held out in turn.
 
 use freeplay_predictor::Activation;
 use freeplay_terminal::exit::Failure;
@@ -10,12 +10,12 @@ use crate::held_out::{HeldOut, Tried, held_out, scored};
 use crate::selection::{Selection, errors, is_lower};
 use crate::structure::{Fitting, MEMBERS, Structure};
 
-/// Layers that are compared on the chosen inputs, each with how many of such networks the mean is of: of two layers as many as the tick has time for.
+/// Candidate layers on the chosen inputs, each with the number of networks in its mean; the tick has time for only half as many of two layers.
 const LAYERS: [(&[usize], usize); 3] = [(&[8], MEMBERS), (&[16], MEMBERS), (&[10, 10], MEMBERS / 2)];
 /// The hidden layers of Erkaya (2018).
 pub const PAPER: [usize; 4] = [10; 4];
 
-/// The plainest structure than which no other predicts held-out paths better by more than one standard error, its answers there, and all that was tried.
+/// Returns the simplest structure that no other beats on held-out paths by more than one standard error, its answers there, and all tried structures.
 ///
 /// # Errors
 /// Too few samples for the networks.
@@ -37,7 +37,7 @@ pub fn choose(data: &Data, fitting: Fitting) -> Result<(Structure, Vec<HeldOut>,
         let held = held_out(data, &structure, fitting)?;
         tried.push(scored(data, structure.words(data.joints()), held.iter().map(|held| &held.answers)));
         let left = errors(data, &held);
-        // More units need more reason, as more inputs do.
+        // A structure with more units must be better by the same margin as one with more inputs.
         if best.as_ref().is_none_or(|(known, ..)| is_lower(&left, known)) {
             best = Some((left, structure, held));
         }

@@ -1,4 +1,4 @@
-//! `freeplay train`: from recordings to a weight file that says where it may be used.
+//! `freeplay train`: from recordings to a weight file with its region of validity.
 
 use std::path::{Path, PathBuf};
 
@@ -27,7 +27,7 @@ use crate::text::text;
 use crate::trained::Trained;
 use crate::weight_files::Weights;
 
-/// Time from one window that trains to the next, s.
+/// Time between training windows, s.
 const EVERY: f64 = 0.02;
 
 /// Learns what a model leaves of a tracked tool's deviation.
@@ -61,16 +61,16 @@ pub struct TrainArgs {
     format: Format,
 }
 
-/// How a training goes about it.
+/// Settings of a training.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Hidden layers; empty: chosen.
+    /// Hidden layers; if empty, the program chooses them.
     pub hidden: Vec<usize>,
     /// Largest number of epochs.
     pub epochs: usize,
-    /// Seed of the start weights.
+    /// Seed of the initial weights.
     pub seed: u64,
-    /// The arm from which deviations are counted; none: the model's.
+    /// Reference arm of the deviations; without one, that of the model.
     pub nominal: Option<Arm>,
     /// The command, for the weight file.
     pub command: String,
@@ -82,10 +82,10 @@ impl Default for Settings {
     }
 }
 
-/// The command.
+/// Runs the command.
 ///
 /// # Errors
-/// Recordings or a model that can't be used, runs that fail, a file that can't be written.
+/// Unusable recordings or an unusable model, failed runs, or an unwritable file.
 pub fn train_command(args: &TrainArgs) -> Result<Exit, Failure> {
     let model = Path::new(&args.model);
     let out = args.out.clone().unwrap_or_else(|| beside(model));
@@ -117,7 +117,7 @@ pub fn train_command(args: &TrainArgs) -> Result<Exit, Failure> {
     Ok(if trained.receipt.proved { Exit::Done } else { Exit::Verdict })
 }
 
-/// Learns from the recordings `files`.
+/// Trains on the recordings `files`.
 fn train_on_files(files: &[PathBuf], model: &Path, settings: &Settings) -> Result<Trained, Failure> {
     let task = task_of_all(files)?.unwrap_or_default();
     let read = |file: &PathBuf| {
@@ -128,10 +128,10 @@ fn train_on_files(files: &[PathBuf], model: &Path, settings: &Settings) -> Resul
     train(&recordings, task, model, settings)
 }
 
-/// Learns from `recordings`, by name, what `model`, "paper" or an arm file, leaves; `task` is the one of their runs.
+/// Trains on `recordings`, given by name, the remainder beyond `model` ("paper" or an arm file); `task` is the one of their runs.
 ///
 /// # Errors
-/// Recordings or a model that can't be used, or runs that fail.
+/// Unusable recordings, an unusable model, or failed runs.
 pub fn train(
     recordings: &[(String, Recording)],
     task: Task,
@@ -199,7 +199,7 @@ pub fn train(
     })
 }
 
-/// The task of the runs that left `recordings`; none where none stands beside them.
+/// The common task of the runs of `recordings`; `None` if no recording has a task file next to it.
 fn task_of_all(recordings: &[PathBuf]) -> Result<Option<Task>, Failure> {
     let mut task: Option<Task> = None;
     for recording in recordings {
@@ -217,7 +217,7 @@ fn task_of_all(recordings: &[PathBuf]) -> Result<Option<Task>, Failure> {
     Ok(task)
 }
 
-/// What a controller with `task` makes of the model.
+/// The model as a controller with `task` loads it.
 fn believed(task: &Task, file: &ArmFile) -> Result<Model, Failure> {
     let mode = match task.mode {
         TaskMode::Torque => Mode::Torque,

@@ -1,4 +1,4 @@
-//! Runs with the inputs of the network at every instant, in folds that are held out together.
+//! Runs with the inputs of the network at every instant, grouped in folds that are held out together.
 
 use freeplay_arm::Arm;
 use freeplay_controller::compensation::Motion;
@@ -10,21 +10,21 @@ use nalgebra::Vector3;
 
 use crate::recorded::RecordedRun;
 
-/// The first seconds of a run, in which a centred journal drops and a correction sets in.
+/// Duration of the excluded start of a run, s: a centred journal drops and a correction sets in.
 pub const START: f64 = 0.5;
-/// Two runs are of one path if the joints of the one are nowhere farther from those of the other than this share of the range that all runs take.
+/// Two runs have the same path if their joint positions differ nowhere by more than this share of the range over all runs.
 const SAME_PATH: f64 = 0.02;
 /// Names of the outputs.
 pub const OUTPUTS: [&str; 3] = ["x", "y", "z"];
-/// Points of a run at which paths are compared.
+/// Number of points of a run for the comparison of paths.
 const COMPARED: usize = 200;
 
-/// One number that a network may look at.
+/// One candidate input channel of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channel {
-    /// The group that it belongs to.
+    /// Group of the channel.
     pub group: InputGroup,
-    /// Its place in the group, from 0: the joint.
+    /// Index in the group, from 0; usually the joint.
     pub place: usize,
 }
 
@@ -37,7 +37,7 @@ impl Channel {
             .collect()
     }
 
-    /// Its name for an arm with `joints` joints, such as `position_3`.
+    /// Name of the channel for an arm with `joints` joints, such as `position_3`.
     pub fn name(self, joints: usize) -> String {
         self.group.names(joints).swap_remove(self.place)
     }
@@ -51,9 +51,9 @@ impl Channel {
 
 /// The runs; see the module.
 pub struct Data {
-    /// What was recorded.
+    /// Recorded runs.
     pub runs: Vec<RecordedRun>,
-    /// Which fold each run belongs to, from 0.
+    /// Fold of each run, from 0.
     pub folds: Vec<usize>,
     joints: usize,
     /// All inputs of all groups, `[run][point][input]`.
@@ -61,10 +61,10 @@ pub struct Data {
 }
 
 impl Data {
-    /// Of `runs` on the nominal `arm` of the model.
+    /// Computes the inputs of `runs` on the nominal `arm` of the model.
     ///
     /// # Errors
-    /// Runs of fewer than two paths: nothing could be held out.
+    /// Runs of fewer than two paths, because a path must be held out.
     pub fn new(arm: &Arm, runs: Vec<RecordedRun>) -> Result<Self, Failure> {
         let folds = folds(&runs);
         if folds.iter().all(|fold| *fold == 0) {
@@ -76,12 +76,12 @@ impl Data {
         Ok(Self { folds, joints: arm.dof(), inputs, runs })
     }
 
-    /// How many folds there are.
+    /// Number of folds.
     pub fn fold_count(&self) -> usize {
         self.folds.iter().max().map_or(0, |last| last + 1)
     }
 
-    /// How many joints there are.
+    /// Number of joints.
     pub fn joints(&self) -> usize {
         self.joints
     }
@@ -104,15 +104,15 @@ impl Data {
             .collect()
     }
 
-    /// What the model leaves at `point` of `run`, m.
+    /// Residual of the model at `point` of `run`, m.
     pub fn left(&self, run: usize, point: usize) -> Vector3<f64> {
         self.runs[run].left[point]
     }
 
-    /// The runs with `channels` as the inputs of a series.
+    /// The runs as a series with `channels` as inputs.
     ///
     /// # Errors
-    /// Values that are no numbers.
+    /// Values that are not finite.
     pub fn series(&self, channels: &[Channel]) -> Result<Series, Failure> {
         let names: Vec<String> = channels.iter().map(|channel| channel.name(self.joints)).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -142,12 +142,12 @@ impl Data {
         channels.iter().map(|channel| LEAST_RANGE * widest(channel.group)).collect()
     }
 
-    /// The place of `channel` among all inputs.
+    /// Column of `channel` among all inputs.
     fn column(&self, channel: Channel) -> usize {
         before(channel.group, self.joints) + channel.place
     }
 
-    /// The windows of the runs for which `is_in` holds, one every `stride` samples, after the start and with `memory` samples before.
+    /// The windows of the runs selected by `is_in`, one every `stride` samples, after the start and with `memory` samples before.
     pub fn windows(&self, stride: usize, memory: usize, is_in: impl Fn(usize) -> bool) -> Vec<Window> {
         let mut windows = Vec::new();
         for (run, recorded) in self.runs.iter().enumerate().filter(|(run, _)| is_in(*run)) {
@@ -161,7 +161,7 @@ impl Data {
     }
 }
 
-/// How many inputs stand before `group` among all.
+/// Number of inputs before `group`.
 fn before(group: InputGroup, joints: usize) -> usize {
     InputGroup::ALL.iter().take_while(|other| **other != group).map(|other| other.width(joints)).sum()
 }
@@ -178,7 +178,7 @@ fn inputs(arm: &Arm, run: &RecordedRun) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// Which runs are of one path.
+/// The fold of each run; runs of one path have the same fold.
 fn folds(runs: &[RecordedRun]) -> Vec<usize> {
     let joints = runs.first().map_or(0, |run| run.reference.q.len());
     let range = |joint: usize| {

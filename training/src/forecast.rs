@@ -1,4 +1,4 @@
-//! Forecasts of held-out paths as a controller would have them, beside what the tracker saw: for people.
+//! Forecasts of held-out paths as a controller would compute them, with the tracker's measurement, for the page.
 
 use freeplay_controller::remainder::{Axis, InputGroup, Region};
 
@@ -13,15 +13,15 @@ pub struct Forecast {
     pub name: String,
     /// Instants, s.
     pub t: Vec<f64>,
-    /// What the model leaves of the tool's deviation along x, y and z, as the tracker saw it, m.
+    /// Residual of the model in the tool's position along x, y and z, as the tracker measured it, m.
     pub tracked: [Vec<f64>; 3],
-    /// What the network of the other paths says of it, within its bounds, m.
+    /// Prediction by the network of the other paths, within its bounds, m.
     pub said: [Vec<f64>; 3],
-    /// Distance from what trained, in half ranges of the inputs.
+    /// Distance from the training motions, in half ranges of the inputs.
     pub distance: Vec<f64>,
 }
 
-/// The forecasts of all runs of the `held` paths, with the bounds `trust` and `axes` of a region that looks at `inputs`; `stride` is that of the windows.
+/// The forecasts of all runs of the `held` paths, with the bounds `trust` and `axes` of a region with `inputs`; `stride` is that of the windows.
 pub fn forecasts(
     data: &Data,
     inputs: &[InputGroup],

@@ -1,4 +1,4 @@
-//! Held-out paths: each predicted by what was trained on the others, and how well.
+//! Held-out paths: the prediction of each by a network trained on the others, and its quality.
 
 use freeplay_predictor::{Narx, Series, Window};
 use freeplay_terminal::exit::Failure;
@@ -9,36 +9,36 @@ use serde::Serialize;
 use crate::data::Data;
 use crate::structure::{Fitting, Structure, fitted, said};
 
-/// What was said of one held-out path.
+/// Predictions of one held-out path.
 pub struct Answers {
-    /// The path, by the number of its fold.
+    /// Fold number of the path.
     pub fold: usize,
-    /// Where it was asked.
+    /// Windows of the predictions.
     pub windows: Vec<Window>,
-    /// What it said there, m.
+    /// Predictions at these windows, m.
     pub said: Vec<Vector3<f64>>,
 }
 
-/// One held-out path with the network that was trained on the others.
+/// One held-out path with the network trained on the others.
 pub struct HeldOut {
-    /// The network of the others.
+    /// Network trained on the other paths.
     pub narx: Narx,
-    /// What it said.
+    /// Predictions by that network.
     pub answers: Answers,
 }
 
-/// How well something predicts held-out paths.
+/// Quality of a predictor on held-out paths.
 #[derive(Clone, Debug, Serialize)]
 pub struct Tried {
-    /// What it is.
+    /// Description of the predictor.
     pub name: String,
-    /// RMS of what is left along x, y and z, m.
+    /// RMS of the residual along x, y and z, m.
     pub left: [f64; 3],
-    /// Correlation of answer and truth along them; none where one is constant.
+    /// Correlation of prediction and truth along the axes; `None` if one is constant.
     pub r: [Option<f64>; 3],
 }
 
-/// Every path of `data` predicted by `structure` trained on the others.
+/// Predicts every path of `data` by `structure`, trained on the others.
 ///
 /// # Errors
 /// Too few samples for the network.
@@ -57,7 +57,7 @@ fn one(
     let narx = fitted(data, series, structure, fitting, |run| data.folds[run] != fold)?;
     let windows = data.windows(fitting.stride, structure.layout().memory(), |run| data.folds[run] == fold);
     let found = said(&narx, series, &windows)?;
-    // Nothing that was not seen in training is ever said.
+    // Predictions are limited to the range of the training.
     let trained = data.windows(fitting.stride, 0, |run| data.folds[run] != fold);
     let (lowest, highest) = range(data, &trained);
     let said = found
@@ -67,7 +67,7 @@ fn one(
     Ok(HeldOut { narx, answers: Answers { fold, windows, said } })
 }
 
-/// Least and greatest remainder at `windows`, no farther from zero than they are, m.
+/// Least and greatest remainder at `windows`, with zero included in the range, m.
 pub fn range(data: &Data, windows: &[Window]) -> (Vector3<f64>, Vector3<f64>) {
     let mut bounds = (Vector3::zeros(), Vector3::zeros());
     for window in windows {
@@ -77,7 +77,7 @@ pub fn range(data: &Data, windows: &[Window]) -> (Vector3<f64>, Vector3<f64>) {
     bounds
 }
 
-/// How well `all` predict, under the name `name`.
+/// The quality of the predictions `all`, under the name `name`.
 pub fn scored<'a>(data: &Data, name: String, all: impl Iterator<Item = &'a Answers> + Clone) -> Tried {
     let pairs = |axis: usize| {
         all.clone().flat_map(move |held| {
@@ -98,7 +98,7 @@ pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
     (sum / count.max(1.0)).sqrt()
 }
 
-/// Pearson's correlation; none where one of the two is constant.
+/// Pearson's correlation; `None` if one of the two is constant.
 pub fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
     let count = pairs.len() as f64;
     let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), pair| (a + pair.0 / count, b + pair.1 / count));

@@ -1,15 +1,17 @@
-//! `freeplay train`: what a model leaves of a tracked tool's deviation, learned from recordings and proved before it moves anything.
+//! `freeplay train`: trains a network on the remainder of a tracked tool's deviation beyond a model, and proves it in simulated runs before its use.
 //!
-//! In the order in which data passes through it:
+//! The modules, in the order in which data passes through them:
 //!
-//! 1. [`recorded`]: a [`RecordedRun`]: the reference, where the encoders were sent, and what the model leaves of the tool's deviation.
+//! 1. [`recorded`]: a [`RecordedRun`]: the reference, the commanded encoder positions, and the residual of the model in the tool's position.
 //! 2. [`data`]: [`Data`]: runs with the inputs of the network at every instant; runs of one path are one fold, held out together.
-//! 3. [`structure`]: a [`Structure`]: inputs, layers, feedback of the own answer; how one is fitted and asked.
-//! 4. [`held_out`]: paths predicted by what was trained on the others; [`selection`]: which inputs, and [`choice`]: which layers predict held-out paths best; [`baselines`]: what needs no network, and the paper's, beside them.
-//! 5. [`bounds`]: what held-out paths confirm: a share for each axis, and the trust by the distance from what trained.
-//! 6. [`weight_files`]: the weight files of all paths and of all but one; [`rehearsal`]: simulated runs of the model with the recorded remainder, which decide; [`significance`]: whether they are better, and not by chance.
-//! 7. [`forecast`]: forecasts of held-out paths; [`text`] and [`page`]: all of it for a terminal and as a page.
-//! 8. [`trained`]: what a training came to; [`command`]: the command line; [`train`] is all of it in one call.
+//! 3. [`structure`]: a [`Structure`]: inputs, layers, feedback of its own answers; its fit and its predictions.
+//! 4. [`held_out`]: predictions of paths by networks trained on the others; [`selection`]: choice of the inputs; [`choice`]: choice of the layers;
+//!    [`baselines`]: predictors without a network, and the paper's network, for comparison.
+//! 5. [`bounds`]: bounds confirmed by held-out paths: a share for each axis, and the trust by the distance from the training motions.
+//! 6. [`weight_files`]: the weight files of all paths and of all but one; [`rehearsal`]: simulated runs of the model with the recorded remainder as the proof;
+//!    [`significance`]: test of the improvement.
+//! 7. [`forecast`]: forecasts of held-out paths; [`text`] and [`page`]: the results for a terminal and as a page.
+//! 8. [`trained`]: result of a training; [`command`]: the command line; [`train`] runs all of these steps in one call.
 
 pub mod baselines;
 pub mod bounds;

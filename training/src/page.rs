@@ -1,4 +1,4 @@
-//! What was learned as a page: key numbers, the forecasts of held-out paths, the tool's deviation before and after, and where it may be used.
+//! Page of a training: key figures, the forecasts of held-out paths, the tool's deviation before and after, and the region of validity.
 
 use freeplay_controller::remainder::WeightFile;
 use freeplay_report::{
@@ -26,7 +26,7 @@ pub fn document(trained: &Trained) -> Document {
         .footer(format!("`{}`", file.learned.command))
 }
 
-/// Key numbers: what is left of the remainder, and how sure that is.
+/// Key figures: the remaining residual, and its significance.
 fn figures(trained: &Trained) -> Vec<Figure> {
     let axes = &trained.file.learned.axes;
     let total = |of: fn(&freeplay_controller::remainder::Axis) -> f64| {
@@ -56,7 +56,7 @@ fn figures(trained: &Trained) -> Vec<Figure> {
     figures
 }
 
-/// All that was tried on held-out paths.
+/// Table of all predictors tried on held-out paths.
 fn table(tried: &[Tried]) -> Table {
     let mut table = Table::new("Predictions of held-out paths without a tracker")
         .column(Column::text("predicted by").wrapping());
@@ -74,7 +74,7 @@ fn table(tried: &[Tried]) -> Table {
     table
 }
 
-/// The pictures: forecasts, simulated runs, region.
+/// The drawings: forecasts, simulated runs, region.
 fn section(trained: &Trained) -> Section {
     let mut section = Section::new("Forecasts of held-out paths");
     for (number, forecast) in trained.forecasts.iter().enumerate() {
@@ -119,7 +119,7 @@ fn deviation(course: &DeviationCurve) -> Chart {
     .height(230)
 }
 
-/// The share of an answer that is used by its distance from what trained, and how far held-out paths are away.
+/// The used share of an answer by the distance from the training motions, and the distances of held-out paths.
 fn region(trained: &Trained) -> Drawing {
     let trust = &trained.file.learned.region.trust;
     let distances: Vec<f64> = trust.iter().map(|[distance, _]| *distance).collect();

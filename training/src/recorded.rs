@@ -1,4 +1,5 @@
-//! A recording as the training has it: the reference, where the encoders were sent, and what the model leaves of the tool's deviation.
+//! A recording prepared for training: the reference, the commanded encoder positions, and the residual of the model in the tool's
+//! position.
 
 use std::path::{Path, PathBuf};
 
@@ -13,9 +14,9 @@ use freeplay_storage::plain_words;
 use freeplay_terminal::exit::Failure;
 use nalgebra::Vector3;
 
-/// Half of the span over which a measured or commanded motion is averaged before it is differentiated, samples; twice.
+/// Half the span of the moving average over a measured or commanded motion before differentiation, samples; applied twice.
 const HALF_SPAN: usize = 10;
-/// Greatest difference of a time step from the median, share of it.
+/// Greatest difference of a time step from the median, as a share of the median.
 const UNEVEN: f64 = 0.5;
 
 /// One recorded run; see the module.
@@ -24,17 +25,17 @@ pub struct RecordedRun {
     pub name: String,
     /// Time between two samples, s.
     pub period: f64,
-    /// Number of the first sample since the motion began.
+    /// Index of the first sample since the motion began.
     pub first_tick: u64,
     /// The reference, without corrections.
     pub reference: Trajectory,
     /// Measured torques, `[joint][point]`, N·m (N); empty if there are none.
     pub torque: Vec<Vec<f64>>,
-    /// What the model leaves of the tool's deviation, averaged, m.
+    /// Residual of the model in the tool's position, averaged, m.
     pub left: Vec<Vector3<f64>>,
 }
 
-/// The recordings that `given` names: itself, or those of the runs in that folder.
+/// The recordings at the path `given`: the file itself, or those of the runs in that folder.
 ///
 /// # Errors
 /// A folder without recordings of runs.
@@ -59,16 +60,16 @@ pub fn files(given: &Path) -> Result<Vec<PathBuf>, Failure> {
     if files.is_empty() { Err(none()) } else { Ok(files) }
 }
 
-/// The task of the run that left the recording `file`; none where none stands beside it.
+/// The task of the run of the recording `file`; `None` if there is no task file next to it.
 ///
 /// # Errors
-/// A task that can't be read.
+/// An unreadable task file.
 pub fn task_of(file: &Path) -> Result<Option<Task>, Failure> {
     let task = file.parent().unwrap_or(Path::new(".")).join("task.toml");
     if task.is_file() { Task::load(&task).map(Some).map_err(Failure::input) } else { Ok(None) }
 }
 
-/// The name of the recording `file`: its folder and its own.
+/// The name of the recording `file`: its folder and its own name.
 pub fn name_of(file: &Path) -> String {
     let folder = file.parent().and_then(Path::file_name);
     folder.map_or_else(
@@ -80,10 +81,10 @@ pub fn name_of(file: &Path) -> String {
 }
 
 impl RecordedRun {
-    /// What `recording` says for `model`, with deviations counted from the `nominal` arm.
+    /// Prepares `recording` for `model`; deviations are relative to the `nominal` arm.
     ///
     /// # Errors
-    /// A recording without a tracked tool, of other joints or unevenly sampled.
+    /// A recording without a tracked tool, with a different number of joints, or unevenly sampled.
     pub fn of(recording: &Recording, name: String, model: &Model, nominal: &Arm) -> Result<Self, Failure> {
         let origin = recording.origin.display();
         let (found, wanted) = (recording.joints(), model.arm.dof());
@@ -128,7 +129,7 @@ impl RecordedRun {
         self.left.len()
     }
 
-    /// Whether there are none.
+    /// Returns true if there are none.
     pub fn is_empty(&self) -> bool {
         self.left.is_empty()
     }
@@ -158,7 +159,7 @@ fn columns(recording: &Recording, name: &str) -> Option<Vec<Vec<f64>>> {
         .collect()
 }
 
-/// The reference of `recording`: its path, or where it has none its commanded positions, or the measured ones.
+/// The reference of `recording`: its path, or else its commanded positions, or else the measured ones.
 fn reference(recording: &Recording, period: f64) -> Trajectory {
     let points = recording.len();
     let t = (0..points).map(|k| k as f64 * period).collect();
@@ -181,7 +182,7 @@ fn reference(recording: &Recording, period: f64) -> Trajectory {
     }
 }
 
-/// Where the encoders were sent: the commands of servos, the reference, or where they were.
+/// The commanded encoder positions: the commands of servos, the reference, or else the measured positions.
 fn sent<'a>(recording: &'a Recording, reference: &'a Trajectory) -> &'a [Vec<f64>] {
     match &recording.q_ref {
         Some(commanded) if recording.column("q_path_1").is_some() => commanded,
@@ -190,8 +191,8 @@ fn sent<'a>(recording: &'a Recording, reference: &'a Trajectory) -> &'a [Vec<f64
     }
 }
 
-/// What the controller of a run in mode torque took out: what it predicted of each instant in its answer to the state before. Nothing for
-/// a controller that compensates nothing.
+/// The deviation that the controller of a run in mode torque compensated: its prediction for each instant, in its answer to the state
+/// before. It is empty for a controller without compensation.
 fn compensated_deviation(recording: &Recording) -> Vec<Vector3<f64>> {
     let is_plain = recording.origin.file_stem().is_some_and(|stem| stem == COMPUTED_TORQUE);
     let predicted = ["x", "y", "z"].map(|axis| recording.column(&format!("predicted_{axis}")));

@@ -1,8 +1,8 @@
-//! Simulated runs that decide: the plant is the model with the recorded remainder, the controller has weights that the path did not train.
+//! Simulated runs as a proof: the plant is the model with the recorded remainder, and the weights of the controller were not trained on the path.
 //!
-//! For each held-out path the arm of the model runs along that path while its tool is off by the recorded remainder, tick by tick. `narx-qp` runs on it
-//! without weights and with the network of the other paths. The remainder is the measurement, not what a network says of it: a
-//! network can't prove itself. Whether the runs are better, and not by chance, says [`crate::significance`].
+//! For each held-out path the arm of the model runs along that path, while the recorded remainder displaces its tool tick by tick. `narx-qp` controls
+//! the arm without weights and with the network of the other paths. The remainder is the measurement, not a prediction of the network, because a
+//! network cannot prove itself. [`crate::significance`] tests the improvement.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -23,50 +23,50 @@ use crate::data::{Data, START};
 use crate::recorded::RecordedRun;
 use crate::significance::chance;
 
-/// How much worse a run may be with the weights.
+/// Largest permitted ratio of the deviations with and without the weights.
 const WORSE: f64 = 1.02;
-/// What no controller has to be better than, mm: a tenth of a micrometre.
+/// Negligible deviation, mm: a tenth of a micrometre.
 const NEGLIGIBLE: f64 = 1e-4;
-/// Probability with which weights of no use may pass.
+/// Significance level: probability with which useless weights may pass.
 const LEVEL: f64 = 0.05;
-/// Samples from one row of a path to the next.
+/// Samples between rows of a path.
 const EVERY: usize = 10;
-/// Most of a recording that is played, s.
+/// Longest part of a recording that is simulated, s.
 const LONGEST: f64 = 8.0;
-/// Ticks from one point of a course to the next.
+/// Ticks between points of a curve.
 const DRAWN: u64 = 10;
 
-/// The tool's deviation along one run, for people.
+/// The tool's deviation along one run, for the page.
 #[derive(Clone, Debug, Default)]
 pub struct DeviationCurve {
     /// Name of the run.
     pub name: String,
     /// Instants, s.
     pub t: Vec<f64>,
-    /// Distance of the tool from where it should be without the network, mm.
+    /// Distance of the tool from its desired position without the network, mm.
     pub without_mm: Vec<f64>,
-    /// With it.
+    /// Distance with the network, mm.
     pub with_mm: Vec<f64>,
 }
 
-/// What is run: recorded paths on the arm of a model.
+/// Inputs of the simulated runs: recorded paths on the arm of a model.
 pub struct Rehearsal<'a> {
     /// The recordings.
     pub data: &'a Data,
     /// The file of the model.
     pub model: &'a Path,
-    /// What a controller makes of it.
+    /// The model as a controller loads it.
     pub believed: &'a Model,
-    /// What it holds.
+    /// The contents of that file.
     pub file: &'a ArmFile,
     /// The task of the recordings.
     pub task: &'a Task,
 }
 
-/// Whether simulated runs can decide on recordings in the mode of `task`.
+/// Checks that simulated runs support the mode of `task`.
 ///
 /// # Errors
-/// Another mode than torque.
+/// A mode other than torque.
 pub fn check_mode(task: &Task) -> Result<(), Failure> {
     if task.mode == TaskMode::Torque {
         return Ok(());
@@ -77,10 +77,10 @@ pub fn check_mode(task: &Task) -> Result<(), Failure> {
     )))
 }
 
-/// Whether simulated runs can decide on recordings with a sample every `period` s.
+/// Checks that simulated runs support recordings with a sample every `period` s.
 ///
 /// # Errors
-/// Another rate.
+/// A different rate.
 pub fn check_rate(period: f64) -> Result<(), Failure> {
     if (period * RATE - 1.0).abs() <= 1e-6 {
         return Ok(());
@@ -91,10 +91,10 @@ pub fn check_rate(period: f64) -> Result<(), Failure> {
     )))
 }
 
-/// What the runs `runs`, one for each recording, prove. `folds` says which recordings are of one path.
+/// The proof by the runs `runs`, one for each recording. `folds` groups the recordings of one path.
 fn verdict(runs: Vec<Rehearsed>, folds: &[usize]) -> Receipt {
     let is_worse = |run: &Rehearsed| run.with_mm > (run.without_mm * WORSE).max(run.without_mm + NEGLIGIBLE);
-    // Less than what counts is no improvement, however often it comes back.
+    // Adding the negligible deviation keeps tiny improvements from counting, however often they recur.
     let ratio = |run: &Rehearsed| ((run.with_mm + NEGLIGIBLE) / run.without_mm.max(NEGLIGIBLE)).ln();
     let of_path = |fold: usize| {
         let runs = || runs.iter().zip(folds).filter(move |(_, of)| **of == fold).map(|(run, _)| ratio(run));
@@ -106,10 +106,10 @@ fn verdict(runs: Vec<Rehearsed>, folds: &[usize]) -> Receipt {
 }
 
 impl Rehearsal<'_> {
-    /// What the runs of the weights `files`, one for each held-out path, came to.
+    /// Runs the simulations of the weights `files`, one for each held-out path, and returns the proof.
     ///
     /// # Errors
-    /// A run that fails.
+    /// A failed run.
     pub fn decide(&self, files: &[WeightFile]) -> Result<(Receipt, Vec<DeviationCurve>), Failure> {
         let Data { runs, folds, .. } = self.data;
         let came = on_all_cores(runs.len(), |number| self.one(&runs[number], &files[folds[number]]))?;
@@ -132,7 +132,7 @@ impl Rehearsal<'_> {
         Ok((rehearsed, DeviationCurve { name: run.name.clone(), t, without_mm: without.1, with_mm: with.1 }))
     }
 
-    /// The tool's deviation along `path` with the `weights`: RMS after the start, and its course, mm.
+    /// Simulates the run along `path` with the `weights`; returns the RMS of the tool's deviation after the start, and its curve, mm.
     fn played(
         &self,
         run: &RecordedRun,
@@ -178,7 +178,7 @@ impl Rehearsal<'_> {
     }
 }
 
-/// The recorded remainder tick by tick, set in smoothly over the start.
+/// The recorded remainder tick by tick, faded in over the start.
 fn course(run: &RecordedRun) -> Vec<Vector3<f64>> {
     let share = |k: usize| {
         let x = (k as f64 * run.period / START).min(1.0);
@@ -187,7 +187,7 @@ fn course(run: &RecordedRun) -> Vec<Vector3<f64>> {
     run.left.iter().enumerate().map(|(k, left)| left * share(k)).collect()
 }
 
-/// The reference of `run` as a path file in `folder`.
+/// Writes the reference of `run` as a path file in `folder`.
 fn written_path(run: &RecordedRun, folder: &Path) -> Result<PathSpec, Failure> {
     let joints = run.reference.q.len();
     let mut text = String::from("t");

@@ -1,12 +1,13 @@
-//! Which inputs a network looks at.
+//! Selection of the inputs of a network.
 //!
-//! A recorded path is a line through the space of all inputs: a network that looks at all of them fits it in many ways, of which few hold on another path. A
-//! remainder that depends on fewer numbers is known at more places after the same few paths. So inputs are taken one by one or group by group, and given back
-//! one by one, as held-out paths say (stepwise selection, Efroymson 1960).
+//! A recorded path is a curve in the space of all inputs: a network with all inputs can fit it in many ways, few of which are valid on another path. If the
+//! remainder depends on fewer inputs, the same few paths determine it at more points. The program therefore adds inputs one by one or group by group, and
+//! removes them one by one, by the errors on held-out paths (stepwise selection, Efroymson 1960).
 //!
-//! Of each path the logarithm of the mean square that is left counts ([`crate::significance`] asks the same of the simulated runs). An input is taken if the mean of
-//! it over the paths falls by more than the standard error of the paired differences (the rule of one standard error, Breiman et al. 1984, §3.4.3). The best of many
-//! candidates looks better than it is, by the chance of its first weights; so it has to be better once more with first weights that had no part in the choice.
+//! The error of a path is the logarithm of the mean square of the residual ([`crate::significance`] uses the same measure for the simulated runs). The program
+//! adds an input if the mean error over the paths falls by more than the standard error of the paired differences (the rule of one standard error, Breiman et
+//! al. 1984, §3.4.3). The best of many candidates partly profits from its random initial weights; it must therefore pass a second time with initial weights
+//! that had no part in the choice.
 
 use freeplay_controller::remainder::InputGroup;
 use freeplay_terminal::exit::Failure;
@@ -15,17 +16,17 @@ use crate::data::{Channel, Data};
 use crate::held_out::{Answers, HeldOut, Tried, held_out, scored};
 use crate::structure::{Fitting, Structure};
 
-/// Hidden layers with which inputs are chosen.
+/// Hidden layers for the selection of inputs.
 const PROBE: [usize; 1] = [8];
-/// The network with which inputs are chosen: a single one, since there are many to fit.
+/// The network for the selection of inputs: a single one instead of a mean, because there are many to fit.
 fn probe(inputs: &[Channel]) -> Structure {
     Structure { members: 1, ..Structure::plain(inputs, &PROBE) }
 }
 
-/// What does not count of a remainder, m: as in the simulated runs.
+/// Negligible remainder, m; the same as in the simulated runs.
 const NEGLIGIBLE: f64 = 1e-7;
 
-/// How much `held` leaves of each path: the logarithm of the mean square over all axes, to which what does not count is added.
+/// The error of each path in `held`: the logarithm of the mean square of the residual over all axes, plus the negligible remainder.
 pub fn errors(data: &Data, held: &[HeldOut]) -> Vec<f64> {
     let of_path = |held: &HeldOut| {
         let Answers { windows, said, .. } = &held.answers;
@@ -42,7 +43,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// Whether the errors `found`, path by path, are lower than those `known` by more than one standard error.
+/// Returns true if the errors `found`, path by path, are lower than those `known` by more than one standard error.
 pub fn is_lower(found: &[f64], known: &[f64]) -> bool {
     let falls: Vec<f64> = known.iter().zip(found).map(|(known, found)| known - found).collect();
     let (count, fall) = (falls.len() as f64, mean(&falls));
@@ -50,29 +51,29 @@ pub fn is_lower(found: &[f64], known: &[f64]) -> bool {
     fall > (variance / count).sqrt()
 }
 
-/// Inputs, with what they leave of each path.
+/// Inputs, with the errors of each path.
 type Outcome = (Vec<Channel>, Vec<f64>);
 
 /// The search for inputs.
 pub struct Selection<'a> {
     data: &'a Data,
     fitting: Fitting,
-    /// What was tried.
+    /// Tried inputs.
     tried: Vec<Tried>,
     inputs: Vec<Channel>,
-    /// What these leave of each path.
+    /// Errors of these inputs on each path.
     errors: Vec<f64>,
 }
 
 impl<'a> Selection<'a> {
-    /// Of the inputs of `data`, by networks that are fitted as `fitting` says.
+    /// Creates a selection among the inputs of `data`, by networks fitted with `fitting`.
     pub fn new(data: &'a Data, fitting: Fitting) -> Self {
         Self { data, fitting, tried: Vec::new(), inputs: Vec::new(), errors: Vec::new() }
     }
 }
 
 impl Selection<'_> {
-    /// The inputs that were taken, and all that was tried.
+    /// Returns the selected inputs, and all tried ones.
     ///
     /// # Errors
     /// Too few samples for the networks.
@@ -83,7 +84,7 @@ impl Selection<'_> {
         Ok((self.inputs, self.tried))
     }
 
-    /// What the inputs `inputs` leave of each path.
+    /// The errors of the inputs `inputs` on each path.
     fn try_out(&mut self, inputs: &[Channel]) -> Result<Vec<f64>, Failure> {
         let structure = probe(inputs);
         let held = held_out(self.data, &structure, self.fitting)?;
@@ -92,7 +93,7 @@ impl Selection<'_> {
         Ok(errors(self.data, &held))
     }
 
-    /// Of `candidates` the inputs that leave least, with what they leave.
+    /// The best inputs of `candidates`, with their errors.
     fn best(&mut self, candidates: Vec<Vec<Channel>>) -> Result<Option<Outcome>, Failure> {
         let mut best: Option<Outcome> = None;
         for inputs in candidates {
@@ -104,13 +105,13 @@ impl Selection<'_> {
         Ok(best)
     }
 
-    /// What the inputs `inputs` leave of each path with other first weights.
+    /// The errors of the inputs `inputs` on each path with different initial weights.
     fn once_more(&self, inputs: &[Channel]) -> Result<Vec<f64>, Failure> {
         let fitting = Fitting { seed: self.fitting.seed.wrapping_add(1), ..self.fitting };
         Ok(errors(self.data, &held_out(self.data, &probe(inputs), fitting)?))
     }
 
-    /// Takes the channel or group that helps most; false if none helps.
+    /// Adds the channel or group that helps most; returns false if none helps.
     fn add(&mut self) -> Result<bool, Failure> {
         let all = Channel::all(self.data.joints());
         let missing: Vec<Channel> =
@@ -130,7 +131,7 @@ impl Selection<'_> {
         Ok(helps)
     }
 
-    /// Gives the channel back without which no more is left; false if there is none.
+    /// Removes a channel whose removal does not raise the errors; returns false if there is none.
     fn remove(&mut self) -> Result<bool, Failure> {
         if self.inputs.len() < 2 {
             return Ok(false);
@@ -149,7 +150,7 @@ impl Selection<'_> {
     }
 }
 
-/// `channels` in the order in which they stand in a weight file.
+/// `channels` in the order of a weight file.
 fn sorted(mut channels: Vec<Channel>) -> Vec<Channel> {
     let place = |group: InputGroup| InputGroup::ALL.iter().position(|other| *other == group);
     channels.sort_by_key(|channel| (place(channel.group), channel.place));
@@ -170,7 +171,7 @@ mod tests {
 
     const PERIOD: f64 = 0.02;
 
-    /// A run in which every joint moves, at frequencies of this `path`, and a detent in joint 3 moves the tool by up to 0.2 mm.
+    /// A run in which every joint moves, at frequencies that depend on `path`; a detent in joint 3 displaces the tool by up to 0.2 mm.
     fn run(path: u32) -> RecordedRun {
         let points = 300;
         let t: Vec<f64> = (0..points).map(|k| f64::from(k) * PERIOD).collect();
@@ -197,8 +198,8 @@ mod tests {
         }
     }
 
-    /// A remainder that depends on one joint is known on every path as soon as the network looks at that joint alone. With all positions as inputs the
-    /// same networks fit the trained paths as well and leave a third and more of a held-out one.
+    /// If a remainder depends on one joint, a network with that joint as its only input predicts it on every path. With all positions as inputs the same
+    /// networks fit the training paths equally well, but have errors of a third and more on a held-out one.
     #[test]
     fn a_remainder_of_one_joint_is_found_in_that_joint() {
         let data = Data::new(&paper_arm().arm, (0..3).map(run).collect()).unwrap();
@@ -206,7 +207,7 @@ mod tests {
         let (structure, held, tried) = choose(&data, fitting).unwrap();
         println!("{} of {} tried: {:?}", structure.words(6), tried.len(), errors(&data, &held));
         let names: Vec<String> = structure.inputs.iter().map(|channel| channel.name(6)).collect();
-        // Without noise the last hundredths of a micrometre may take an input or two more.
+        // Without noise the last hundredths of a micrometre may add one or two more inputs.
         assert!(names.contains(&"position_3".to_owned()) && names.len() <= 3, "{names:?}");
         let square = |of: &dyn Fn(usize) -> Vector3<f64>, count: usize| {
             (0..count).map(|k| of(k).norm_squared()).sum::<f64>()

@@ -1,13 +1,14 @@
-//! Whether simulated runs are better with the weights than without, and not by chance.
+//! Significance test of the improvement of simulated runs by the weights.
 //!
-//! A path is one draw: its laps and repeated runs are alike, and what is learned has to hold on paths that nobody recorded. Of each path
-//! d = mean ln ((with + δ)/without) is taken over its runs, with the deviations left with and without the weights and δ the improvement that does not
-//! count. Student's one-sided test asks whether the mean of d over the paths is below zero: t = d̄ √n / s with n − 1 degrees of freedom (Student 1908,
-//! Biometrika 6:1). Ratios of paths of any size count alike, so that one large path proves nothing for the others.
+//! A path is one independent sample: its laps and repeated runs are alike, and the learned remainder must hold on unrecorded paths. For each path, d = mean
+//! ln ((with + δ)/without) over its runs, where `with` and `without` are the deviations with and without the weights and δ is the negligible improvement.
+//! Student's one-sided test asks whether the mean of d over the paths is below zero: t = d̄ √n / s with n − 1 degrees of freedom (Student 1908, Biometrika
+//! 6:1). Ratios give paths of any size the same weight, so that one large path cannot prove the others.
 
 use std::f64::consts::FRAC_PI_2;
 
-/// The probability of a mean of `ratios` (logarithms, one a path) this far below zero or farther if the weights changed nothing; 1 for fewer than two paths.
+/// The p-value of `ratios` (logarithms, one a path): the probability of a mean this far below zero or farther if the weights had no effect; 1 for fewer than
+/// two paths.
 pub fn chance(ratios: &[f64]) -> f64 {
     let count = ratios.len() as f64;
     if ratios.len() < 2 || ratios.iter().any(|ratio| !ratio.is_finite()) {
@@ -44,7 +45,7 @@ mod tests {
     use super::{below, chance};
     use rand::{RngExt, SeedableRng};
 
-    /// Points of tables: 5 % and 1 % below −t.
+    /// Values of published tables: 5 % and 1 % of the distribution are below −t.
     #[test]
     fn the_distribution_is_that_of_tables() {
         let table = [
@@ -73,11 +74,11 @@ mod tests {
         assert!(chance(&[-0.5, -0.5]) <= 0.0 && chance(&[0.0, 0.0]) >= 1.0);
     }
 
-    /// Weights that change nothing but by chance are called better in 5 of 100 cases.
+    /// If only chance changes the runs, the test accepts the weights in 5 of 100 cases.
     #[test]
     fn chance_alone_passes_as_often_as_it_says() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(39);
-        // The sum of twelve uniform numbers less six is as good as normal.
+        // The sum of twelve uniform numbers minus six is approximately normal.
         let mut normal = || (0..12).map(|_| rng.random_range(0.0..1.0)).sum::<f64>() - 6.0;
         for paths in [2, 3, 5] {
             let trials = 20_000;

@@ -1,4 +1,4 @@
-//! What a network looks at and how it is built; how one is fitted, and asked along a run.
+//! Structure of a network: inputs and layers; its fit, and its predictions along a run.
 
 use std::ops::ControlFlow;
 
@@ -10,36 +10,37 @@ use nalgebra::Vector3;
 
 use crate::data::{Channel, Data};
 
-/// Length of the pieces of a run that train or stop the training, s: long against the time in which a remainder changes, so that a piece is no
-/// interpolation of its neighbours.
+/// Length of the pieces of a run for training or validation, s. It is long compared with the time in which a remainder changes, so that predicting a piece is
+/// not interpolation between its neighbours.
 const PIECE: f64 = 0.4;
-/// Of so many pieces one stops the training.
+/// One of this many pieces serves validation.
 const PIECES: usize = 5;
-/// Networks of one layer whose mean answers: as many as the tick has time for.
+/// Number of networks of one layer in a mean; the tick has time for no more.
 ///
-/// A network says of what lies between and beyond its samples what its first weights left there. That differs from fit to fit, and the mean of several errs less than
-/// one of them does (L. K. Hansen, P. Salamon, "Neural network ensembles", IEEE Trans. PAMI 12(10), 1990). Of such networks with one set of inputs the mean is one network.
+/// Between and beyond its samples, the output of a network depends on its initial weights. It differs from fit to fit, and the mean of several networks has a
+/// smaller error than one of them (L. K. Hansen, P. Salamon, "Neural network ensembles", IEEE Trans. PAMI 12(10), 1990). The mean of such networks with the
+/// same inputs is one network.
 pub const MEMBERS: usize = 4;
 
 /// Inputs and layers of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Structure {
-    /// What it looks at.
+    /// Input channels.
     pub inputs: Vec<Channel>,
     /// Units of each hidden layer.
     pub hidden: Vec<usize>,
     /// Kind of hidden unit.
     pub activation: Activation,
-    /// Whether its weights decay as the data choose; else a part of the samples stops the training.
+    /// If true, weight decay is chosen by the evidence of the data; otherwise a part of the samples stops the training.
     pub decay: bool,
-    /// Samples ago of its own answers that it looks at: fed back, as a NARX in closed loop has them.
+    /// Lags of its own answers that are fed back, as in a NARX in closed loop, samples.
     pub feedback: Vec<usize>,
-    /// How many such networks, each from first weights of its own, are fitted; their mean answers.
+    /// Number of fitted networks with different initial weights, whose mean is the answer.
     pub members: usize,
 }
 
 impl Structure {
-    /// Without feedback, of tanh units, the mean of [`MEMBERS`].
+    /// A structure without feedback, of tanh units, with the mean of [`MEMBERS`].
     pub fn plain(inputs: &[Channel], hidden: &[usize]) -> Self {
         Self {
             inputs: inputs.to_vec(),
@@ -51,7 +52,7 @@ impl Structure {
         }
     }
 
-    /// Which samples it looks at: the inputs of the predicted instant, which are planned, and its own answers.
+    /// Samples of a prediction: the planned inputs of the predicted instant, and its own answers.
     pub fn layout(&self) -> Layout {
         Layout {
             input_lags: Vec::new(),
@@ -61,7 +62,7 @@ impl Structure {
         }
     }
 
-    /// The structure in words, for an arm with `joints` joints.
+    /// Text of the structure, for an arm with `joints` joints.
     pub fn words(&self, joints: usize) -> String {
         let hidden: Vec<String> = self.hidden.iter().map(ToString::to_string).collect();
         let feedback = if self.feedback.is_empty() { "" } else { ", own answers fed back" };
@@ -73,18 +74,18 @@ impl Structure {
     }
 }
 
-/// How networks are fitted.
+/// Settings of a fit.
 #[derive(Clone, Copy, Debug)]
 pub struct Fitting {
-    /// Samples from one window to the next.
+    /// Samples between windows.
     pub stride: usize,
     /// Largest number of epochs.
     pub epochs: usize,
-    /// Seed of the start weights; members of a mean have this one and the next.
+    /// Seed of the initial weights; the members of a mean use this one and the following ones.
     pub seed: u64,
 }
 
-/// The windows of the runs of `data` for which `is_in` holds; every fifth piece of them stops the training.
+/// The windows of the runs of `data` selected by `is_in`; every fifth piece of them serves validation.
 pub fn split(data: &Data, layout: &Layout, fitting: Fitting, is_in: impl Fn(usize) -> bool) -> Split {
     let windows = data.windows(fitting.stride, layout.memory(), is_in);
     let stops = |window: &Window| {
@@ -95,7 +96,7 @@ pub fn split(data: &Data, layout: &Layout, fitting: Fitting, is_in: impl Fn(usiz
     Split { train, validation, test: Vec::new() }
 }
 
-/// Fits `structure` on the runs of `data` for which `is_in` holds.
+/// Fits `structure` on the runs of `data` selected by `is_in`.
 ///
 /// # Errors
 /// Too few samples for the network.
@@ -142,10 +143,10 @@ pub fn fit_with_split(
     Narx::mean(&members).map_err(Failure::internal)
 }
 
-/// What `narx` says at the targets of `windows` without ever seeing the tool, m.
+/// Predictions of `narx` at the targets of `windows`, without any measurement of the tool, m.
 ///
 /// # Errors
-/// A network whose own answers get out of hand.
+/// A network whose own answers diverge.
 pub fn said(narx: &Narx, series: &Series, windows: &[Window]) -> Result<Vec<Vector3<f64>>, Failure> {
     let vector = |row: &[f64]| Vector3::new(row[0], row[1], row[2]);
     if narx.layout().output_lags.is_empty() {

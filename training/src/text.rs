@@ -1,4 +1,4 @@
-//! What a training came to, for a terminal.
+//! Result of a training as text for a terminal.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use comfy_table::{CellAlignment, Table, presets};
 
 use crate::trained::Trained;
 
-/// The table of all that was tried, and what decided.
+/// The table of all tried predictors, and the result of the proof.
 pub fn text(trained: &Trained) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);

@@ -8,38 +8,38 @@ use crate::held_out::Tried;
 use crate::rehearsal::DeviationCurve;
 use crate::selection::is_lower;
 
-/// What a training came to.
+/// Result of a training.
 #[derive(Debug, Serialize)]
 pub struct Trained {
     /// The weights, with their receipt.
     #[serde(skip)]
     pub file: WeightFile,
-    /// What was chosen, in words.
+    /// Text of the chosen structure.
     pub structure: String,
-    /// What is left of each held-out path: the logarithm of the mean square over all axes, m².
+    /// Error on each held-out path: the logarithm of the mean square of the residual over all axes, m².
     #[serde(skip)]
     pub left_of_paths: Vec<f64>,
-    /// What was tried on held-out paths, the baselines first.
+    /// Predictors tried on held-out paths, the baselines first.
     pub tried: Vec<Tried>,
     /// The proof by simulated runs.
     pub receipt: Receipt,
     /// Forecasts of held-out paths.
     #[serde(skip)]
     pub forecasts: Vec<Forecast>,
-    /// The simulated runs that decided.
+    /// The simulated runs of the proof.
     #[serde(skip)]
     pub courses: Vec<DeviationCurve>,
 }
 
 impl Trained {
-    /// Whether less is left of held-out paths than by `other`, which was learned from recordings of the same paths, by the rule by which inputs are taken: by more than one
-    /// standard error of the paired differences. What is not proved leaves nothing less, and what is proved less than that. The simulated runs can't be
-    /// compared: those of either have a plant of their own.
+    /// Returns true if the errors on held-out paths are lower than those of `other`, which was trained on recordings of the same paths, by the rule for inputs:
+    /// by more than one standard error of the paired differences. A result without a proof never has lower errors, and a result with a proof always has lower
+    /// ones than it. The simulated runs are not comparable, because each training has its own plant.
     pub fn leaves_less_than(&self, other: &Self) -> bool {
         self.receipt.proved && (!other.receipt.proved || is_lower(&self.left_of_paths, &other.left_of_paths))
     }
 
-    /// Whether it is used, and why.
+    /// Text of the verdict: used or not, with the reason.
     pub fn verdict_in_words(&self) -> &'static str {
         if self.receipt.proved {
             "proved: runs with this model use it"

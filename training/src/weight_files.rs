@@ -1,4 +1,4 @@
-//! The weight files of a training: one of all paths, and for each held-out path one of the others, which the simulated runs try.
+//! The weight files of a training: one of all paths, and one without each held-out path for the simulated runs.
 
 use freeplay_controller::remainder::{Condition, Learned, Machine, Region, WeightFile};
 use freeplay_controller::{Model, Task};
@@ -12,13 +12,13 @@ use crate::held_out::{Answers, HeldOut, rms};
 use crate::recorded::RecordedRun;
 use crate::structure::{Fitting, Structure, fitted};
 
-/// What weight files are made of.
+/// Inputs of the weight files.
 pub struct Weights<'a> {
     /// The recordings.
     pub data: &'a Data,
     /// The network.
     pub structure: &'a Structure,
-    /// How it is fitted.
+    /// Settings of the fit.
     pub fitting: Fitting,
     /// The command, for the file.
     pub command: &'a str,
@@ -29,10 +29,10 @@ pub struct Weights<'a> {
 }
 
 impl Weights<'_> {
-    /// The weights of all paths, and of each of the `held` paths those of the others.
+    /// The weights of all paths, and for each of the `held` paths the weights of the others.
     ///
     /// # Errors
-    /// Too few samples for the network, or parts that don't fit together.
+    /// Too few samples for the network, or inconsistent parts.
     pub fn files(&self, held: &[HeldOut]) -> Result<(WeightFile, Vec<WeightFile>), Failure> {
         let (data, stride) = (self.data, self.fitting.stride);
         let groups = Channel::groups(&self.structure.inputs);
@@ -62,7 +62,7 @@ impl Weights<'_> {
         Ok((whole, held.iter().map(of_fold).collect::<Result<_, _>>()?))
     }
 
-    /// The network `narx` of some channels as one of their groups, which a weight file holds.
+    /// Widens the network `narx` of some channels to the channels of their whole groups, as a weight file requires.
     fn widen_to_groups(&self, narx: &Narx) -> Result<Narx, NarxError> {
         let (joints, inputs) = (self.data.joints(), &self.structure.inputs);
         let groups = Channel::groups(inputs);
