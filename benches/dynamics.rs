@@ -1,5 +1,5 @@
 //! Rigid-body dynamics of the paper's arm with two slides (8 coordinates).
-//! Yardsticks (one 2-core machine): Pinocchio 4.1 ABA 1.68, RNEA 0.94, CRBA 0.62 us; MuJoCo 4.0 forward dynamics 1.02 us.
+//! Reference values (one 2-core machine): Pinocchio 4.1 ABA 1.68, RNEA 0.94, CRBA 0.62 us; MuJoCo 4.0 forward dynamics 1.02 us.
 
 mod common;
 

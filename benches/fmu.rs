@@ -1,5 +1,5 @@
-//! The plant as an FMU, through the C functions of the library that its archive carries, against the same plant called directly: the same torques,
-//! in turns, in one process. Goal: 0.9 of the direct speed. The outputs are compared to the last bit.
+//! Compares the plant as an FMU, through the C functions of the library in its archive, with the same plant called directly: the same torques, in
+//! alternation, in one process. Goal: 0.9 of the direct speed. The benchmark compares the outputs bit by bit.
 
 use std::path::Path;
 use std::time::Instant;
@@ -10,10 +10,10 @@ use freeplay_fmi::{Instance, Machine, PERIOD, Stimulus, Value, write_fmu};
 use hdrhistogram::Histogram;
 use rustix::time::{ClockId, clock_gettime};
 
-/// Steps of a turn.
+/// Number of steps of a turn.
 const TURN: usize = 500;
 
-/// Arms of which a step takes from about a microsecond on, with the turns to measure.
+/// Arms with step times from about a microsecond upwards, each with the number of measured turns.
 const ARMS: [(&str, &str, usize); 3] = [
     ("rigid", "", 200),
     (
@@ -35,7 +35,7 @@ fn main() {
     }
 }
 
-/// A machine at rest with the sub-steps that its FMU takes.
+/// A machine at rest with the number of sub-steps of its FMU.
 fn machine(file: &ArmFile) -> Machine {
     let instance = Instance::new(file.clone()).expect("an instance");
     let variables = &instance.variables().0;
@@ -45,7 +45,7 @@ fn machine(file: &ArmFile) -> Machine {
     Machine::new(file, [&rest, &rest], substeps.unsigned_abs()).expect("a machine")
 }
 
-/// The torques of a computed-torque law that swings all joints, one stimulus a step.
+/// The torques of a computed-torque law that oscillates all joints, one stimulus a step.
 fn stimuli(file: &ArmFile, steps: usize) -> Vec<Stimulus> {
     let (arm, mut machine) = (&file.arm, machine(file));
     let (mut workspace, mut stimulus) = (Workspace::new(arm), Stimulus::default());
@@ -62,13 +62,13 @@ fn stimuli(file: &ArmFile, steps: usize) -> Vec<Stimulus> {
     (0..steps).map(step).collect()
 }
 
-/// Time that this thread has had of its core, s: what others take of a busy machine does not count.
+/// CPU time of this thread, s, which excludes other load on the machine.
 fn core_time() -> f64 {
     let now = clock_gettime(ClockId::ThreadCPUTime);
     now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
 }
 
-/// One way to step the plant: its times a step, ns, and the core's time in all, s.
+/// Measurement of one way to step the plant: its times a step, ns, and the total CPU time, s.
 struct Way {
     steps: Histogram<u64>,
     whole: f64,
@@ -79,7 +79,7 @@ impl Way {
         Way { steps: Histogram::new(3).expect("three digits are possible"), whole: 0.0 }
     }
 
-    /// Steps by each of `stimuli`; the outputs after each step go to `rows`.
+    /// Steps by each of `stimuli`, and writes the outputs after each step to `rows`.
     fn turn(
         &mut self,
         stimuli: &[Stimulus],
@@ -144,7 +144,7 @@ fn compare(name: &str, file: &ArmFile, turns: usize) {
     println!("  speed of the FMU as a share of the direct: p50 {p50:.3}, in all {whole:.3} (goal 0.9)");
 }
 
-/// The outputs of the machine in the order of the FMU's.
+/// Writes the outputs of the machine in the order of the FMU.
 fn read(machine: &Machine, row: &mut [f64]) {
     let read = machine.readout();
     let joints = (0..read.q.len()).flat_map(|joint| [read.q[joint], read.v[joint], read.torque[joint]]);

@@ -1,5 +1,5 @@
-//! Lockstep against real time: how many seconds of motion a second of wall time plays, both processes included.
-//! Goal: 8 and more.
+//! Speed of lockstep relative to real time: simulated seconds of motion per second of wall time, with both processes. Goal: at
+//! least 8.
 
 use std::process::Command;
 use std::time::Instant;
@@ -41,6 +41,6 @@ fn main() {
             println!("    {stage:<12} {}", summary["runs"][0]["latency_us"][stage]);
         }
     }
-    // A folder that can't be removed is the system's to clean.
+    // A folder that cannot be removed is left to the operating system.
     let _ = std::fs::remove_dir_all(&folder);
 }

@@ -1,5 +1,5 @@
-//! One tick of the plant in contact, what watching it and judging its command costs, and what recording it costs the loop. Goal: 60 us a tick
-//! of 50 sub-steps, 1 us to record.
+//! Time of one tick of the plant in contact, of the monitoring and the checks of its command, and of the recording in the loop. Goal: 60 us a
+//! tick of 50 sub-steps, 1 us to record.
 
 mod common;
 
@@ -70,7 +70,7 @@ fn main() {
     });
 }
 
-/// What the gate and the reflexes cost in a tick, and watching the drives in its 50 sub-steps.
+/// Time of the gate and the reflexes in a tick, and of the monitoring of the drives in its 50 sub-steps.
 fn safety() {
     let arm = paper_arm().arm;
     let limits = ReflexLimits::of(&arm, &ReflexSpec::default(), 50.0, 1e-3, &[vec![0.0; 6]]);

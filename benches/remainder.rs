@@ -1,6 +1,7 @@
-//! Time of the learned remainder in one tick, beside the time of the network alone. Inputs that need the arm's dynamics are timed, too. Goal: 0.3 us.
+//! Time of the learned remainder in one tick, compared with that of the network alone, also for inputs that need the arm's dynamics. Goal: 0.3 us.
 //!
-//! Sizes are those of weights that `freeplay demo --nameless` proves: means of four networks of 8 or 16 units, of two of 10 and 10, and a region of 48 centres. `FREEPLAY_WEIGHTS=FILE` times another file's, too.
+//! Sizes are those of the proved weights of `freeplay demo --nameless`: means of four networks of 8 or 16 units, of two of 10 and 10, and a region of 48
+//! centres. `FREEPLAY_WEIGHTS=FILE` also times another file.
 
 mod common;
 
@@ -66,7 +67,7 @@ fn time(name: &str, file: &WeightFile, arm: &Arm, path: &JointPath) {
     });
 }
 
-/// Weights of the usual size on `groups` of inputs, trusted along the whole path.
+/// Creates weights of the usual size on `groups` of inputs, trusted along the whole path.
 fn made(groups: &[InputGroup], units: &[usize], arm: &Arm) -> WeightFile {
     let names: Vec<String> = groups.iter().flat_map(|group| group.names(arm.dof())).collect();
     let region = [&[InputGroup::Position, InputGroup::Velocity][..], groups].concat();

@@ -1,4 +1,4 @@
-//! Distributions, not means: every batch is one sample.
+//! Measures distributions instead of means: every batch is one sample.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -36,7 +36,7 @@ pub fn measure(
     histogram
 }
 
-/// One line about the machine that a figure belongs to.
+/// Prints one line about the machine of the figures.
 pub fn machine() {
     let machine = freeplay_shm::Machine::read();
     println!("machine: {}, {} cores, {}", machine.cpu, machine.cores, machine.kernel);

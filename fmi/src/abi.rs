@@ -1,9 +1,11 @@
 //! The C functions of FMI 3.0 (`fmi3Functions.h`) over an [`Instance`].
 //!
-//! This is the one place with `unsafe`: an importer hands over raw pointers, and FMI says what stands behind them. Every function checks for null,
-//! takes lengths from the importer as FMI demands, catches panics at the border, and says with the importer's own callback what went wrong.
+//! This module and that of a guest's library are the only places with `unsafe`: an importer passes raw pointers, and FMI defines their targets.
+//! Every function checks for null, takes lengths from the importer as FMI requires, catches panics at the border, and reports errors through the
+//! importer's callback.
 //!
-//! Functions of Model Exchange, Scheduled Execution, clocks, and types that no variable has are exported, as FMI demands, and refuse.
+//! As FMI requires, the library exports the functions of Model Exchange, Scheduled Execution, clocks, and types without a variable; they return an
+//! error.
 #![allow(unsafe_code, reason = "the C interface of FMI: raw pointers come from the importer")]
 #![allow(clippy::missing_safety_doc, reason = "FMI 3.0 says what each function may be given")]
 
@@ -29,7 +31,7 @@ const FATAL: Status = 4;
 /// `fmi3LogMessageCallback`.
 type LogMessage = Option<unsafe extern "C" fn(*mut c_void, Status, *const c_char, *const c_char)>;
 
-/// What an `fmi3Instance` points to.
+/// Target of an `fmi3Instance`.
 pub struct Handle {
     instance: Instance,
     environment: *mut c_void,
@@ -45,14 +47,14 @@ impl Handle {
 fn say(log: LogMessage, environment: *mut c_void, words: &str) {
     let text = CString::new(words.replace('\0', " ")).unwrap_or_default();
     if let Some(log) = log {
-        // SAFETY: the importer gave the callback and its environment at instantiation; both strings end with a zero and live over the call.
+        // SAFETY: the importer gave the callback and its environment at instantiation; both strings are null-terminated and live during the call.
         unsafe { log(environment, ERROR, c"logStatusError".as_ptr(), text.as_ptr()) };
     }
 }
 
-/// Runs `call` on the instance behind `pointer`; a fault is logged, a panic is fatal.
+/// Runs `call` on the instance at `pointer`; a fault is logged, a panic is fatal.
 fn with(pointer: *mut Handle, call: impl FnOnce(&mut Instance) -> Result<(), Fault>) -> Status {
-    // SAFETY: FMI hands back the pointer that an instantiation returned, and not after it was freed.
+    // SAFETY: FMI passes the pointer that an instantiation returned, and never after it was freed.
     let Some(handle) = (unsafe { pointer.as_mut() }) else { return ERROR };
     match catch_unwind(AssertUnwindSafe(|| call(&mut handle.instance))) {
         Ok(Ok(())) => OK,
@@ -67,34 +69,34 @@ fn with(pointer: *mut Handle, call: impl FnOnce(&mut Instance) -> Result<(), Fau
     }
 }
 
-/// The text behind `pointer`; empty for null.
+/// The text at `pointer`; empty for null.
 fn text<'a>(pointer: *const c_char) -> std::borrow::Cow<'a, str> {
     if pointer.is_null() {
         return "".into();
     }
-    // SAFETY: FMI's strings end with a zero.
+    // SAFETY: FMI's strings are null-terminated.
     unsafe { CStr::from_ptr(pointer) }.to_string_lossy()
 }
 
-/// The `count` values behind `pointer`; none for null.
+/// The `count` values at `pointer`; empty for null.
 fn slice<'a, T>(pointer: *const T, count: usize) -> &'a [T] {
     if pointer.is_null() || count == 0 {
         return &[];
     }
-    // SAFETY: FMI says that `count` values stand behind the pointer.
+    // SAFETY: FMI guarantees `count` values at the pointer.
     unsafe { std::slice::from_raw_parts(pointer, count) }
 }
 
-/// The same to be written.
+/// The `count` mutable values at `pointer`; empty for null.
 fn slice_mut<'a, T>(pointer: *mut T, count: usize) -> &'a mut [T] {
     if pointer.is_null() || count == 0 {
         return &mut [];
     }
-    // SAFETY: FMI says that there is room for `count` values, which nobody else looks at during the call.
+    // SAFETY: FMI guarantees room for `count` values, which no other code accesses during the call.
     unsafe { std::slice::from_raw_parts_mut(pointer, count) }
 }
 
-/// Writes `value` where `pointer` points, if it does.
+/// Writes `value` to `pointer` unless it is null.
 fn write<T>(pointer: *mut T, value: T) {
     if !pointer.is_null() {
         // SAFETY: FMI's pointers to results are valid for the call.
@@ -151,12 +153,12 @@ fn instance(token_given: &str, resources: &Path, event_mode: bool) -> Result<Ins
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeInstance(handle: *mut Handle) {
     if !handle.is_null() {
-        // SAFETY: the pointer is that of an instantiation, which the importer gives back once.
+        // SAFETY: the pointer comes from an instantiation, and the importer frees it once.
         drop(unsafe { Box::from_raw(handle) });
     }
 }
 
-/// `fmi3SetDebugLogging`: errors are always told.
+/// `fmi3SetDebugLogging`: errors are always logged.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3SetDebugLogging(
     handle: *mut Handle,
@@ -201,7 +203,7 @@ pub extern "C" fn fmi3Reset(handle: *mut Handle) -> Status {
     })
 }
 
-/// `fmi3DoStep`: goes all the way or not at all; there is no early return.
+/// `fmi3DoStep`: a step is complete or not made at all; there is no early return.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3DoStep(
     handle: *mut Handle,
@@ -257,7 +259,7 @@ fn set<T: Copy>(
     })
 }
 
-/// Exports getter and setter of a type that variables have.
+/// Exports getter and setter of a type used by variables.
 macro_rules! typed {
     ($get:ident, $set:ident, $type:ty, $variant:ident) => {
         #[doc = stringify!($get)]
@@ -297,7 +299,7 @@ typed!(fmi3GetBoolean, fmi3SetBoolean, bool, Truth);
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3GetFMUState(handle: *mut Handle, state: *mut *mut State) -> Status {
     with(handle, |instance| {
-        // SAFETY: FMI gives null, or a state of this FMU that is to be written over.
+        // SAFETY: FMI passes null, or a state of this FMU to overwrite.
         match unsafe { state.as_ref().and_then(|kept| kept.as_mut()) } {
             Some(kept) => *kept = instance.state(),
             None => write(state, Box::into_raw(Box::new(instance.state()))),
@@ -309,14 +311,14 @@ pub extern "C" fn fmi3GetFMUState(handle: *mut Handle, state: *mut *mut State) -
 /// `fmi3SetFMUState`.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3SetFMUState(handle: *mut Handle, state: *const State) -> Status {
-    // SAFETY: FMI gives a state that this library made.
+    // SAFETY: FMI passes a state created by this library.
     with(handle, |instance| instance.restore(unsafe { state.as_ref() }.ok_or(Fault::NoState)?))
 }
 
 /// `fmi3FreeFMUState`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeFMUState(_handle: *mut Handle, state: *mut *mut State) -> Status {
-    // SAFETY: the pointer behind the pointer is null or a state that this library made, given back once.
+    // SAFETY: the inner pointer is null or a state created by this library, and freed once.
     unsafe {
         if let Some(kept) = state.as_mut().filter(|kept| !kept.is_null()) {
             drop(Box::from_raw(*kept));
@@ -333,7 +335,7 @@ pub extern "C" fn fmi3SerializedFMUStateSize(
     state: *const State,
     size: *mut usize,
 ) -> Status {
-    // SAFETY: FMI gives a state that this library made.
+    // SAFETY: FMI passes a state created by this library.
     with(handle, |_| {
         write(size, unsafe { state.as_ref() }.ok_or(Fault::NoState)?.size());
         Ok(())
@@ -348,7 +350,7 @@ pub extern "C" fn fmi3SerializeFMUState(
     bytes: *mut u8,
     size: usize,
 ) -> Status {
-    // SAFETY: FMI gives a state that this library made.
+    // SAFETY: FMI passes a state created by this library.
     with(handle, |_| {
         let made = unsafe { state.as_ref() }.ok_or(Fault::NoState)?.to_bytes();
         slice_mut(bytes, size).get_mut(..made.len()).ok_or(Fault::NoState)?.copy_from_slice(&made);
@@ -366,7 +368,7 @@ pub extern "C" fn fmi3DeserializeFMUState(
 ) -> Status {
     with(handle, |instance| {
         let made = instance.state_of(slice(bytes, size))?;
-        // SAFETY: FMI gives null, or a state of this FMU that is to be written over.
+        // SAFETY: FMI passes null, or a state of this FMU to overwrite.
         match unsafe { state.as_ref().and_then(|kept| kept.as_mut()) } {
             Some(kept) => *kept = made,
             None => write(state, Box::into_raw(Box::new(made))),
@@ -375,14 +377,14 @@ pub extern "C" fn fmi3DeserializeFMUState(
     })
 }
 
-/// Exports functions for what this FMU does not have: other kinds of FMUs, clocks, derivatives, configuration, and types that no variable has. What
-/// stands behind the first argument is not looked at, so that they take no more of them.
+/// Exports functions that this FMU does not support: other kinds of FMUs, clocks, derivatives, configuration, and types without a variable. They
+/// use only their first argument and therefore declare no other.
 macro_rules! refused {
     ($($name:ident)*) => { $(
         #[doc = concat!("`", stringify!($name), "`: refused, since this FMU has nothing of the sort.")]
         #[unsafe(no_mangle)]
         pub extern "C" fn $name(handle: *mut Handle) -> Status {
-            // SAFETY: FMI hands over a pointer of an instantiation, or null.
+            // SAFETY: FMI passes a pointer of an instantiation, or null.
             if let Some(handle) = unsafe { handle.as_ref() } {
                 handle.say(concat!(stringify!($name), " is not supported: modelDescription.xml names nothing that needs it"));
             }
@@ -403,7 +405,7 @@ refused! {
     fmi3GetEventIndicators fmi3GetContinuousStates fmi3GetNominalsOfContinuousStates fmi3GetNumberOfEventIndicators fmi3GetNumberOfContinuousStates
 }
 
-/// Exports instantiations of kinds that this FMU is not.
+/// Exports instantiation functions of the other kinds of FMUs.
 macro_rules! no_instance {
     ($($name:ident)*) => { $(
         #[doc = concat!("`", stringify!($name), "`: null, since this FMU is one for Co-Simulation.")]

@@ -11,10 +11,11 @@ use crate::machine::PERIOD;
 use crate::units::{BASES, exponents};
 use crate::variables::{Causality, Value, Variable, Variables};
 
-/// Name of the library in an FMU, without its ending.
+/// Name of the library in an FMU, without its extension.
 pub const LIBRARY: &str = "freeplay_fmi";
 
-/// The instantiation token of an FMU whose arm file has this `text`: by it an importer knows that description and library belong together.
+/// The instantiation token of an FMU whose arm file has this `text`. An importer checks with it that description and library belong
+/// together.
 pub(crate) fn token(text: &str) -> String {
     let digest = Sha256::digest(format!("freeplay-fmu-1\n{}\n{text}", env!("CARGO_PKG_VERSION")));
     let hex: String = digest.iter().take(16).map(|byte| format!("{byte:02x}")).collect();
@@ -24,7 +25,7 @@ pub(crate) fn token(text: &str) -> String {
 /// The description of the FMU of `file`, whose arm file has this `text`.
 ///
 /// # Errors
-/// [`LawError`]: an effect that can't be taken.
+/// [`LawError`]: an unusable effect.
 pub fn description(file: &ArmFile, text: &str) -> Result<String, LawError> {
     let variables = Variables::of(file)?;
     let mut xml = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
@@ -96,7 +97,7 @@ fn write_variable(xml: &mut String, reference: usize, variable: &Variable) {
         (Causality::Output, Value::Real(_)) => ("output", "continuous", "calculated"),
         (Causality::Output, _) => ("output", "discrete", "calculated"),
     };
-    // A parameter is set before the start, and fixed from there on.
+    // A parameter is set before the start and fixed afterwards.
     let variability = if variability == "tunable" { "fixed" } else { variability };
     let _ = write!(xml, " causality=\"{causality}\" variability=\"{variability}\"");
     if !initial.is_empty() {

@@ -1,9 +1,9 @@
-//! The reasons for which a call is refused.
+//! Errors of refused calls.
 
 use freeplay_plant::SystemError;
 use thiserror::Error;
 
-/// Why a call is refused.
+/// Reasons why a call is refused.
 #[derive(Debug, Error)]
 pub enum Fault {
     /// A call in a mode in which FMI does not allow it.
@@ -11,13 +11,13 @@ pub enum Fault {
     Mode {
         /// The call.
         call: &'static str,
-        /// The mode, in words.
+        /// Text for the mode.
         mode: &'static str,
     },
-    /// A value reference that no variable of this type has.
+    /// A value reference without a variable of this type.
     #[error("no variable of this type has the value reference {0}")]
     Reference(u32),
-    /// A variable that can't be set, or not now.
+    /// A variable that cannot be set, or not at this time.
     #[error("`{0}` can't be set now: inputs are set before a step, parameters before the start")]
     ReadOnly(String),
     /// A value out of its range.
@@ -32,18 +32,18 @@ pub enum Fault {
         /// Greatest value.
         most: f64,
     },
-    /// A step that the fixed step does not fit into.
+    /// A step that is not a multiple of the fixed step.
     #[error("a step of {0} s: the communication step must be a whole multiple of 0.001 s")]
     Step(f64),
-    /// A step from another time than the machine's.
+    /// A step that starts at a time other than that of the machine.
     #[error("a step from {asked} s, but the machine is at {now} s")]
     Time {
-        /// The time asked for.
+        /// The requested time.
         asked: f64,
-        /// The machine's.
+        /// The time of the machine.
         now: f64,
     },
-    /// No state where one was to be.
+    /// A missing state.
     #[error("no state was given, or bytes that are no state of a Freeplay FMU")]
     NoState,
     /// A state of another FMU.
@@ -51,10 +51,10 @@ pub enum Fault {
         "the state is that of another FMU or version; take it from an FMU of the same arm file that this version of freeplay wrote"
     )]
     Foreign,
-    /// A serialised state that is cut or changed.
+    /// A truncated or altered serialised state.
     #[error("the bytes of the state are cut or changed; serialise the state again")]
     Damaged,
-    /// The machine can't be built or stepped.
+    /// The machine cannot be built or stepped.
     #[error(transparent)]
     Machine(#[from] SystemError),
 }

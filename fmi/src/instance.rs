@@ -1,6 +1,6 @@
-//! An instance of the FMU: its mode, its values, its steps and its states.
+//! An instance of the FMU: its mode, values, steps and states.
 //!
-//! A state is the values of all parameters and inputs and the state variables of the machine: see [`State`].
+//! A state consists of the values of all parameters and inputs and the state variables of the machine; see [`State`].
 
 use freeplay_arm::{ArmFile, to_toml};
 use freeplay_laws::Archive;
@@ -12,7 +12,7 @@ use crate::machine::{Machine, PERIOD, Stimulus};
 use crate::state::State;
 use crate::variables::{Causality, Quantity, Value, Variables};
 
-/// The modes of FMI that a Co-Simulation without events has.
+/// The modes of FMI for Co-Simulation without events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     Instantiated,
@@ -31,21 +31,21 @@ pub struct Instance {
     values: Vec<Value>,
     /// Time of the importer at the start, s.
     start: f64,
-    /// Steps since then.
+    /// Number of steps since then.
     steps: u64,
     /// The inputs among the values.
     stimulus: Stimulus,
-    /// Built when it is asked for; none after a parameter was set.
+    /// Built on demand; `None` after a parameter was set.
     machine: Option<Machine>,
     /// The instantiation token of the FMU.
     token: String,
 }
 
 impl Instance {
-    /// An instance of the arm of `file`.
+    /// Creates an instance of the arm of `file`.
     ///
     /// # Errors
-    /// [`Fault::Machine`]: effects that can't be taken.
+    /// [`Fault::Machine`]: unusable effects.
     pub fn new(file: ArmFile) -> Result<Instance, Fault> {
         let variables = Variables::of(&file).map_err(SystemError::Law)?;
         let token = token(&to_toml(&file));
@@ -72,7 +72,7 @@ impl Instance {
         if modes.contains(&self.mode) { Ok(()) } else { Err(Fault::Mode { call, mode }) }
     }
 
-    /// Begins the initialization at the importer's time `start`, s.
+    /// Starts the initialisation at the importer's time `start`, s.
     ///
     /// # Errors
     /// [`Fault::Mode`].
@@ -82,10 +82,10 @@ impl Instance {
         Ok(())
     }
 
-    /// Ends the initialization: from here on the machine steps.
+    /// Ends the initialisation; the machine can then step.
     ///
     /// # Errors
-    /// [`Fault::Mode`], or a machine that can't be.
+    /// [`Fault::Mode`], or a machine that cannot be built.
     pub fn exit_initialization(&mut self) -> Result<(), Fault> {
         self.allow("fmi3ExitInitializationMode", &[Mode::Initialization])?;
         self.machine()?;
@@ -93,7 +93,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Ends the simulation; values can still be read.
+    /// Ends the simulation; values stay readable.
     ///
     /// # Errors
     /// [`Fault::Mode`].
@@ -103,7 +103,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Everything as it was when the instance was made.
+    /// Resets the instance to its initial state.
     pub fn reset(&mut self) {
         self.values = self.variables.0.iter().map(|variable| variable.start).collect();
         (self.mode, self.start, self.steps, self.machine) = (Mode::Instantiated, 0.0, 0, None);
@@ -118,7 +118,7 @@ impl Instance {
     /// The value of the variable `reference`.
     ///
     /// # Errors
-    /// [`Fault::Reference`], or a machine that can't be.
+    /// [`Fault::Reference`], or a machine that cannot be built.
     pub fn get(&mut self, reference: u32) -> Result<Value, Fault> {
         let index = reference as usize;
         let variable = self.variables.0.get(index).ok_or(Fault::Reference(reference))?;
@@ -179,9 +179,9 @@ impl Instance {
     /// Steps from the time `from` by `step`, s, a whole multiple of [`PERIOD`].
     ///
     /// # Errors
-    /// [`Fault::Mode`], [`Fault::Time`], [`Fault::Step`], or a motion that can't be integrated.
+    /// [`Fault::Mode`], [`Fault::Time`], [`Fault::Step`], or a failed integration.
     pub fn step(&mut self, from: f64, step: f64) -> Result<(), Fault> {
-        /// Share of a step by which an importer's sums of steps may be off.
+        /// Permitted rounding error of an importer's sum of steps, as a share of a step.
         const ROUNDING: f64 = 1e-3;
         self.allow("fmi3DoStep", &[Mode::Step])?;
         let now = self.time();
@@ -201,7 +201,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Copies the inputs out of the values. Servos that were not commanded yet hold the start, whatever the values say.
+    /// Copies the inputs from the values. Servos without a command hold the initial position, whatever the values.
     fn take_inputs(&mut self, is_commanded: bool) {
         let variables = self.variables.0.iter().zip(&self.values);
         variables.for_each(|(variable, value)| self.stimulus.set_input(variable.quantity, *value));
@@ -210,12 +210,12 @@ impl Instance {
         }
     }
 
-    /// The machine, built if it is not there.
+    /// The machine, built if it is missing.
     fn machine(&mut self) -> Result<&mut Machine, Fault> {
         built(&mut self.machine, &self.file, &self.variables, &self.values)
     }
 
-    /// The state now.
+    /// The current state.
     pub fn state(&mut self) -> State {
         let machine = self.machine.as_mut().map(|machine| {
             let mut words = Vec::new();
@@ -233,7 +233,7 @@ impl Instance {
         }
     }
 
-    /// The state of this FMU that has the `bytes` of [`State::to_bytes`].
+    /// Parses a state of this FMU from the `bytes` of [`State::to_bytes`].
     ///
     /// # Errors
     /// [`Fault::NoState`], [`Fault::Foreign`] or [`Fault::Damaged`].
@@ -241,10 +241,11 @@ impl Instance {
         State::from_bytes(bytes, &self.token)
     }
 
-    /// Puts `state` back.
+    /// Restores `state`.
     ///
     /// # Errors
-    /// [`Fault::Foreign`] for one of another FMU, which changes nothing; [`Fault::Damaged`], or a machine that can't be, after which the instance is as new.
+    /// [`Fault::Foreign`] for a state of another FMU, which changes nothing; [`Fault::Damaged`], or a machine that cannot be built, after which the instance
+    /// is reset.
     pub fn restore(&mut self, state: &State) -> Result<(), Fault> {
         if state.token != self.token {
             return Err(Fault::Foreign);
@@ -279,7 +280,7 @@ impl Instance {
     }
 }
 
-/// The machine in `machine`, built if it is not there.
+/// The machine in `machine`, built if it is missing.
 fn built<'a>(
     machine: &'a mut Option<Machine>,
     file: &ArmFile,
@@ -292,7 +293,7 @@ fn built<'a>(
     })
 }
 
-/// The machine of the arm of `file` under the parameters among `values`.
+/// Builds the machine of the arm of `file` with the parameters among `values`.
 fn build(file: &ArmFile, variables: &Variables, values: &[Value]) -> Result<Machine, Fault> {
     let dof = file.arm.dof();
     let (mut file, mut q, mut v, mut substeps) = (file.clone(), vec![0.0; dof], vec![0.0; dof], 1);
@@ -312,7 +313,7 @@ fn build(file: &ArmFile, variables: &Variables, values: &[Value]) -> Result<Mach
     Ok(Machine::new(&file, [&q, &v], substeps)?)
 }
 
-/// Puts a number into a table of parameters, or into a component of a vector of it.
+/// Writes a number into a table of parameters, or into a component of a vector in it.
 fn put(table: &mut toml::Table, name: &str, axis: Option<usize>, value: f64) {
     let Some(axis) = axis else {
         table.insert(name.to_owned(), value.into());

@@ -2,12 +2,13 @@
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`Variable`]: an input, output or parameter of the FMU, by its value reference; [`Variables`] are all that an arm file gives.
-//! - [`Machine`]: the plant of an arm file under given parameters, stepped tick by tick with torques from outside.
-//! - [`Instance`]: what an importer drives through its modes: values, steps, and each [`State`] that it takes and puts back.
+//! - [`Variable`]: an input, output or parameter of the FMU, by its value reference; [`Variables`] are those of an arm file.
+//! - [`Machine`]: the plant of an arm file with given parameters, stepped tick by tick with external torques.
+//! - [`Instance`]: the object that an importer controls through its modes: values, steps, and each [`State`] that it saves and restores.
 //! - [`description()`]: `modelDescription.xml`; [`write_fmu`]: the whole FMU as one file.
-//! - [`guest`]: FMUs of others as controllers.
-//! - `abi`: the C functions of FMI 3.0 over an [`Instance`], in the shared library that an FMU carries. With the module of a guest's library the only place with `unsafe`.
+//! - [`guest`]: third-party FMUs as controllers.
+//! - `abi`: the C functions of FMI 3.0 over an [`Instance`], in the shared library of an FMU. It and the module of a guest's library are the only places with
+//!   `unsafe`.
 
 mod abi;
 mod description;

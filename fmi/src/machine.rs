@@ -1,4 +1,4 @@
-//! The plant of an arm file, stepped by torques from outside.
+//! The plant of an arm file, stepped by external torques.
 
 use freeplay_arm::{Arm, ArmFile, Workspace, forward_kinematics};
 use freeplay_laws::{Archive, Effects, Readings, SensorLaw};
@@ -9,19 +9,19 @@ use crate::variables::{Quantity, Value, has_servos};
 /// Length of a step, s: the tick of a plant.
 pub const PERIOD: f64 = 1e-3;
 
-/// What an importer gives for a step.
+/// Inputs of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stimulus {
-    /// Torques of the motors, N·m (N); not read where servos are.
+    /// Torques of the motors, N·m (N); ignored if the joints have servos.
     pub torque: Vec<f64>,
-    /// Commanded positions of the servos, rad (m); without them each servo goes on to its last one, at first to the position at the start.
+    /// Commanded positions of the servos, rad (m); without them each servo keeps its last command, initially the position at the start.
     pub command: Option<Vec<f64>>,
-    /// Whether the brakes hold all joints where they are.
+    /// True if the brakes hold all joints at their positions.
     pub brakes: bool,
 }
 
 impl Stimulus {
-    /// Takes the value of an input; those of other variables leave it as it is.
+    /// Sets the value of an input; other variables have no effect.
     pub(crate) fn set_input(&mut self, quantity: Quantity, value: Value) {
         let joints = self.torque.len();
         match (quantity, value) {
@@ -36,16 +36,16 @@ impl Stimulus {
     }
 }
 
-/// How a journal stands after a step.
+/// Contact of a journal after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Contact {
-    /// Whether it touches its bearing.
+    /// True if the journal touches its bearing.
     pub touches: bool,
     /// Normal force, N.
     pub force: f64,
 }
 
-/// What an importer reads after a step.
+/// Outputs after a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Readout {
     /// Measured positions, rad (m).
@@ -58,13 +58,13 @@ pub struct Readout {
     pub tool: [f64; 7],
     /// Tool position minus that of the arm without effects at the measured positions, m.
     pub deviation: [f64; 3],
-    /// The journals, by play.
+    /// Contacts of the journals, in the order of the plays.
     pub contacts: Vec<Contact>,
     /// Kinetic, potential and elastic energy, J.
     pub energy: f64,
 }
 
-/// A machine that steps.
+/// A running machine.
 #[derive(Debug)]
 pub struct Machine {
     nominal: Arm,
@@ -76,7 +76,7 @@ pub struct Machine {
     link: Vec<f64>,
 }
 
-/// Joints that stand where they are.
+/// Joints that stand still at these positions.
 struct StandingJoints(Vec<f64>);
 
 impl Motion for StandingJoints {
@@ -88,10 +88,11 @@ impl Motion for StandingJoints {
 }
 
 impl Machine {
-    /// The machine of `file` at rest of its journals, its joints at `start`, position and velocity, with so many sub-steps a step.
+    /// Creates the machine of `file` with its journals at rest, its joints at `start` (position and velocity), and `substeps` sub-steps a
+    /// step.
     ///
     /// # Errors
-    /// [`SystemError`]: a machine that can't be simulated.
+    /// [`SystemError`]: a machine that cannot be simulated.
     pub fn new(file: &ArmFile, start: [&[f64]; 2], substeps: u32) -> Result<Machine, SystemError> {
         let effects = Effects::of(file)?;
         let body = effects.changed(&file.arm)?;
@@ -123,7 +124,7 @@ impl Machine {
     /// Steps by [`PERIOD`] under `stimulus`.
     ///
     /// # Errors
-    /// [`SystemError::NotFinite`]: the motion can't be integrated.
+    /// [`SystemError::NotFinite`]: the integration failed.
     pub fn step(&mut self, stimulus: &Stimulus) -> Result<(), SystemError> {
         let held = stimulus.brakes.then(|| {
             StandingJoints((0..self.nominal.dof()).map(|joint| self.system.joint(joint)[0]).collect())
@@ -138,7 +139,7 @@ impl Machine {
         Ok(())
     }
 
-    /// What is read after the last step.
+    /// The outputs after the last step.
     pub fn readout(&self) -> &Readout {
         &self.readout
     }

@@ -16,16 +16,16 @@ use crate::description::{LIBRARY, description};
 /// Name of the arm file among the resources of an FMU.
 pub(crate) const MODEL: &str = "model.toml";
 
-/// The longest library that is packed, bytes.
+/// Largest library, bytes.
 const LONGEST: u64 = 1 << 30;
 
-/// Why no FMU was written.
+/// Errors when an FMU is written.
 #[derive(Debug, Error)]
 pub enum PackageError {
-    /// An effect that can't be taken.
+    /// An unusable effect.
     #[error(transparent)]
     Law(#[from] LawError),
-    /// The shared library is not where the program is.
+    /// The shared library is missing next to the program.
     #[error(
         "the shared library that an FMU carries, lib{LIBRARY}.so, is neither in {} nor in {}; `cargo build --release -p freeplay-fmi` in the project's folder \
          makes target/release/lib{LIBRARY}.so: copy it there, or name it in FREEPLAY_FMI_LIBRARY",
@@ -35,19 +35,19 @@ pub enum PackageError {
         /// The folder of the program.
         folder: PathBuf,
     },
-    /// No FMI platform of that name.
+    /// This platform is not one of FMI's.
     #[error("FMUs are written for Linux on x86_64 or aarch64, not for this machine")]
     Platform,
-    /// The archive can't be made.
+    /// The archive cannot be created.
     #[error("the archive of the FMU can't be made: {0}")]
     Archive(String),
-    /// A file can't be read or written.
+    /// A file cannot be read or written.
     #[error(transparent)]
     Storage(#[from] StorageError),
 }
 
-/// Writes the FMU of `file` to `out`, whole or not at all. The library is that which `FREEPLAY_FMI_LIBRARY` names, else the one beside `program`, else that
-/// of its installation: `lib/freeplay` beside the program's own folder.
+/// Writes the FMU of `file` to `out` atomically. The library is the one named by `FREEPLAY_FMI_LIBRARY`, or else the one next to `program`, or else the one
+/// of its installation: `lib/freeplay` next to the program's folder.
 ///
 /// # Errors
 /// [`PackageError`]
@@ -65,21 +65,21 @@ pub fn write_fmu(file: &ArmFile, program: &Path, out: &Path) -> Result<(), Packa
     Ok(freeplay_storage::write(out, bytes)?)
 }
 
-/// The library that is packed.
+/// The path of the library to pack.
 fn library(program: &Path) -> Result<PathBuf, PackageError> {
     if let Some(named) = std::env::var_os("FREEPLAY_FMI_LIBRARY") {
         return Ok(named.into());
     }
     let folder = program.parent().unwrap_or(Path::new(".")).to_owned();
     let name = format!("lib{LIBRARY}.so");
-    // Cargo leaves the library of a dependency in `deps`; one beside the program was asked for by itself and may be older. The wheel installs the program
-    // in `bin` and the library in `lib/freeplay` of one environment.
+    // Cargo puts the library of a dependency into `deps`; a library next to the program was built separately and may be older. The wheel installs the
+    // program in `bin` and the library in `lib/freeplay` of one environment.
     let folders = [folder.join("deps"), folder.clone(), shared(&folder)];
     let found = folders.into_iter().map(|folder| folder.join(&name)).find(|path| path.is_file());
     found.ok_or(PackageError::NoLibrary { folder })
 }
 
-/// Where an installation with its programs in `folder` keeps the library.
+/// The library folder of an installation with its programs in `folder`.
 fn shared(folder: &Path) -> PathBuf {
     folder.parent().unwrap_or(folder).join("lib").join("freeplay")
 }

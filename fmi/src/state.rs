@@ -1,17 +1,17 @@
-//! The state of an instance as a value, and as bytes.
+//! The state of an instance, as a value and as bytes.
 //!
-//! A state holds the values of all parameters and inputs and the state variables of the machine, so that it is put back in a time that does not
-//! depend on the time simulated. Its bytes begin with a mark that names the format and a token that names arm file and version, and end with a digest.
+//! A state contains the values of all parameters and inputs and the state variables of the machine, so that the time to restore it does not depend on
+//! the simulated time. Its bytes begin with a mark of the format and a token of arm file and version, and end with a digest.
 
 use sha2::{Digest, Sha256};
 
 use crate::fault::Fault;
 use crate::variables::Value;
 
-/// First bytes of a serialised state; the number rises with the format.
+/// First bytes of a serialised state; the number increases with the format.
 const MARK: &[u8; 8] = b"fpstate2";
 
-/// Words before the values.
+/// Number of words before the values.
 const HEAD: usize = 6;
 
 /// Length of a digest, bytes.
@@ -22,17 +22,17 @@ const DIGEST: usize = 32;
 pub struct State {
     /// The instantiation token of the FMU: a hash of its arm file and version.
     pub(crate) token: String,
-    /// The mode, by its number.
+    /// Numeric code of the mode.
     pub(crate) mode: u8,
     /// Time of the importer at the start, s.
     pub(crate) start: f64,
-    /// Steps since then.
+    /// Number of steps since then.
     pub(crate) steps: u64,
-    /// Whether servos were commanded since then.
+    /// True if servos were commanded since then.
     pub(crate) is_commanded: bool,
     /// Values of parameters and inputs, by value reference.
     pub(crate) values: Vec<Value>,
-    /// State variables of the machine; none before it is built.
+    /// State variables of the machine; `None` before it is built.
     pub(crate) machine: Option<Vec<u64>>,
 }
 
@@ -68,10 +68,10 @@ impl State {
         MARK.len() + DIGEST + 8 * words + DIGEST
     }
 
-    /// The state of the FMU with this `token` that has the `bytes` of [`State::to_bytes`].
+    /// Parses a state of the FMU with this `token` from the `bytes` of [`State::to_bytes`].
     ///
     /// # Errors
-    /// [`Fault::NoState`] for bytes of something else, [`Fault::Foreign`] for those of another FMU or version, [`Fault::Damaged`].
+    /// [`Fault::NoState`] for other bytes, [`Fault::Foreign`] for those of another FMU or version, [`Fault::Damaged`].
     pub(crate) fn from_bytes(bytes: &[u8], token: &str) -> Result<State, Fault> {
         let rest = bytes.strip_prefix(MARK).ok_or(Fault::NoState)?;
         let (named, _) = rest.split_first_chunk::<DIGEST>().ok_or(Fault::Damaged)?;

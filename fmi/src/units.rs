@@ -1,4 +1,4 @@
-//! Units of the catalogue as FMI has them: products of powers of base units.
+//! Units of the catalogue in FMI's form: products of powers of base units.
 
 /// Exponents of kg, m, s and rad.
 type Exponents = [i32; 4];
@@ -6,7 +6,7 @@ type Exponents = [i32; 4];
 /// Names of the base units in their order.
 pub(crate) const BASES: [&str; 4] = ["kg", "m", "s", "rad"];
 
-/// Units that have a name of their own.
+/// Units with a name of their own.
 const NAMED: [(&str, Exponents); 10] = [
     ("kg", [1, 0, 0, 0]),
     ("m", [0, 1, 0, 0]),
@@ -20,7 +20,7 @@ const NAMED: [(&str, Exponents); 10] = [
     ("W", [1, 2, -3, 0]),
 ];
 
-/// The exponents of `unit`, such as `N*m*s/rad`; `None` for one that is not a product of whole powers of these units.
+/// The exponents of `unit`, such as `N*m*s/rad`; `None` if it is not a product of whole powers of these units.
 pub(crate) fn exponents(unit: &str) -> Option<Exponents> {
     let mut sum = [0; 4];
     for (place, part) in unit.split('/').enumerate() {

@@ -1,9 +1,9 @@
-//! The variables of an FMU, which an arm file alone decides.
+//! The variables of an FMU, which depend on its arm file alone.
 
 use freeplay_arm::{ArmFile, Joint, JointKind};
 use freeplay_laws::{Absent, Effects, Injection, Kind, LawError, Range, kind};
 
-/// What an importer may do with a variable.
+/// Access of an importer to a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Causality {
     /// Set before the start.
@@ -16,7 +16,7 @@ pub enum Causality {
     Independent,
 }
 
-/// A value that a variable can have.
+/// Value of a variable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
     /// `fmi3Float64`.
@@ -27,36 +27,36 @@ pub enum Value {
     Truth(bool),
 }
 
-/// The quantity that a variable stands for. Joints and effects are indices in the arm file.
+/// The quantity of a variable. Joints and effects are indices in the arm file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
     /// Simulated time.
     Time,
-    /// Position of a joint at the start.
+    /// Initial position of a joint.
     StartPosition(usize),
-    /// Velocity of a joint at the start.
+    /// Initial velocity of a joint.
     StartVelocity(usize),
     /// Sub-steps of a step.
     Substeps,
-    /// A number of an effect: its parameter, and for a vector the component.
+    /// A parameter of an effect, and for a vector the component.
     Effect(usize, &'static str, Option<usize>),
     /// Torque of a joint's motor.
     Torque(usize),
     /// Commanded position of a joint's servo.
     Command(usize),
-    /// Whether the brakes hold all joints.
+    /// Switch of the brakes, which hold all joints.
     Brakes,
-    /// Position of a joint, as its encoder reads it.
+    /// Position of a joint by its encoder.
     Position(usize),
-    /// Velocity of a joint, as its encoder reads it.
+    /// Velocity of a joint by its encoder.
     Velocity(usize),
-    /// Torque of a joint, as its drive measures it.
+    /// Torque of a joint as measured by its drive.
     Measured(usize),
     /// Position of the tool, and then its orientation as a quaternion x, y, z, w.
     Tool(usize),
     /// Tool position minus that of the arm without effects at the same joint positions.
     Deviation(usize),
-    /// Whether the journal of a play touches: 0 flies, 1 touches.
+    /// Contact of the journal of a play: 0 free flight, 1 contact.
     ContactMode(usize),
     /// Normal force on the journal of a play.
     ContactForce(usize),
@@ -69,21 +69,21 @@ pub enum Quantity {
 pub struct Variable {
     /// Name, unique in the FMU.
     pub name: String,
-    /// Words on it.
+    /// Description.
     pub description: String,
-    /// Its unit; empty for none.
+    /// Unit; empty for none.
     pub unit: String,
-    /// What an importer may do with it.
+    /// Access of an importer.
     pub causality: Causality,
-    /// Least and greatest value; infinite for none.
+    /// Least and greatest value; infinite without a limit.
     pub bounds: [f64; 2],
-    /// The value at first; of outputs only its type counts.
+    /// Initial value; for outputs only its type is used.
     pub start: Value,
     /// The quantity.
     pub quantity: Quantity,
 }
 
-/// All variables; the value reference of each is its index.
+/// All variables; the value reference of a variable is its index.
 #[derive(Clone, Debug)]
 pub struct Variables(pub Vec<Variable>);
 
@@ -91,7 +91,7 @@ impl Variables {
     /// The variables of `file`.
     ///
     /// # Errors
-    /// [`LawError`]: an effect that can't be taken.
+    /// [`LawError`]: an unusable effect.
     pub fn of(file: &ArmFile) -> Result<Variables, LawError> {
         let effects = Effects::of(file)?;
         let mut variables = Variables(Vec::new());
@@ -179,7 +179,7 @@ impl Variables {
         }
     }
 
-    /// Every number of an effect that the file gives or that has a default.
+    /// Adds every parameter of an effect that the file gives or that has a default.
     fn add_effect(&mut self, index: usize, kind: &'static Kind, joint: Option<&Joint>, given: &toml::Table) {
         let place = joint.map_or_else(String::new, |joint| format!(".{}", joint.name));
         for parameter in kind.parameters {
@@ -271,7 +271,7 @@ impl Variables {
     }
 }
 
-/// Whether each of `joints` joints has a position servo: then the machine gets positions, and torques otherwise.
+/// Returns true if each of `joints` joints has a position servo. The inputs of the machine are then positions, otherwise torques.
 pub(crate) fn has_servos(injection: &Injection, joints: usize) -> bool {
     (0..joints).all(|joint| injection.servos.iter().any(|(at, _)| *at == joint))
 }

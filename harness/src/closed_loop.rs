@@ -1,6 +1,6 @@
-//! A run in this process: the arm with its effects under a built-in controller, torque mode.
+//! A closed-loop run in this process: the arm with its effects under a built-in controller, in mode torque.
 //!
-//! The states are those that a plant would publish in lockstep; there is no shared memory and no gate in between.
+//! The states equal those that a plant publishes in lockstep; there is no shared memory and no gate.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,66 +18,66 @@ use nalgebra::Vector3;
 pub const RATE: f64 = 1000.0;
 /// Sub-steps of a tick.
 const SUBSTEPS: u32 = 50;
-/// Stretches of the path between the postures for which rotors are shared out.
+/// Number of intervals of the path between the postures at which rotors are distributed.
 const POSTURES: u32 = 32;
 
-/// Laws that are asked once a tick.
+/// Laws that are evaluated once a tick.
 type Laws = Vec<Box<dyn SensorLaw>>;
 
 /// Joints with play, by index, and their radial clearances, m.
 pub type Plays = Vec<(usize, f64)>;
 
-/// What is run.
+/// Settings of a run.
 #[derive(Clone, Debug)]
 pub struct ClosedLoop<'a> {
     /// The nominal arm.
     pub arm: &'a Arm,
-    /// The effects that it has.
+    /// Effects of the arm.
     pub effects: &'a Effects,
     /// The reference.
     pub path: &'a PathSpec,
     /// Name of the built-in controller.
     pub controller: &'a str,
-    /// What the controller is told.
+    /// Task of the controller.
     pub task: &'a Task,
-    /// Whether it sees the tool.
+    /// True if the controller sees the tool.
     pub tracked: bool,
-    /// Time after which the deviation counts, s.
+    /// Time after which the deviation is evaluated, s.
     pub after: f64,
     /// The sensors, and the seed of their noise.
     pub sensors: (SensorsSpec, u64),
-    /// How far the tool is off at each tick beyond what the effects do, base frame, m; nothing beyond its end.
+    /// Displacement of the tool at each tick in addition to the effects, base frame, m; zero beyond its end.
     pub beyond: &'a [Vector3<f64>],
 }
 
 /// One tick of a run, before the plant steps.
 pub struct Tick<'a> {
-    /// What the controller saw, and the tool, which it may not have seen.
+    /// State that the controller saw; it includes the tool, which the controller may not have seen.
     pub state: &'a State,
-    /// The truth.
+    /// The simulated true system.
     pub system: &'a System,
-    /// What the controller said.
+    /// Answer of the controller.
     pub answer: &'a Answer,
 }
 
-/// What a run came to.
+/// Results of a run.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The tool's deviation.
     pub deviation: DeviationStatistics,
-    /// The most that the motors did, as their encoders measure it.
+    /// Greatest use of the motors according to their encoders.
     pub joint_use: JointUse,
-    /// The most that they were commanded: the reference with its correction, and the torque.
+    /// Greatest commanded use: the reference with its correction, and the torque.
     pub commanded: JointUse,
-    /// Answers whose programme had no solution.
+    /// Number of answers whose programme had no solution.
     pub failures: u64,
 }
 
 impl ClosedLoop<'_> {
-    /// Runs it and hands every tick to `keep`.
+    /// Simulates the run and passes every tick to `keep`.
     ///
     /// # Errors
-    /// A path that the arm cannot follow, a controller that cannot start or has no answer, a motion that cannot be integrated.
+    /// A path that the arm cannot follow, a controller that cannot start or has no answer, or a failed integration.
     pub fn run(&self, mut keep: impl FnMut(&Tick<'_>)) -> Result<Outcome, Failure> {
         let path = Arc::new(JointPath::plan(self.arm, self.path, RATE).map_err(Failure::input)?);
         let (mut system, [mut laws, mut readers]) = self.system(&path)?;
@@ -129,7 +129,7 @@ impl ClosedLoop<'_> {
 }
 
 impl ClosedLoop<'_> {
-    /// The plant, what it does to the tool beside the joints, and what its sensors make of the truth.
+    /// The plant, with the laws that displace the tool and those of the sensors.
     fn system(&self, path: &JointPath) -> Result<(System, [Laws; 2]), Failure> {
         let body = self.effects.changed(self.arm).map_err(Failure::input)?;
         let mut injection = self.effects.injection();
@@ -143,7 +143,7 @@ impl ClosedLoop<'_> {
         Ok((system.map_err(Failure::input)?, laws))
     }
 
-    /// Moves the tool of `state` by what the laws and the remainder of `tick` say.
+    /// Displaces the tool of `state` by the laws and by the remainder at `tick`.
     fn displace(&self, laws: &mut [Box<dyn SensorLaw>], tick: u64, state: &mut State) {
         read(laws, state);
         if let Some(beyond) = usize::try_from(tick).ok().and_then(|tick| self.beyond.get(tick)) {
@@ -152,7 +152,7 @@ impl ClosedLoop<'_> {
     }
 }
 
-/// Lets `laws` change the readings of `state`.
+/// Applies `laws` to the readings of `state`.
 fn read(laws: &mut [Box<dyn SensorLaw>], state: &mut State) {
     let n = state.joints as usize;
     let mut link = state.q;
@@ -167,7 +167,7 @@ fn read(laws: &mut [Box<dyn SensorLaw>], state: &mut State) {
     laws.iter_mut().for_each(|law| law.read(&mut readings));
 }
 
-/// What the sensors make of the truth in `state`.
+/// Replaces the true values in `state` by sensor readings.
 fn sense(laws: &mut [Box<dyn SensorLaw>], sensors: &mut Sensors, state: &mut State) {
     read(laws, state);
     let n = state.joints as usize;
@@ -177,7 +177,7 @@ fn sense(laws: &mut [Box<dyn SensorLaw>], sensors: &mut Sensors, state: &mut Sta
 /// The effects of `arm` with `plays`.
 ///
 /// # Errors
-/// A clearance that cannot be.
+/// An invalid clearance.
 pub fn of_plays(arm: &Arm, plays: &[(usize, f64)]) -> Result<Effects, Failure> {
     Effects::of(&with_tables(arm, plays)).map_err(Failure::input)
 }
@@ -193,10 +193,10 @@ fn with_tables(arm: &Arm, plays: &[(usize, f64)]) -> ArmFile {
     ArmFile { arm: arm.clone(), effects: plays.iter().map(effect).collect(), ignored: Vec::new() }
 }
 
-/// The task of a controller that believes `arm` to have `plays`, its model file in `folder`.
+/// The task of a controller that assumes `arm` with `plays`, with its model file in `folder`.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// An unwritable file.
 pub fn task(
     arm: &Arm,
     plays: &[(usize, f64)],
@@ -223,7 +223,7 @@ fn reference(path: &JointPath, time: f64, n: usize) -> Reference {
     reference
 }
 
-/// Makes `state` that of `tick`, as the plant does.
+/// Updates `state` for `tick`, as the plant does.
 fn observe(system: &mut System, path: &JointPath, tick: u64, state: &mut State) {
     let n = state.joints as usize;
     state.tick = tick;

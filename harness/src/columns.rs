@@ -1,13 +1,13 @@
-//! What `freeplay run` records of a tick, by column, and back again.
+//! Columns of the recordings of `freeplay run`, and the states reconstructed from them.
 //!
-//! The contract's columns come first; after them everything that is needed to replay a controller bit for bit, and
-//! the truth that the controller did not see.
+//! The contract's columns come first. Further columns contain everything needed to replay a controller bit for bit, and the true values that the controller
+//! did not see.
 
 use freeplay_plant::{Applied, ReferenceDivergence, TickRecord};
 use freeplay_recording::{ColumnError, Group, Layout, Recording};
 use freeplay_shm::{Joints, MAX_JOINTS, MAX_SLOTS, Mode, State};
 
-/// Joint arrays of State and Command beyond the contract's columns: name, and where to find them.
+/// Joint arrays of State and Command beyond the contract's columns: name and accessor.
 type JointColumn = (&'static str, fn(&TickRecord) -> &Joints);
 
 const JOINT_COLUMNS: [JointColumn; 9] = [
@@ -22,12 +22,12 @@ const JOINT_COLUMNS: [JointColumn; 9] = [
     ("command_qdd", |r| r.command.as_ref().map_or(&NO_ANSWER, |c| &c.acceleration)),
 ];
 
-/// Position on the path, where `q_ref` is what the servos were commanded.
+/// Position on the path, if `q_ref` contains the commands of servos.
 const PATH_COLUMN: &str = "q_path";
 
 const NO_ANSWER: Joints = [f64::NAN; MAX_JOINTS];
 
-/// Single numbers of a tick beyond the contract's columns.
+/// Scalars of a tick beyond the contract's columns.
 type TickColumn = (&'static str, fn(&TickRecord) -> f64);
 
 const TICK_COLUMNS: [TickColumn; 15] = [
@@ -48,7 +48,7 @@ const TICK_COLUMNS: [TickColumn; 15] = [
     ("qp_us", |r| r.command.as_ref().map_or(f64::NAN, |c| c.qp_ns as f64 * 1e-3)),
 ];
 
-/// Numbers of one joint's bearing.
+/// Quantities of one joint's bearing.
 const PLAY_COLUMNS: [&str; 4] = ["play_1", "play_2", "normal_force", "contact_time"];
 
 fn in_force(applied: Applied) -> f64 {
@@ -77,22 +77,22 @@ pub struct RunColumns {
 }
 
 impl RunColumns {
-    /// Columns for `joints` joints, of which those named in `plays` have play; `tracked` if the tool is measured.
+    /// Columns for `joints` joints; those named in `plays` have play. `tracked` means that the tool is measured.
     pub fn new(joints: usize, plays: Vec<String>, tracked: bool, period: f64) -> Self {
         Self { joints, tracked, links: false, standbys: 0, period, plays, commanded: false }
     }
 
-    /// With the links' positions, if `links`: where a transmission parts a link from its motor.
+    /// Adds the positions of the links if `links` is true, for transmissions that separate a link from its motor.
     pub fn with_links(self, links: bool) -> Self {
         Self { links, ..self }
     }
 
-    /// With the commands that have reached the servos as `q_ref1`…, if `commanded`: mode servo. The path that the controller was asked for is in `q_path_1`….
+    /// Adds the commands of the servos as `q_ref1`… if `commanded` is true (mode servo). The reference path of the controller is then in `q_path_1`….
     pub fn with_commands(self, commanded: bool) -> Self {
         Self { commanded, ..self }
     }
 
-    /// With what each of so many standbys said less what the first controller said.
+    /// Adds the differences between the commands of so many standbys and those of the first controller.
     pub fn with_standbys(self, standbys: usize) -> Self {
         Self { standbys, ..self }
     }
@@ -100,7 +100,7 @@ impl RunColumns {
     /// The layout of the recording.
     ///
     /// # Errors
-    /// [`ColumnError`] if a joint's name makes a column of the contract.
+    /// [`ColumnError`] if a joint's name clashes with a column of the contract.
     pub fn layout(&self) -> Result<Layout, ColumnError> {
         let path = self.commanded.then_some(PATH_COLUMN);
         let joint = JOINT_COLUMNS.iter().map(|(name, _)| *name).chain(path);
@@ -153,19 +153,19 @@ pub fn play_column(joint: &str, quantity: &str) -> String {
     format!("{joint}_{quantity}")
 }
 
-/// Name of the column with what the controller in `slot` said of `joint`, counted from 1, less what that in slot 0 said.
+/// Name of the column with the command of the controller in `slot` for `joint`, counted from 1, minus that of slot 0.
 fn difference_column(slot: usize, joint: usize) -> String {
     format!("difference_{slot}_{joint}")
 }
 
-/// Position of each joint on the path that the controllers were asked for.
+/// Position of each joint on the reference path of the controllers.
 pub fn path_columns(recording: &Recording) -> Option<Vec<&[f64]>> {
     let named = |joint| recording.column(&format!("{PATH_COLUMN}_{joint}"));
     let of_servos: Option<Vec<&[f64]>> = (1..=recording.joints()).map(named).collect();
     of_servos.or_else(|| Some(recording.q_ref.as_ref()?.iter().map(Vec::as_slice).collect()))
 }
 
-/// What the controllers of a recorded run differed by; `None` if it had no standby.
+/// The differences between the controllers of a recorded run; `None` if it had no standby.
 pub fn usual(recording: &Recording) -> Option<ReferenceDivergence> {
     let of_slot = |slot: usize| {
         let columns: Option<Vec<&[f64]>> =
@@ -178,8 +178,7 @@ pub fn usual(recording: &Recording) -> Option<ReferenceDivergence> {
     (!courses.is_empty()).then(|| ReferenceDivergence::new(courses))
 }
 
-/// The State of row `index` of a recorded run, as it was published but for its wall-clock times; `None` if columns
-/// that a run records are missing.
+/// The State of row `index` of a recorded run, as published except for its wall-clock times; `None` if columns of a recorded run are missing.
 pub fn state_at(recording: &Recording, index: usize, run: u64, mode: Mode, period_ns: u64) -> Option<State> {
     let joints = recording.joints();
     let mut state = State::new(run, joints);

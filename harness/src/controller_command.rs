@@ -43,10 +43,10 @@ pub struct ControllerArgs {
     pub with_parent: Option<u32>,
 }
 
-/// Serves one run.
+/// Runs the controller of one run.
 ///
 /// # Errors
-/// An unknown name, an executable that can't be started, a run that can't be joined, a task that can't be used.
+/// An unknown name, an executable that cannot start, a run that cannot be joined, or an unusable task.
 pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
     let mut controller = match args.name.to_str().and_then(built_in) {
         Some(controller) => controller,
@@ -74,8 +74,8 @@ pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
     }
 }
 
-/// Lets the executable `path` take this process over: it ends with the parent as a built-in controller does.
-/// Returns only if it does not.
+/// Replaces this process by the executable `path`, which then ends with the parent as a built-in controller does. Returns only on
+/// failure.
 fn become_executable(path: &Path) -> Failure {
     if path.components().count() < 2 {
         return unknown(&path.display().to_string());
@@ -84,7 +84,7 @@ fn become_executable(path: &Path) -> Failure {
     Failure::peer(format!("cannot start the controller {}: {error}", path.display()))
 }
 
-/// No built-in controller has this name.
+/// Error: no built-in controller has this name.
 pub fn unknown(name: &str) -> Failure {
     Failure::usage(format!(
         "no controller {name:?}: built-in are {}; for a controller of your own give the path of its executable or FMU",

@@ -10,18 +10,18 @@ use rustix::fs::{Access, access};
 /// One controller to run.
 #[derive(Clone, Debug)]
 pub struct ControllerSelection {
-    /// As it was asked for.
+    /// The requested name.
     pub(crate) asked: String,
     /// Name of its files.
     pub(crate) name: String,
-    /// Executable of its own, if it is none of the built-in.
+    /// Executable, if the controller is not built in.
     pub executable: Option<PathBuf>,
     /// File with the plan of faults to inject into it.
     pub faults: Option<PathBuf>,
 }
 
 impl ControllerSelection {
-    /// As it was asked for.
+    /// The requested name.
     pub fn asked(&self) -> &str {
         &self.asked
     }
@@ -31,7 +31,7 @@ impl ControllerSelection {
         &self.name
     }
 
-    /// The same with the faults of the file `plan`.
+    /// This selection with the faults of the file `plan`.
     pub fn with_faults(self, plan: PathBuf) -> Self {
         Self { faults: Some(plan), ..self }
     }
@@ -39,7 +39,7 @@ impl ControllerSelection {
     /// The controller `asked`: a built-in name, or the path of an FMU or an executable.
     ///
     /// # Errors
-    /// Neither of the two.
+    /// A name that is neither of them.
     pub fn of(asked: &str) -> Result<Self, Failure> {
         let built_in = BUILT_IN.contains(&asked);
         let path = Path::new(asked);

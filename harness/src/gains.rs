@@ -1,9 +1,9 @@
-//! The feedback of an arm for which nobody has chosen one, found by trial.
+//! Feedback gains for an arm without chosen ones, found by trial.
 //!
-//! A light link meets a feedback several times as hard while its journal flies (decisions/0018, 0048), and whether the journal comes to
-//! rest then depends on arm, posture and play in a way that no formula of the arm's inertia tells. So the scenario's own plant is played
-//! for a moment under `computed-torque`, whose feedback all built-in controllers share, with the usual natural frequency first and half
-//! of it each time after, and the first with which every journal rests is taken.
+//! While its journal flies, a light link effectively gets a feedback gain several times higher (decisions/0018, 0048). Whether the
+//! journal then comes to rest depends on arm, posture and play, and no formula of the arm's inertia predicts it. The program therefore
+//! simulates the scenario's own plant briefly under `computed-torque`, whose feedback all built-in controllers share. It starts with the
+//! usual natural frequency, halves it after each failed trial, and keeps the first value with which every journal rests.
 
 use freeplay_arm::to_toml;
 use freeplay_controller::computed_torque::COMPUTED_TORQUE;
@@ -18,23 +18,23 @@ use crate::setup::Setup;
 use crate::terminal_summary::BOUNCING;
 use freeplay_terminal::exit::Failure;
 
-/// Time that is left to the drop of a centred journal, s, and the time that is judged after it, s.
+/// Excluded time for the drop of a centred journal, s, and evaluated time after it, s.
 const DROP: f64 = 0.5;
 /// See above.
 const JUDGED: f64 = 1.0;
-/// How often the natural frequency is halved at most: an arm that needs less of it is hardly held at all.
+/// Largest number of halvings of the natural frequency; a lower one would hardly hold the arm.
 const HALVINGS: u32 = 5;
 
-/// Takes for `scenario` the feedback with which its journals rest, where nobody has chosen one and the arm is none of the paper's.
-/// What was found, in one sentence; none where the usual feedback does, or where there is no play.
+/// Sets the feedback of `scenario` to one with which its journals rest, if nobody has chosen a feedback and the arm is not the paper's.
+/// Returns the result as one sentence, or `None` if the usual feedback suffices or there is no play.
 ///
 /// # Errors
-/// A file of the trial that can't be written.
+/// An unwritable file of the trial.
 pub fn settle(scenario: &mut Scenario) -> Result<Option<String>, Failure> {
     if scenario.has_gains || scenario.model == PAPER_MODEL || scenario.mode != Drive::Torque {
         return Ok(None);
     }
-    // What is wrong with a scenario is said where it is set up to run.
+    // The set-up of the run reports errors of the scenario.
     let Ok(setup) = Setup::new(scenario) else { return Ok(None) };
     if setup.plays().is_empty() {
         return Ok(None);
@@ -61,7 +61,7 @@ pub fn settle(scenario: &mut Scenario) -> Result<Option<String>, Failure> {
     )))
 }
 
-/// Plays `scenario` for a moment with `gains`: whether every journal rests, or what happens instead, in words.
+/// Simulates `scenario` briefly with `gains`. Returns an error text unless every journal rests.
 fn flying(
     scenario: &Scenario,
     setup: &Setup,
@@ -129,7 +129,7 @@ impl Trial<'_> {
         self.judge(&before, ticks.saturating_sub(judged_from) as f64 * period)
     }
 
-    /// Whether the journals rest during the last `seconds`, before which they had flown for the times `before`.
+    /// Checks that the journals rest during the last `seconds`; `before` are their flight times until then.
     fn judge(&self, before: &[f64], seconds: f64) -> Result<(), String> {
         let flown = self.system.tallies().map(|tally| tally.free).zip(before);
         let shares = flown.map(|(after, before)| (after - before) / seconds);
@@ -151,7 +151,7 @@ impl Trial<'_> {
         reference
     }
 
-    /// Makes `state` that of `tick`, as the plant does with ideal sensors.
+    /// Updates `state` for `tick`, as the plant does with ideal sensors.
     fn observe(&self, tick: u64, period: f64, state: &mut State) {
         let n = self.plant.arm.dof();
         state.tick = tick;

@@ -14,14 +14,14 @@ use hdrhistogram::serialization::interval_log::{
 };
 use hdrhistogram::serialization::{Deserializer, V2DeflateSerializer};
 
-/// Divides nanoseconds so that the files show microseconds.
+/// Divisor from nanoseconds to the microseconds in the files.
 const UNIT: f64 = 1e3;
 
-/// Writes the histograms of a run of `duration` that began at `start` as one interval log, a tag a stage; values in ns,
+/// Writes the histograms of a run of `duration` that began at `start` as one interval log with one tag a stage; values in ns,
 /// maxima in µs.
 ///
 /// # Errors
-/// A file that can't be written.
+/// An unwritable file.
 pub fn write_hlog(
     path: &Path,
     stages: &Stages,
@@ -32,10 +32,10 @@ pub fn write_hlog(
     write_log(path, &all, start, duration)
 }
 
-/// Writes histograms (ns) by tag, of no particular time, as one interval log.
+/// Writes histograms (ns) by tag, without a time, as one interval log.
 ///
 /// # Errors
-/// A file that can't be written.
+/// An unwritable file.
 pub fn write_tagged(path: &Path, histograms: &BTreeMap<String, Histogram<u64>>) -> Result<(), Failure> {
     let all: Vec<(&str, &Histogram<u64>)> =
         histograms.iter().map(|(tag, histogram)| (tag.as_str(), histogram)).collect();
@@ -65,11 +65,11 @@ fn write_log(
     write(path, &String::from_utf8(text).map_err(Failure::internal)?)
 }
 
-/// Writes the percentile distribution of every stage, µs: the round trip as `NAME.hgrm`, any other stage as
-/// `NAME.STAGE.hgrm`, since a plotter reads one distribution a file.
+/// Writes the percentile distribution of every stage, µs: the round trip as `NAME.hgrm`, each other stage as `NAME.STAGE.hgrm`,
+/// because a plotter reads one distribution a file.
 ///
 /// # Errors
-/// A file that can't be written.
+/// An unwritable file.
 pub fn write_hgrm(folder: &Path, name: &str, stages: &Stages) -> Result<(), Failure> {
     for stage in Stage::ALL {
         let histogram = stages.histogram(stage);
@@ -90,7 +90,7 @@ pub fn write_hgrm(folder: &Path, name: &str, stages: &Stages) -> Result<(), Fail
 /// Writes the percentile distribution of `histogram` (ns), µs.
 ///
 /// # Errors
-/// A file that can't be written.
+/// An unwritable file.
 pub fn write_distribution(path: &Path, histogram: &Histogram<u64>) -> Result<(), Failure> {
     let mut text = String::new();
     distribution(&mut text, histogram).map_err(Failure::internal)?;
@@ -126,10 +126,10 @@ fn distribution(text: &mut String, histogram: &Histogram<u64>) -> std::fmt::Resu
     )
 }
 
-/// Reads an interval log back: the histogram (ns) of each tag.
+/// Reads an interval log: the histogram (ns) of each tag.
 ///
 /// # Errors
-/// A file that can't be read or that is no interval log.
+/// An unreadable file, or one that is not an interval log.
 pub fn read_hlog(path: &Path) -> Result<Vec<(String, Histogram<u64>)>, Failure> {
     let fault = |what: String| Failure::input(format!("{}: {what}", path.display()));
     let text = freeplay_storage::read_bytes(path, freeplay_storage::DOCUMENT_LIMIT)?;

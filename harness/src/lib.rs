@@ -1,19 +1,20 @@
-//! `freeplay run`: a plant process and a controller process for each run, and what they leave.
+//! `freeplay run`: a plant process and a controller process for each run, and the results.
 //!
 //! Modules in the order of a run:
 //!
-//! - [`scenario`] and `scenario_place`: what was asked for, and where in the file; [`setup`] makes of it what runs.
-//! - [`swaps`]: which controller is active, and when that changes.
+//! - [`scenario`] and `scenario_place`: the requested scenario, and line and column of its keys; [`setup`] turns it into a plant
+//!   and a path.
+//! - [`swaps`]: the active controller over time.
 //! - [`run`] and [`processes`]: the parent process.
-//! - `gains`: the feedback with which the journals of a light arm rest, by trial.
+//! - `gains`: a feedback with which the journals of a light arm rest, found by trial.
 //! - [`plant_command`] and [`controller_command`]: its children; `load` delays the answers of a controller.
 //! - [`columns`], `recorder`, [`histogram_files`], [`summary`]: the recording, the latencies and the results.
-//! - `verdict`: whether a run was sound, and the words for what stopped an arm.
+//! - `verdict`: the verdict on a run, and the texts for a stopped arm.
 //! - `live`: the view of a run in the terminal.
-//! - `terminal_summary`, `run_report`, `run_film`, [`report_command`]: the table and the reports.
-//! - [`weights`]: what a network learned beyond the model, and how far that reaches along the path.
+//! - `terminal_summary`, `run_report`, `run_film`, [`report_command`]: the table in the terminal and the reports.
+//! - [`weights`]: the weight file of the controllers; `weights_reach`: the part of the path in its trained region.
 //! - [`closed_loop`]: the same loop in this process, without shared memory and gate; [`loop_recorder`]: its recording.
-//! - [`replay`]: the recorded states of a run, given to a new controller process.
+//! - [`replay`]: the recorded states of a run, sent to a new controller process.
 
 pub mod closed_loop;
 pub mod columns;

@@ -1,16 +1,16 @@
-//! A controller that takes longer than it needs to, to find where the budget of a tick breaks.
+//! A controller with an added computing time, to find the limit of a tick's time budget.
 
 use freeplay_controller::{Answer, Controller, ControllerError, RunInfo, Task};
 use freeplay_shm::{State, now_ns};
 
-/// A controller that computes in vain for a given time before each of its answers leaves.
+/// A controller that spins for a given time before each of its answers.
 pub struct Loaded {
     inner: Box<dyn Controller>,
     load_ns: u64,
 }
 
 impl Loaded {
-    /// `inner` with `load` s more for each answer.
+    /// Adds `load` s to each answer of `inner`.
     pub fn new(inner: Box<dyn Controller>, load: f64) -> Self {
         Self { inner, load_ns: (load * 1e9) as u64 }
     }

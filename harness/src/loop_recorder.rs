@@ -1,4 +1,4 @@
-//! What a run in this process leaves as a recording: joints, torques and the tracked tool, the reference and what the controller predicted.
+//! Recording of a run in this process: joints, torques and the tracked tool, the reference and the controller's prediction.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ pub struct LoopRecorder {
 }
 
 impl LoopRecorder {
-    /// Of an arm with `joints` joints.
+    /// Creates a recorder for an arm with `joints` joints.
     pub fn new(joints: usize) -> LoopRecorder {
         let of_joints = ["q", "qd", "tau", "q_ref", "qd_ref_", "qdd_ref_"];
         let names = of_joints.iter().flat_map(|name| (1..=joints).map(move |joint| format!("{name}{joint}")));
@@ -23,7 +23,7 @@ impl LoopRecorder {
         LoopRecorder { columns: columns.map(|name| (name, Vec::new())).collect(), joints }
     }
 
-    /// Keeps one tick.
+    /// Records one tick.
     pub fn keep(&mut self, tick: &Tick<'_>) {
         let (state, n) = (tick.state, self.joints);
         let joints =
@@ -39,7 +39,7 @@ impl LoopRecorder {
     /// The recording of the run of `controller`.
     ///
     /// # Errors
-    /// Columns that make no recording.
+    /// Invalid columns.
     pub fn finish(self, controller: &str) -> Result<Recording, Failure> {
         Recording::new(&PathBuf::from(format!("{controller}.csv")), self.columns).map_err(Failure::internal)
     }

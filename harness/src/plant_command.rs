@@ -23,7 +23,7 @@ use crate::summary::{RunFacts, RunSummary};
 use crate::swaps;
 use freeplay_terminal::messages;
 
-/// How long controllers that the system kills may keep their seats.
+/// Longest time for which killed controllers may keep their seats.
 const LAST_SEAT: Duration = Duration::from_millis(100);
 
 /// Plays the machine of one run; `freeplay run` starts it.
@@ -55,10 +55,10 @@ pub struct PlantArgs {
     live: bool,
 }
 
-/// Plays one run.
+/// Runs the plant of one run.
 ///
 /// # Errors
-/// Bad input; no controller; a motion that can't be integrated.
+/// Bad input; no controller; a failed integration.
 pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     args.with_parent.map_or(Ok(()), freeplay_terminal::process::stop_with_parent)?;
     let scenario = Scenario::load(Some(&args.scenario), &[]).map_err(Failure::input)?;
@@ -75,7 +75,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
         ticks: setup.plant.ticks,
         task: args.task.display().to_string(),
     };
-    // Until now nothing has to be left in order: a signal has ended this process at once, also amidst long preparations.
+    // Before this point no clean-up is needed: a signal ends the process at once, even during long preparations.
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let link = PlantLink::open(&address, names.len(), offer).map_err(Failure::internal)?;
@@ -114,7 +114,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let outcome = outcome.map_err(failure)?;
     let fault = kept.fault.map(|fault| format!("the recording ends early: {fault}"));
     if let Some(fault) = &fault {
-        // At once: where the disk is full, there may be no summary to carry it.
+        // The fault is printed at once, because on a full disk there may be no summary to contain it.
         messages::fault(fault);
     }
     let mut notes = outcome.refused.iter().map(|who| format!("refused: {who}")).collect::<Vec<_>>();
@@ -149,7 +149,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     write_hlog(&args.out.join(format!("{}.hlog", args.name)), plant.stages(), began, clock.elapsed())?;
     write_hgrm(&args.out, &args.name, plant.stages())?;
     if args.with_parent.is_some_and(|parent| !freeplay_terminal::process::is_parent_alive(parent)) {
-        // The system kills the controllers of a killed run. Who is last in a run removes it.
+        // The system kills the controllers of a killed run. The last participant of a run removes it.
         await_free_seats(&plant);
     }
     Ok(match exit(&outcome) {
@@ -159,7 +159,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     })
 }
 
-/// Waits until no controller of `plant` lives, but not for long.
+/// Waits briefly until no controller of `plant` lives.
 fn await_free_seats(plant: &Plant) {
     let begun = Instant::now();
     let slots = 0..plant.manager().len();
@@ -206,7 +206,7 @@ fn start_recorder(
 
 fn failure(error: PlantError) -> Failure {
     match error {
-        // Somebody came but did not fit: that is a matter of configuration.
+        // A controller came but was refused, which is an error of the configuration.
         PlantError::NoController { ref refused, .. } if !refused.is_empty() => Failure::input(error),
         PlantError::NoController { .. } | PlantError::ControllerEnded { .. } => Failure::peer(error),
         PlantError::Law(_) | PlantError::TooManyJoints { .. } => Failure::input(error),

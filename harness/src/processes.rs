@@ -1,4 +1,4 @@
-//! The processes of one run: how they are started, looked after and ended.
+//! The processes of one run: start, supervision and end.
 
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
@@ -20,10 +20,10 @@ use crate::run_files::Files;
 use crate::scenario::{Pacing, Scenario};
 use freeplay_terminal::messages;
 
-/// Makes a new run in shared memory.
+/// Creates a new run in shared memory.
 ///
 /// # Errors
-/// A place for it that another user has taken or could take, or that is none; else what the system says.
+/// A location that another user occupies or could occupy, or an invalid one; otherwise an error of the operating system.
 pub fn new_run() -> Result<RunFolder, Failure> {
     RunFolder::create().map_err(|error| match &error {
         LinkError::NotPrivate { .. } | LinkError::NoFolder { .. } | LinkError::Open { .. } => {
@@ -34,10 +34,10 @@ pub fn new_run() -> Result<RunFolder, Failure> {
     })
 }
 
-/// Starts the plant of a run with the controller `contestant` in charge.
+/// Starts the plant of a run with the active controller `contestant`.
 ///
 /// # Errors
-/// A process that can't be started.
+/// A process that cannot start.
 pub fn start_plant(
     contestant: &ControllerSelection,
     files: &Files,
@@ -46,10 +46,10 @@ pub fn start_plant(
     spawn_plant(&mut plant_command(contestant, files, address)?)
 }
 
-/// The same, watched: it tells of its ticks on a pipe and listens on another.
+/// Starts a plant that sends snapshots on a pipe and reads requests from another.
 ///
 /// # Errors
-/// A process that can't be started.
+/// A process that cannot start.
 pub fn start_watched_plant(
     contestant: &ControllerSelection,
     files: &Files,
@@ -92,7 +92,7 @@ fn plant_command(
 /// Starts the process of a controller for the run at `address`.
 ///
 /// # Errors
-/// A process that can't be started.
+/// A process that cannot start.
 pub fn start_controller(
     scenario: &Scenario,
     contestant: &ControllerSelection,
@@ -101,10 +101,10 @@ pub fn start_controller(
     start_in_slot(scenario, contestant, 0, address, Stdio::inherit())
 }
 
-/// Starts the process of the controller that takes `slot`; what it has to say goes to `stderr`.
+/// Starts the process of the controller in `slot`; its standard error goes to `stderr`.
 ///
 /// # Errors
-/// A process that can't be started.
+/// A process that cannot start.
 pub fn start_in_slot(
     scenario: &Scenario,
     contestant: &ControllerSelection,
@@ -131,7 +131,7 @@ pub fn start_in_slot(
     Ok(Running::new(child, group))
 }
 
-/// This program, which an executable takes over: so it ends with this process, too.
+/// Command of this program as a wrapper, which an executable then replaces, so that it also ends with this process.
 fn controller_command(
     scenario: &Scenario,
     contestant: &ControllerSelection,
@@ -149,7 +149,8 @@ fn controller_command(
     if scenario.pace == Pacing::Realtime && understands {
         let realtime = &scenario.realtime;
         if realtime.priority > 0 {
-            // A standby waits its turn: of equals under SCHED_FIFO, one that polls for its state would keep the plant from its core.
+            // A standby gets a lower priority: with equal priorities under SCHED_FIFO, a standby that polls would keep the plant from its
+            // core.
             let priority = realtime.priority.saturating_sub(slot as u8).max(1);
             command.args(["--priority", &priority.to_string()]);
         }
@@ -166,25 +167,25 @@ fn controller_command(
     Ok(command)
 }
 
-/// How often the parent looks after its children.
+/// Interval at which the parent checks its children.
 const LOOK: Duration = Duration::from_millis(5);
-/// How long the plant may take to end after it was asked to.
+/// Longest time for the plant to end after the request.
 const GRACE: Duration = Duration::from_secs(10);
-/// How long a stopped plant may wait for an answer of its controller before that is taken away.
+/// Time for which a stopped plant may wait for an answer of its controller before the parent kills the controller.
 const LAST_ANSWER: Duration = Duration::from_millis(300);
 
-/// How the processes of a run ended.
+/// Exit states of the processes of a run.
 pub struct Ended {
     plant: ExitStatus,
     /// The controllers by slot, if they ended before the plant did.
     controllers: Vec<Option<ExitStatus>>,
 }
 
-/// Waits for the plant of `root`; `look` is called again and again meanwhile. Without a controller the plant brakes and plays the
-/// run to its end, or gives up when nobody came; it is told of controllers that will not come.
+/// Waits for the plant of `root`, and calls `look` repeatedly. Without a controller the plant brakes and simulates the run to its end, or
+/// gives up if no controller came; the function reports to it controllers that have ended.
 ///
 /// # Errors
-/// A plant that does not end; what `look` says.
+/// A plant that does not end, or an error of `look`.
 pub fn supervise(
     root: &RunFolder,
     plant: &mut Child,
@@ -212,7 +213,7 @@ pub fn supervise(
                 terminate(plant);
                 Instant::now()
             });
-            // A hung controller would keep a plant in lockstep waiting for as long as its patience lasts.
+            // A hung controller would block a plant in lockstep until its patience ends.
             if since.elapsed() > LAST_ANSWER {
                 controllers.iter_mut().for_each(|controller| drop(controller.0.kill()));
             }
@@ -226,12 +227,13 @@ pub fn supervise(
 
 fn terminate(child: &Child) {
     if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
-        // It may have ended by itself in the meantime.
+        // The process may have ended by itself meanwhile.
         let _ = kill_process(pid, Signal::TERM);
     }
 }
 
-/// The exit code of a run, from how its processes `ended`. The first of `members` was in charge; `has_begun` says that all of them joined.
+/// The exit code of a run, from the states `ended` of its processes. The first of `members` was active at the start; `has_begun` is true
+/// if all of them joined.
 ///
 /// # Errors
 /// A plant that failed.
@@ -265,12 +267,12 @@ pub fn exit_of_run(ended: &Ended, members: &[ControllerSelection], has_begun: bo
                 let asked = members.first().map_or("", ControllerSelection::asked);
                 messages::fault(format_args!("the controller {asked} {how}"));
             }
-            // By the contract of exit codes it had said what is wrong with its input.
+            // By the contract of exit codes, the controller has reported the fault of its input.
             let refused = first.and_then(|status| status.code()) == Some(3);
             Ok(if refused { Exit::Input } else { Exit::Peer })
         }
         Some(130) => Ok(Exit::Interrupted),
-        // It was asked to end before it could listen.
+        // The signal arrived before the plant handled signals.
         None if ended.plant.signal() == Some(Signal::TERM.as_raw()) => Ok(Exit::Interrupted),
         Some(70) => {
             Err(Failure::internal("the plant failed; its message is above unless it lost its shared memory"))

@@ -1,4 +1,4 @@
-//! The thread that keeps what the loop hands over: it writes the recording and the hash, so that the loop does no I/O.
+//! The recorder's thread: it writes the recording and the hash from the ticks of the loop, so that the loop does no I/O.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -14,20 +14,20 @@ use sha2::{Digest, Sha256};
 use crate::columns::RunColumns;
 use crate::live::Observer;
 
-/// Ticks that the queue between loop and recorder holds.
+/// Capacity of the queue between loop and recorder, ticks.
 pub const QUEUE: usize = 4096;
 
-/// How long the recorder sleeps where there is nothing to keep.
+/// Sleep of the recorder while the queue is empty.
 const NAP: Duration = Duration::from_millis(2);
 
-/// What the recorder leaves.
+/// Results of the recorder.
 #[derive(Debug)]
 pub struct Kept {
     /// SHA-256 of every State and Command, without the wall-clock times.
     pub state_hash: String,
-    /// Why the recording ends early, if it does; what was written before stays readable.
+    /// Error that ended the recording early, if there was one; the rows written before stay readable.
     pub fault: Option<WriteError>,
-    /// Where the recording is, if there is one.
+    /// Path of the recording, if there is one.
     pub recording: Option<PathBuf>,
 }
 
@@ -38,10 +38,10 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts to empty `queue` into `writer`, under the eyes of `observer`.
+    /// Starts moving rows from `queue` to `writer`; `observer` sees each of them.
     ///
     /// # Errors
-    /// What the system says if it has no thread for it.
+    /// An error of the operating system if it has no thread left.
     pub fn start(
         queue: Arc<ArrayQueue<TickRecord>>,
         columns: RunColumns,
@@ -56,7 +56,7 @@ impl Recorder {
         Ok(Self { finished, thread })
     }
 
-    /// Waits until all that was handed over is kept. `None` if the recorder itself failed.
+    /// Waits until all ticks are recorded. Returns `None` if the recorder itself failed.
     pub fn finish(self) -> Option<Kept> {
         self.finished.store(true, Ordering::Release);
         self.thread.join().ok()
@@ -75,7 +75,7 @@ fn keep(
     let (recording, mut writer) = writer.unzip();
     let mut fault = None;
     loop {
-        // Asked before the queue is emptied, so that what came in between is kept as well.
+        // Read the flag before emptying the queue, so that ticks pushed in between are recorded as well.
         let last = finished.load(Ordering::Acquire);
         while let Some(record) = queue.pop() {
             record.digest(&mut hash);

@@ -1,4 +1,4 @@
-//! `freeplay replay`: the recorded states to a new controller process, its commands beside the recorded ones.
+//! `freeplay replay`: sends the recorded states to a new controller process and compares its commands with the recorded ones.
 
 use std::path::PathBuf;
 use std::process::Child;
@@ -22,10 +22,10 @@ use crate::processes::{new_run, start_controller};
 use crate::scenario::{Pacing, Scenario};
 use crate::setup::Setup;
 
-/// How long a controller may take to come, and to answer.
+/// Longest time for a controller to connect, and to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// How long an answer may take before the controller's process is looked after, ns.
+/// After this long without an answer, the parent checks the controller's process, ns.
 const LOOK_AFTER_NS: u64 = 50_000_000;
 
 /// Replays a recording to a controller.
@@ -41,7 +41,7 @@ pub struct ReplayArgs {
     format: Format,
 }
 
-/// How the new commands differ from the recorded ones.
+/// Differences between the new commands and the recorded ones.
 #[derive(Debug, Default, Serialize)]
 struct Difference {
     schema: &'static str,
@@ -49,16 +49,16 @@ struct Difference {
     ticks: usize,
     identical_ticks: usize,
     first_differing_tick: Option<u64>,
-    /// Names of the joints, and the unit of each one's command: `N*m` or `rad`; of slides `N` or `m`.
+    /// Names of the joints, and units of their commands: `N*m` or `rad`; of prismatic joints `N` or `m`.
     joints: Vec<String>,
     units: Vec<&'static str>,
-    /// Greatest difference of each joint's command, and the root of the mean square over all ticks.
+    /// Greatest difference of each joint's command, and the RMS over all ticks.
     greatest: Vec<f64>,
     rms: Vec<f64>,
 }
 
 impl Difference {
-    /// Adds one tick: the recorded and the new values of all joints.
+    /// Adds one tick with the recorded and the new values of all joints.
     fn add(&mut self, tick: u64, recorded: &[f64], new: &[f64]) {
         self.ticks += 1;
         self.greatest.resize(recorded.len(), 0.0);
@@ -84,7 +84,7 @@ impl Difference {
 /// Replays a recording.
 ///
 /// # Errors
-/// A recording that is none of `freeplay run`; a controller that does not come or stops answering.
+/// A recording that is not from `freeplay run`; a controller that does not connect or stops answering.
 pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     let recording = freeplay_recording::read(&args.recording, None).map_err(Failure::input)?;
     let folder = tempfile::tempdir().map_err(Failure::internal)?;
@@ -128,7 +128,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// The scenario that an MCAP of `freeplay run` carries.
+/// The scenario in an MCAP of `freeplay run`.
 fn recorded_scenario(
     recording: &Recording,
     origin: &std::path::Path,
@@ -172,7 +172,7 @@ fn feed(
             .collect();
         let recorded =
             recorded.ok_or_else(|| Failure::input("the recording lacks the columns command_1…"))?;
-        // Ticks that the recorded controller left unanswered have nothing to compare.
+        // Ticks without an answer of the recorded controller are not compared.
         if recorded.iter().all(|value| value.is_finite()) {
             difference.add(state.tick, &recorded, &command.value[..joints]);
         }

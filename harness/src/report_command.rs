@@ -1,4 +1,4 @@
-//! `freeplay report`: several runs beside each other in one HTML file.
+//! `freeplay report`: comparison of several runs in one HTML file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -25,15 +25,15 @@ pub struct ReportArgs {
     out: PathBuf,
 }
 
-/// What a run left in its folder.
+/// Results of a run in its folder.
 struct Left {
     folder: PathBuf,
-    /// What it is called beside the others.
+    /// Name of the run in the comparison.
     name: String,
     summary: Summary,
 }
 
-/// Of `summary.json`, what is compared.
+/// The compared parts of `summary.json`.
 #[derive(Deserialize)]
 struct Summary {
     schema: String,
@@ -42,10 +42,10 @@ struct Summary {
     runs: Vec<RunSummary>,
 }
 
-/// Writes the comparison that `args` ask for.
+/// Writes the comparison requested by `args`.
 ///
 /// # Errors
-/// A folder without a summary, recordings or histograms that can't be read; a file that can't be written.
+/// A folder without a summary, unreadable recordings or histograms; an unwritable file.
 pub fn report(args: &ReportArgs) -> Result<Exit, Failure> {
     let names = names(&args.runs);
     let left: Vec<Left> = args
@@ -59,7 +59,7 @@ pub fn report(args: &ReportArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// The last parts of the paths, or all of them where two are the same.
+/// The last parts of the paths, or the whole paths if two of these are equal.
 fn names(folders: &[PathBuf]) -> Vec<String> {
     let last = |path: &PathBuf| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     let short: BTreeSet<String> = folders.iter().map(last).collect();
@@ -125,7 +125,7 @@ fn document(left: &[Left]) -> Result<Document, Failure> {
     Ok(document.footer(format!("freeplay {}", env!("CARGO_PKG_VERSION"))))
 }
 
-/// Runs that are the same to the byte, in words.
+/// Text on runs that are identical byte for byte.
 fn identical(played: &[Played]) -> Vec<Block> {
     let mut same: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for run in played {
@@ -173,7 +173,7 @@ fn deadlines(played: &[Played]) -> Table {
     table
 }
 
-/// Settings that differ, and what the machine was.
+/// Settings that differ, and the machine.
 fn differences(left: &[Left]) -> Section {
     let section = Section::new("Configuration");
     let of = |part: fn(&Summary) -> &Value, title: &str, same: &str| -> Block {
@@ -202,7 +202,7 @@ fn differences(left: &[Left]) -> Section {
         .with(of(|summary| &summary.machine, "Machines that differ", "The machines are the same."))
 }
 
-/// The leaves of `value` by their path, as in `path.period`.
+/// The leaves of `value` by their paths, as in `path.period`.
 fn flattened(value: &Value) -> BTreeMap<String, String> {
     fn walk(value: &Value, at: &str, into: &mut BTreeMap<String, String>) {
         let join = |key: &str| if at.is_empty() { key.to_owned() } else { format!("{at}.{key}") };

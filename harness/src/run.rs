@@ -35,15 +35,15 @@ use crate::summary::{RunSummary, SCHEMA};
 
 use crate::{gains, run_report, swaps, terminal_summary, weights, weights_reach};
 
-/// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
+/// Length of the displayed standard error of a run that did not begin, bytes: a screenful.
 const LAST_WORDS: usize = 2000;
 
-/// Results of an earlier run that a run would write over: it is refused where its folder holds one of them.
+/// Results of an earlier run. If the folder contains one of them, the program refuses a run that would overwrite it.
 const RESULTS: [&str; 5] =
     ["scenario.toml", "task.toml", "model.toml", "controller_model.toml", "summary.json"];
 
-/// Patience of runs in lockstep with built-in controllers that other commands start, s: these hang nowhere, and are slow where the machine has much else
-/// to do.
+/// Patience of lockstep runs that other commands start with built-in controllers, s. These controllers never hang, but are slow
+/// on a busy machine.
 pub const BUILT_IN_PATIENCE: f64 = 60.0;
 
 /// Runs a scenario.
@@ -101,7 +101,7 @@ pub struct RunArgs {
 /// Runs the scenario of `args` with each of its controllers.
 ///
 /// # Errors
-/// Bad input, a controller that does not start, a process that fails.
+/// Bad input, a controller that does not start, or a process that fails.
 pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     if args.live && flags::is_quiet() {
         return Err(Failure::usage("--live cannot be used with --quiet: choose one of them"));
@@ -142,7 +142,7 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
         let watch = if args.live {
             Some(watch(contestant, &scenario, &setup, &files)?)
         } else {
-            // Where a terminal shows how far the run is, the plant tells it.
+            // If a terminal shows a progress bar, the plant's snapshots move it.
             let is_told = scenario.pace == Pacing::Lockstep && !progress.is_hidden();
             is_told.then(|| {
                 Watch::behind(
@@ -157,7 +157,7 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
         progress.finish_and_clear();
         match ended {
             Err(error) if stop.load(Ordering::Relaxed) => {
-                // It was asked to end, and so it does, whatever came of it.
+                // The run was asked to end, so its error is only a note.
                 messages::note(&error.message);
             }
             Err(error) => {
@@ -170,7 +170,7 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
             }
         }
         if stop.load(Ordering::Relaxed) {
-            // Who leaves the live view by its key has seen enough: that is no interruption.
+            // Quitting the live view by its key is not an interruption.
             let is_left = left.is_some_and(|left| left.load(Ordering::Relaxed));
             exit = match exit {
                 Exit::Done | Exit::Interrupted if is_left => Exit::Done,
@@ -180,17 +180,17 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
             break;
         }
     }
-    // What other controllers came to is not lost with the one that failed.
+    // The results of other controllers survive the failure of one.
     if !runs.is_empty() {
         finish(args, &scenario, &setup, &files.out, &runs)?;
     } else if !args.force {
-        // No result is lost: nothing that stands here was here before, and the same command may be tried again.
+        // No result is lost: the run created every file here, and the user may repeat the same command.
         files.give_up(&contestants)?;
     }
     failure.map_or(Ok(exit), Err)
 }
 
-/// What is to be known of a run that lasts longer than its path.
+/// Text on a run that lasts longer than its path.
 fn stands_still(setup: &Setup) -> Option<String> {
     let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
     let path = setup.path.duration();
@@ -203,7 +203,7 @@ fn stands_still(setup: &Setup) -> Option<String> {
     })
 }
 
-/// A watch for the run of `contestant`.
+/// Creates a view for the run of `contestant`.
 fn watch(
     contestant: &ControllerSelection,
     scenario: &Scenario,
@@ -213,10 +213,10 @@ fn watch(
     Watch::open(title(contestant, scenario, setup), &said(contestant, files))
 }
 
-/// Plays one run as [`play`] does, with the live view of a terminal that nobody sees.
+/// Simulates one run as [`play`] does, with a live view that is not displayed.
 ///
 /// # Errors
-/// As [`play`].
+/// See [`play`].
 pub fn play_unseen(
     scenario: &Scenario,
     contestant: &ControllerSelection,
@@ -228,7 +228,7 @@ pub fn play_unseen(
     play_watched(scenario, contestant, files, 0.0, stop, Some(watch))
 }
 
-/// Where the processes of a watched run say what they have to say.
+/// File for the standard error of a watched run's processes.
 fn said(contestant: &ControllerSelection, files: &Files) -> PathBuf {
     files.out.join(format!("{}.stderr", contestant.name))
 }
@@ -244,7 +244,7 @@ fn title(contestant: &ControllerSelection, scenario: &Scenario, setup: &Setup) -
     }
 }
 
-/// Removes what the plant wrote of the run called `name` into the folder `out`.
+/// Removes the plant's files of the run `name` from the folder `out`.
 fn remove_run(out: &Path, name: &str) -> Result<(), Failure> {
     let is_of_run = |entry: &Entry| {
         let file = entry.path.file_name().unwrap_or_default().to_string_lossy();
@@ -260,7 +260,7 @@ fn remove_run(out: &Path, name: &str) -> Result<(), Failure> {
 }
 
 fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
-    // The model comes first: another arm drops the paper's play, which a later --set may put back.
+    // The model comes first, because another arm drops the paper's play, which a later --set may restore.
     let mut sets: Vec<String> = args.model.iter().map(|model| format!("model={model}")).collect();
     sets.extend(args.set.iter().cloned());
     sets.extend(args.seed.iter().map(|seed| format!("seed={seed}")));
@@ -283,7 +283,7 @@ fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
 /// The scenario of `file` changed by `sets`.
 ///
 /// # Errors
-/// As bad usage or bad input.
+/// Bad usage or bad input.
 pub fn load(file: Option<&Path>, sets: &[String]) -> Result<Scenario, Failure> {
     Scenario::load(file, sets).map_err(|error| match error {
         ScenarioError::Set { .. } => Failure::usage(error),
@@ -291,7 +291,7 @@ pub fn load(file: Option<&Path>, sets: &[String]) -> Result<Scenario, Failure> {
     })
 }
 
-/// The controllers of `scenario`, each with a name of its own.
+/// The controllers of `scenario`, each with a unique name.
 fn contestants(scenario: &Scenario) -> Result<Vec<ControllerSelection>, Failure> {
     let mut found: Vec<ControllerSelection> = Vec::new();
     for asked in &scenario.controllers {
@@ -306,10 +306,10 @@ fn contestants(scenario: &Scenario) -> Result<Vec<ControllerSelection>, Failure>
     Ok(found)
 }
 
-/// Plays one run; what it came to, unless it was interrupted before it began.
+/// Plays one run. Returns its exit code and its summary; there is no summary if the run was interrupted before it began.
 ///
 /// # Errors
-/// A process that can't be started or that fails.
+/// A process that cannot start, or that fails.
 pub fn play(
     scenario: &Scenario,
     contestant: &ControllerSelection,
@@ -320,7 +320,7 @@ pub fn play(
     play_watched(scenario, contestant, files, delay, stop, None)
 }
 
-/// The same; `watch` looks on and is closed at the end of the run.
+/// Simulates one run; `watch` shows it and is closed at its end.
 fn play_watched(
     scenario: &Scenario,
     contestant: &ControllerSelection,
@@ -330,7 +330,7 @@ fn play_watched(
     watch: Option<Watch>,
 ) -> Result<(Exit, Option<RunSummary>), Failure> {
     let left = files.out.join(format!("{}.json", contestant.name));
-    // One of an earlier run stays until this run has one of its own.
+    // The summary of an earlier run stays until this run writes its own.
     let earlier = FileIdentity::of(&left);
     let has_left = || FileIdentity::of(&left).is_some_and(|now| Some(&now) != earlier.as_ref());
     let members: Vec<ControllerSelection> = std::iter::once(Ok(contestant.clone()))
@@ -348,7 +348,7 @@ fn play_watched(
         Ok(text) if has_left() => {
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
             if exit == Exit::Input && summary.ending["braked"]["tick"] == 0 {
-                // A controller that refuses what it is given has not run: nothing may say that it has.
+                // A controller that refuses its input has not run, so no file may suggest that it has.
                 remove_run(&files.out, &contestant.name)?;
                 return Err(Failure::input(format!(
                     "{} did not start; its message is above",
@@ -365,14 +365,14 @@ fn play_watched(
     }
 }
 
-/// The end of what the processes of a run that was watched on a screen had to say; nothing where they could say it themselves.
+/// The end of the standard error of a run that was watched on a screen; empty if the processes could print it themselves.
 fn last_lines(said: &Path) -> Vec<String> {
     let text = freeplay_storage::read_bytes(said, u64::MAX).unwrap_or_default();
     let text = String::from_utf8_lossy(&text[text.len().saturating_sub(LAST_WORDS)..]).into_owned();
     text.lines().map(str::to_owned).collect()
 }
 
-/// Starts the processes of a run, the first of `members` in charge, and waits until it has ended.
+/// Starts the processes of a run, with the first of `members` active, and waits until it has ended.
 fn processes(
     scenario: &Scenario,
     members: &[ControllerSelection],
@@ -411,7 +411,7 @@ fn processes(
     Ok(ended)
 }
 
-/// A line on standard error while a run goes on; none where it is watched.
+/// A progress line on standard error; hidden if the run is watched.
 fn progress(is_watched: bool, contestant: &ControllerSelection, setup: &Setup, pace: Pacing) -> ProgressBar {
     let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
     let words = format!("{}: {seconds} s of motion, {}", contestant.asked, pace_name(pace));
@@ -427,7 +427,7 @@ fn progress(is_watched: bool, contestant: &ControllerSelection, setup: &Setup, p
     }
 }
 
-/// Writes the summary and the report, and prints what a person, or a program, wants to see.
+/// Writes the summary and the report, and prints the result for a person or a program.
 fn finish(
     args: &RunArgs,
     scenario: &Scenario,
@@ -445,7 +445,7 @@ fn finish(
     let text = serde_json::to_string_pretty(&summary).map_err(Failure::internal)?;
     let report = write(&out.join("summary.json"), &text)
         .and_then(|()| run_report::write(scenario, setup, out, runs, &machine));
-    // Shown even where the disk has no room for it.
+    // The summary is printed even if the disk has no room for it.
     match args.format {
         Format::Json => say(&format!("{text}\n"))?,
         Format::Text => {

@@ -16,19 +16,19 @@ use crate::weights;
 pub struct Files {
     /// The effective scenario.
     pub scenario: PathBuf,
-    /// What controllers are given.
+    /// Task of the controllers.
     pub task: PathBuf,
-    /// The model that controllers are given, where it was written for them.
+    /// Model written for the controllers, if there is one.
     pub model: Option<PathBuf>,
     /// The folder of results.
     pub out: PathBuf,
 }
 
 impl Files {
-    /// Writes them into the folder `out`, made first.
+    /// Creates the folder `out` and writes the files into it.
     ///
     /// # Errors
-    /// A folder or a file that can't be made.
+    /// A folder or a file that cannot be created.
     pub fn write(scenario: &Scenario, setup: &Setup, out: &Path) -> Result<Self, Failure> {
         freeplay_terminal::files::make_folder(out)?;
         let out = std::path::absolute(out).map_err(Failure::input)?;
@@ -41,7 +41,8 @@ impl Files {
         Ok(files)
     }
 
-    /// Removes them, and what the processes of runs of `contestants` that did not begin have left; nothing where one of them recorded a tick.
+    /// Removes these files, and those of runs of `contestants` that did not begin. If one of them recorded a tick, the function removes
+    /// nothing.
     pub fn give_up(&self, contestants: &[ControllerSelection]) -> Result<(), Failure> {
         let named = |ending: &str| {
             let file =
@@ -59,7 +60,7 @@ impl Files {
     }
 }
 
-/// Whether the recording `file` was begun and holds nothing.
+/// Returns true if the recording `file` exists and has no samples.
 pub fn is_without_samples(file: &Path) -> bool {
     matches!(
         freeplay_recording::read_overview(file, None, 1),
@@ -70,7 +71,7 @@ pub fn is_without_samples(file: &Path) -> bool {
 /// Endings of recordings.
 pub const RECORDED: [&str; 2] = ["mcap", "csv"];
 
-/// The scenario with paths that hold in any folder.
+/// The scenario with absolute paths, which are valid in any folder.
 fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
     let mut scenario = scenario.clone();
     if scenario.model != freeplay_controller::task::PAPER_MODEL {

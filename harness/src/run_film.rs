@@ -7,27 +7,27 @@ use freeplay_report::{Film, Moving, Scene};
 
 use crate::columns::{path_columns, play_column};
 
-/// One run that is seen in the film.
+/// One run in the film.
 pub struct Seen<'a> {
     /// Its name.
     pub name: &'a str,
-    /// All its ticks.
+    /// Recording of all its ticks.
     pub recording: &'a Recording,
 }
 
-/// Time between two frames while nothing changes, s.
+/// Time between two frames while the contact does not change, s.
 const CALM: f64 = 0.008;
-/// Frames at most.
+/// Largest number of frames.
 const MOST_FRAMES: usize = 3000;
-/// How much of the picture the greatest deviation takes.
+/// Share of the picture for the greatest deviation.
 const DEVIATION_SHARE: f64 = 0.12;
-/// Frames that the trail of a journal goes back.
+/// Number of earlier frames in the trail of a journal.
 const TRAIL: usize = 40;
-/// What a journal does, by the duration of its contact so far.
+/// States of a journal, by the duration of its contact so far.
 const STATES: [&str; 3] = ["free flight", "impact", "in contact"];
 
-/// The film of `runs` of `arm`, whose journal `play`, of radial clearance `clearance` m, sits at joint number `joint`; none where the
-/// recordings lack what it takes.
+/// The film of `runs` of `arm`. Its journal `play`, of radial clearance `clearance` m, belongs to the joint with index `joint`.
+/// Returns `None` if the recordings lack the necessary columns.
 pub fn film(arm: &Arm, runs: &[Seen], play: &str, joint: usize, clearance: f64) -> Option<Film> {
     let frames = frames(runs, play)?;
     let times: Vec<f64> = frames.iter().map(|&row| runs[0].recording.t[row]).collect();
@@ -38,7 +38,7 @@ pub fn film(arm: &Arm, runs: &[Seen], play: &str, joint: usize, clearance: f64) 
     for run in runs {
         film = film.scene(bearing(run, play, clearance, &frames)?);
     }
-    // The fall of the centred journal is where most is to be seen.
+    // The first frame shows the drop of the centred journal, where most happens.
     film.first = frames.len().min(TRAIL).saturating_sub(1);
     film.caption = format!(
         "Pale: the desired arm. Coloured: the same arm, shifted from {play} on by {magnified} times the tool's deviation. The journal's \
@@ -49,7 +49,7 @@ pub fn film(arm: &Arm, runs: &[Seen], play: &str, joint: usize, clearance: f64) 
     Some(film)
 }
 
-/// The rows that become frames: all ticks around flights and impacts, else one every [`CALM`] seconds.
+/// The rows of the frames: all ticks around flights and impacts, otherwise one every [`CALM`] seconds.
 fn frames(runs: &[Seen], play: &str) -> Option<Vec<usize>> {
     let rows = runs.iter().map(|run| run.recording.len()).min()?;
     let t = &runs.first()?.recording.t;
@@ -71,7 +71,7 @@ fn frames(runs: &[Seen], play: &str) -> Option<Vec<usize>> {
     (!frames.is_empty()).then_some(frames)
 }
 
-/// The arm seen along a horizontal line, and how many times its deviation is magnified.
+/// The side view of the arm along a horizontal line, and the magnification of its deviation.
 fn side_view(arm: &Arm, runs: &[Seen], joint: usize, frames: &[usize]) -> Option<(Scene, f64)> {
     let mut workspace = Workspace::new(arm);
     let desired: Vec<Vec<[f64; 3]>> = frames
@@ -80,7 +80,7 @@ fn side_view(arm: &Arm, runs: &[Seen], joint: usize, frames: &[usize]) -> Option
         .collect::<Option<_>>()?;
     let deviations: Vec<[&[f64]; 3]> =
         runs.iter().map(|run| deviation(run.recording)).collect::<Option<_>>()?;
-    // Seen at right angles to where the tool mostly is.
+    // The view is perpendicular to the main direction of the tool.
     let sum = |axis: usize| desired.iter().filter_map(|points| Some(points.last()?[axis])).sum::<f64>();
     let length = sum(0).hypot(sum(1)).max(f64::MIN_POSITIVE);
     let ahead = [sum(0) / length, sum(1) / length];
@@ -118,7 +118,7 @@ fn side_view(arm: &Arm, runs: &[Seen], joint: usize, frames: &[usize]) -> Option
     Some((scene, magnified))
 }
 
-/// Base, origins of all links and tool of the arm as it is desired at `row`, m.
+/// Desired positions at `row` of the base, of the origins of all links and of the tool, m.
 fn skeleton(
     arm: &Arm,
     workspace: &mut Workspace,

@@ -18,24 +18,24 @@ use crate::scenario::Scenario;
 use crate::setup::Setup;
 use crate::summary::RunSummary;
 
-/// Rows of a recording that a report is drawn from; of a longer one, an overview with all peaks.
+/// Largest number of rows of a recording for a report; a longer recording is reduced to an overview with all peaks.
 const MOST_ROWS: usize = 40_000;
-/// Digits of a deviation, wherever it stands in the report.
+/// Digits of a deviation everywhere in the report.
 const DIGITS: Digits = Digits::Significant(3);
 
-/// One controller's run with what it left.
+/// One controller's run with its results.
 pub struct Played<'a> {
-    /// What it is called.
+    /// Display name.
     name: String,
     summary: &'a RunSummary,
     recording: Option<Recording>,
     latencies: Vec<(String, Histogram<u64>)>,
 }
 
-/// Writes `report.html` into `out`; its path.
+/// Writes `report.html` into `out` and returns its path.
 ///
 /// # Errors
-/// Recordings or histograms that can't be read back; a file that can't be written.
+/// Unreadable recordings or histograms; an unwritable file.
 pub fn write(
     scenario: &Scenario,
     setup: &Setup,
@@ -76,10 +76,10 @@ pub fn write(
 }
 
 impl<'a> Played<'a> {
-    /// The run of `summary`, called `name`, with what it left in `out`.
+    /// Reads the run of `summary`, called `name`, with its results in `out`.
     ///
     /// # Errors
-    /// A recording or histograms that can't be read back.
+    /// An unreadable recording or histogram.
     pub fn read(summary: &'a RunSummary, out: &Path, name: String) -> Result<Self, Failure> {
         let recording = match &summary.recording {
             Some(name) if summary.ticks > 0 => {
@@ -91,17 +91,18 @@ impl<'a> Played<'a> {
         Ok(Self { name, summary, recording, latencies })
     }
 
-    /// What it is called.
+    /// Display name.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What it came to.
+    /// Summary.
     pub fn summary(&self) -> &RunSummary {
         self.summary
     }
 
-    /// The recording with all its ticks: the rows of an overview are no samples, least and greatest of two columns do not belong together.
+    /// The recording, if it contains all ticks. The rows of an overview are no samples, because extremes of two columns do not belong to
+    /// the same instant.
     fn whole(&self) -> Option<&Recording> {
         self.recording.as_ref().filter(|recording| self.summary.ticks <= recording.len() as u64)
     }
@@ -118,12 +119,12 @@ fn mm(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::NAN)
 }
 
-/// A length of `mm` mm as the tables below have it: the same unit and the same digits.
+/// A length of `mm` mm in the format of the tables: the same unit and the same digits.
 fn length(mm: f64) -> String {
     number(mm, DIGITS)
 }
 
-/// How each ended, and how far its tool was off.
+/// End of each run, and deviation of its tool.
 pub fn overview(played: &[Played]) -> Vec<Block> {
     let verdict = |run: &Played| {
         let summary = run.summary;
@@ -153,7 +154,7 @@ pub fn overview(played: &[Played]) -> Vec<Block> {
     blocks
 }
 
-/// A chart of one recorded column for all controllers; nothing where no run recorded it.
+/// A chart of one recorded column for all controllers; `None` if no run recorded it.
 fn chart(played: &[Played], title: &str, axis: Axis, column: &str, scale: f64) -> Option<Chart> {
     let series: Vec<Series> = played.iter().filter_map(|run| run.line(column, scale)).collect();
     if series.is_empty() {
@@ -163,7 +164,7 @@ fn chart(played: &[Played], title: &str, axis: Axis, column: &str, scale: f64) -
     Some(series.into_iter().fold(chart, Chart::series))
 }
 
-/// The tool's deviation: a table, and traces over each other.
+/// The tool's deviation: a table, and superimposed traces.
 pub fn deviation(played: &[Played]) -> Section {
     let mut table = Table::new("Tool deviation: true tool minus the perfect arm on the desired joints")
         .column(Column::text("controller"))
@@ -202,7 +203,7 @@ pub fn deviation(played: &[Played]) -> Section {
     section
 }
 
-/// What the journal of `play` does.
+/// Contact of the journal of `play`.
 pub fn contact(played: &[Played], play: &str) -> Section {
     let mut table = Table::new(format!("Contact in {play}"))
         .column(Column::text("controller"))
@@ -288,7 +289,7 @@ fn torques(played: &[Played], setup: &Setup) -> Section {
     section
 }
 
-/// The greatest speeds, accelerations and torques, and the shares of their limits.
+/// The greatest speeds, accelerations and torques, and their shares of the limits.
 fn joint_use(played: &[Played], setup: &Setup) -> Table {
     let mut table = Table::new("Load on the motors: greatest values, and shares of the limits")
         .column(Column::text("controller"))
@@ -313,12 +314,12 @@ fn joint_use(played: &[Played], setup: &Setup) -> Table {
     table.note("The first half second is left out, because the bouncing journal moves the light joints whatever the controller does.")
 }
 
-/// Quantiles at which a percentile curve is drawn.
+/// Quantiles of a percentile curve.
 fn quantiles() -> impl Iterator<Item = f64> {
     (0..=120).map(|step| 1.0 - 10f64.powf(-f64::from(step) / 24.0))
 }
 
-/// How long the stages took: a table, and percentile curves over each other.
+/// Durations of the stages: a table, and superimposed percentile curves.
 pub fn latencies(played: &[Played]) -> Section {
     let mut table = Table::new("Latencies by stage")
         .column(Column::text("controller"))

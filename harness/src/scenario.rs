@@ -1,7 +1,7 @@
-//! Scenarios: one TOML file that says what is run; every key also by `--set key=value`.
+//! Scenarios: one TOML file that describes a run; `--set key=value` changes any key.
 //!
-//! What was typed ([`Scenario`]) and what runs (a `PlantConfig` for the plant, a `Task` for the controller) are
-//! different types; [`crate::setup`] turns one into the other.
+//! The user's input ([`Scenario`]) and the inputs of the processes (a `PlantConfig` for the plant, a `Task` for the controller) are
+//! different types; [`crate::setup`] converts the first into the others.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -55,7 +55,7 @@ pub enum RecordingKind {
     None,
 }
 
-/// What stands for no weights where those beside the model are not to be used.
+/// Value of `weights` that switches off the weights next to the model.
 pub const NO_WEIGHTS: &str = "none";
 
 /// What the controllers are given to work with.
@@ -219,19 +219,19 @@ impl Default for Scenario {
     }
 }
 
-/// Why a scenario can't be used.
+/// Reasons why a scenario cannot be used.
 #[derive(Debug, Error)]
 pub enum ScenarioError {
-    /// The file can't be read.
+    /// The file cannot be read.
     #[error("cannot read the scenario {}: {}; {}", .0.path.display(), .0.source, .0.remedy())]
     Unreadable(#[from] freeplay_storage::StorageError),
-    /// An arm where a scenario was expected.
+    /// The file is an arm file, not a scenario.
     #[error("{0} is an arm file, not a scenario: run it with freeplay run --model {command}", path.display(), command = pasted(path))]
     Arm {
         /// The file.
         path: PathBuf,
     },
-    /// Not TOML, an unknown key or a value of the wrong type; the message shows line and column.
+    /// The file is not TOML, or has an unknown key or a value of the wrong type; the message gives line and column.
     #[error("scenario {}: {}", path.display(), plain_words(&source.to_string()))]
     Syntax {
         /// The file.
@@ -239,12 +239,12 @@ pub enum ScenarioError {
         /// Line, column and cause.
         source: Box<toml::de::Error>,
     },
-    /// A `--set` is not understood.
+    /// A `--set` is invalid.
     #[error("--set {given}: {message}")]
     Set {
-        /// What was typed.
+        /// The given text.
         given: String,
-        /// What is wrong with it.
+        /// Its fault.
         message: String,
     },
     /// A number is out of its range.
@@ -254,24 +254,24 @@ pub enum ScenarioError {
         key: &'static str,
         /// The value found.
         value: f64,
-        /// What it may be.
+        /// The permitted range.
         range: &'static str,
     },
-    /// A group of settings contradicts itself.
+    /// The settings of a group contradict each other.
     #[error("scenario: {0}")]
     Contradiction(String),
-    /// The scenario can't be written.
+    /// The scenario cannot be written.
     #[error("the scenario cannot be written as TOML: {0}")]
     Unwritable(#[from] toml::ser::Error),
 }
 
 impl Scenario {
-    /// Ticks from one command that reaches the servos to the next.
+    /// Ticks between the commands that reach the servos.
     pub fn command_every(&self) -> u32 {
         self.command_rate.map_or(1, |rate| (self.rate / rate).round().max(1.0) as u32)
     }
 
-    /// The scenario of `file` (the default one without it), changed by `sets` of the form `key=value`.
+    /// Loads the scenario of `file` (or the default one without a file), changed by `sets` of the form `key=value`.
     ///
     /// # Errors
     /// See [`ScenarioError`].
@@ -284,7 +284,7 @@ impl Scenario {
         let (has_path, has_gains) = (chosen("path"), chosen("controller.gains"));
         let mut scenario = if sets.is_empty() { scenario } else { scenario.set(given, sets)? };
         scenario.has_gains = has_gains;
-        // The path by default lies where the paper's arm reaches; every other arm can swing its joints.
+        // The default path lies within the reach of the paper's arm; for every other arm the default is a swing of its joints.
         if scenario.model != freeplay_controller::task::PAPER_MODEL && !has_path {
             scenario.path.kind = PathKind::JointSine;
         }
@@ -300,7 +300,7 @@ impl Scenario {
         }
         let mut scenario: Self = toml::from_str(&text).map_err(syntax)?;
         let given: toml::Table = toml::from_str(&text).map_err(syntax)?;
-        // A file that names its own arm does not inherit the play of the paper's joint 5.
+        // A file with its own arm does not inherit the play of the paper's joint 5.
         if given.contains_key("model") && !given.contains_key("clearance") {
             scenario.clearance.clear();
         }
@@ -316,7 +316,7 @@ impl Scenario {
         Ok((scenario, given))
     }
 
-    /// Applies `sets` in their order.
+    /// Applies `sets` in order.
     fn set(self, given: toml::Table, sets: &[String]) -> Result<Self, ScenarioError> {
         let mut table = toml::Table::try_from(&self)?;
         for set in sets {
@@ -390,13 +390,13 @@ impl Scenario {
     /// The scenario as TOML that [`Scenario::load`] reads back.
     ///
     /// # Errors
-    /// [`ScenarioError::Unwritable`] for numbers that TOML cannot hold.
+    /// [`ScenarioError::Unwritable`] for numbers that TOML cannot express.
     pub fn to_toml(&self) -> Result<String, ScenarioError> {
         Ok(toml::to_string(self)?)
     }
 }
 
-/// Whether `key` is in the file's table `given` or in one of the changes `sets`.
+/// Returns true if `key` is in the file's table `given` or in one of the changes `sets`.
 fn is_given(given: &toml::Table, sets: &[String], key: &str) -> bool {
     let mut parts = key.split('.');
     let first = parts.next().and_then(|part| given.get(part));
@@ -408,7 +408,7 @@ fn is_given(given: &toml::Table, sets: &[String], key: &str) -> bool {
     in_file.flatten().is_some() || sets.iter().any(is_set)
 }
 
-/// The model `name` as seen from `folder`; the paper's arm is in no folder.
+/// The path of the model `name` relative to `folder`; the name of the paper's arm stays unchanged.
 fn beside(folder: &Path, name: &str) -> String {
     if name == freeplay_controller::task::PAPER_MODEL {
         name.to_owned()
@@ -417,12 +417,12 @@ fn beside(folder: &Path, name: &str) -> String {
     }
 }
 
-/// The same for weights, which may be [`NO_WEIGHTS`].
+/// Does the same for weights, which may be [`NO_WEIGHTS`].
 fn beside_unless_none(folder: &Path, name: &str) -> String {
     if name == NO_WEIGHTS { name.to_owned() } else { folder.join(name).display().to_string() }
 }
 
-/// A value as TOML understands it; what is no TOML value is text.
+/// Parses a value as TOML; any other text becomes a string.
 fn parse_value(text: &str) -> toml::Value {
     let document: Result<toml::Table, _> = toml::from_str(&format!("value = {text}"));
     document
@@ -431,7 +431,7 @@ fn parse_value(text: &str) -> toml::Value {
         .unwrap_or_else(|| toml::Value::String(text.to_owned()))
 }
 
-/// Puts `value` at the dotted `key`; integers become floats where a float stands.
+/// Inserts `value` at the dotted `key`; an integer becomes a float if the present value is one.
 fn insert(table: &mut toml::Table, key: &str, value: toml::Value) -> Result<(), String> {
     let (head, rest) = key.split_once('.').map_or((key, None), |(head, rest)| (head, Some(rest)));
     if head.is_empty() {

@@ -1,15 +1,15 @@
-//! Where in a scenario file a key stands, so that what is wrong with its value is said with line and column.
+//! Position of a key in a scenario file, so that error messages can give line and column.
 
 use std::path::Path;
 
 use toml::de::{DeTable, DeValue};
 
-/// A place in a text, counted from 1.
+/// A position in a text, counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// The line.
+    /// Line.
     pub line: usize,
-    /// The column, in characters.
+    /// Column, in characters.
     pub column: usize,
 }
 
@@ -21,7 +21,7 @@ impl Place {
     }
 }
 
-/// Where the dotted `key` stands in the TOML `text`; none if it does not.
+/// The position of the dotted `key` in the TOML `text`; `None` if the key is missing.
 pub fn place_of(text: &str, key: &str) -> Option<Place> {
     let document = DeTable::parse(text).ok()?;
     let mut parts = key.split('.');
@@ -43,7 +43,7 @@ fn value_of<'a, 'i>(table: &'a DeTable<'i>, key: &str) -> Option<&'a DeValue<'i>
     table.iter().find(|(name, _)| name.get_ref() == key).map(|(_, value)| value.get_ref())
 }
 
-/// `message` about the scenario in `file`, with the line that it is about under it if the message names a key of the file.
+/// `message` about the scenario in `file`. If it names a key of the file, the function appends the line of that key.
 pub fn located(file: Option<&Path>, message: String) -> String {
     let drawn = file.and_then(|file| {
         let text = freeplay_storage::read_text(file).ok()?;
@@ -61,11 +61,11 @@ pub fn located(file: Option<&Path>, message: String) -> String {
     message + &drawn.unwrap_or_default()
 }
 
-/// How many words behind a table's name may name the key in it.
+/// Largest number of words after a table's name that may name its key.
 const WORDS: usize = 4;
 
-/// The keys that `message` may be about, the longest first: `scenario: clearance.joint_5: effect joint_clearance: friction = -1 …` is
-/// about `clearance.joint_5.friction`, else about `clearance.joint_5`.
+/// The keys that `message` may refer to, the longest first: `scenario: clearance.joint_5: effect joint_clearance: friction = -1 …`
+/// refers to `clearance.joint_5.friction`, or else to `clearance.joint_5`.
 fn named_keys(message: &str) -> Vec<String> {
     let rest = match message.strip_prefix("scenario: ") {
         Some(rest) => rest,

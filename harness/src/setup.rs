@@ -1,4 +1,4 @@
-//! From what was typed to what runs.
+//! Set-up of a run: from the scenario to the plant and its path.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -18,28 +18,28 @@ use nalgebra::Vector3;
 
 use crate::scenario::{Drive, Pacing, Scenario};
 
-/// A scenario with its files read and its path planned.
+/// A scenario with its files loaded and its path planned.
 pub struct Setup {
-    /// What the plant is made of.
+    /// Configuration of the plant.
     pub plant: PlantConfig,
     /// The reference motion.
     pub path: Arc<JointPath>,
-    /// The arm file with all plays of the scenario as effects: the truth.
+    /// The arm file with all plays of the scenario as effects: the simulated true arm.
     pub truth: ArmFile,
 }
 
 /// Reads the arm file `model`, or the paper's arm.
 ///
 /// # Errors
-/// The file's own error, as bad input.
+/// An error of the file, as bad input.
 pub fn load_model(model: &str) -> Result<ArmFile, Failure> {
     load_selected(model, &Selection::default())
 }
 
-/// The same with the chain of its robot that `selection` says.
+/// Reads the arm file with the chain of its robot given by `selection`.
 ///
 /// # Errors
-/// The file's own error, as bad input.
+/// An error of the file, as bad input.
 pub fn load_selected(model: &str, selection: &Selection) -> Result<ArmFile, Failure> {
     if model == PAPER_MODEL {
         return match &selection.tip {
@@ -91,7 +91,7 @@ fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
     Ok(file)
 }
 
-/// Makes rotors that are effects part of an arm that moves no inertia without them, so that its controllers can use it as well.
+/// Moves rotors from the effects into an arm that lacks inertia without them, so that its controllers can use the arm as well.
 fn fold_rotors(file: &mut ArmFile) -> Result<(), Failure> {
     let arm = &file.arm;
     if arm.require(Purpose::Simulation).is_ok() {
@@ -111,10 +111,10 @@ fn fold_rotors(file: &mut ArmFile) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The effect that is the inertia of a rotor.
+/// Name of the effect of a rotor's inertia.
 const ROTOR: &str = "rotor_inertia";
 
-/// Says of an effect that can't be used whether it stands in the file `model` or in the scenario.
+/// Error of an unusable effect; it names the file `model` or the scenario as the origin.
 fn faulty_effect(model: &str, error: &LawError) -> Failure {
     let place = if error.line().is_some() { model } else { "scenario: clearance" };
     Failure::input(format!("{place}: {error}"))
@@ -131,7 +131,7 @@ impl Setup {
     /// Reads the files of `scenario` and plans its path.
     ///
     /// # Errors
-    /// Bad input: an arm file, an effect or a path that can't be used.
+    /// Bad input: an unusable arm file, effect or path.
     pub fn new(scenario: &Scenario) -> Result<Self, Failure> {
         let truth = truth(scenario)?;
         let effects = Effects::of(&truth).map_err(|error| faulty_effect(&scenario.model, &error))?;
@@ -176,10 +176,10 @@ impl Setup {
         &self.truth.arm
     }
 
-    /// Writes the task of the controllers into `folder`, and the model beside it where none is named.
+    /// Writes the task of the controllers into `folder`, and the model next to it if the scenario names none.
     ///
     /// # Errors
-    /// A file that can't be written.
+    /// An unwritable file.
     pub fn write_task(&self, scenario: &Scenario, folder: &Path) -> Result<PathBuf, Failure> {
         let model = match &scenario.controller.model {
             Some(model) if model == PAPER_MODEL => model.clone(),
@@ -215,14 +215,14 @@ impl Setup {
 }
 
 impl Setup {
-    /// The model file of the controllers: `model` itself, or in `folder` the chain of its robot that has the plant's joints, where another
-    /// one would be taken by itself.
+    /// The model file of the controllers: `model` itself, or, if its default chain differs from that of the plant, a file in `folder` with
+    /// the chain that has the plant's joints.
     fn controller_model(&self, model: &str, folder: &Path) -> Result<String, Failure> {
         let given = std::path::absolute(model).map_err(Failure::input)?.display().to_string();
         let names = |arm: &Arm| arm.joints().iter().map(|joint| joint.name.clone()).collect::<Vec<_>>();
         let wanted = names(self.arm());
         let selection = Selection { tip: None, joints: wanted.clone() };
-        // A file that can't be read is the controller's to complain of.
+        // The controller reports a file that it cannot read.
         let found = freeplay_arm::load(Path::new(model)).ok().filter(|file| names(&file.arm) != wanted);
         let chosen = found.and_then(|_| freeplay_arm::load_selected(Path::new(model), &selection).ok());
         let Some(chosen) = chosen.filter(|file| names(&file.arm) == wanted) else { return Ok(given) };
@@ -231,7 +231,7 @@ impl Setup {
     }
 }
 
-/// Effects and steps that can't be are refused before any process starts.
+/// Checks effects and step size before any process starts.
 fn check_step(model: &str, plant: &PlantConfig, path: &JointPath) -> Result<(), Failure> {
     plant.system(path).map(|_| ()).map_err(|error| match error {
         SystemError::Law(error) => Failure::input(error),
@@ -244,8 +244,8 @@ fn check_step(model: &str, plant: &PlantConfig, path: &JointPath) -> Result<(), 
     })
 }
 
-/// The line of the file `model` on which the joint stands: the first one that has its name in quotes and is one of a joint, in URDF
-/// `<joint name="elbow"`; in TOML its name alone.
+/// The line of the file `model` with the joint: the first line with its name in quotes and a joint element, in URDF `<joint name="elbow"`;
+/// in TOML the first line with the name.
 fn line_of(model: &str, joint: &str) -> Option<usize> {
     let text = freeplay_storage::read_text(Path::new(model)).ok()?;
     let names = |line: &str| ['"', '\''].iter().any(|quote| line.contains(&format!("{quote}{joint}{quote}")));
@@ -253,7 +253,7 @@ fn line_of(model: &str, joint: &str) -> Option<usize> {
     of_joint.or_else(|| text.lines().position(names)).map(|line| line + 1)
 }
 
-/// What the scenario asks of the operating system for the plant, or for the controller.
+/// The scenario's real-time request for the plant or for the controller.
 pub fn realtime_request(scenario: &Scenario, cpu: Option<usize>) -> RtRequest {
     let wanted = scenario.pace == Pacing::Realtime;
     RtRequest {

@@ -13,26 +13,26 @@ use crate::verdict;
 /// The schema of `summary.json`.
 pub const SCHEMA: &str = "freeplay.summary/1";
 
-/// What one run of one controller came to; written by the plant's process, read by `freeplay run`.
+/// Results of one run of one controller; the plant's process writes them, `freeplay run` reads them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RunSummary {
-    /// Name of the controller, as it was asked for.
+    /// Requested name of the controller.
     pub controller: String,
     /// Name of the run's files.
     pub files: String,
     /// "lockstep" or "realtime".
     pub pace: String,
-    /// Ticks played.
+    /// Number of simulated ticks.
     pub ticks: u64,
-    /// How the run ended.
+    /// End of the run.
     pub ending: Value,
     /// "passed", "failed" or "interrupted".
     #[serde(default)]
     pub verdict: String,
-    /// The rules that were not kept.
+    /// The violated rules.
     #[serde(default)]
     pub failures: Vec<Value>,
-    /// What stopped the arm: reason, quantity, joint, value, limit, unit and tick; null if it was not stopped.
+    /// Cause of a stop of the arm: reason, quantity, joint, value, limit, unit and tick; null without a stop.
     #[serde(default)]
     pub stopped: Value,
     /// SHA-256 of every State and Command.
@@ -44,29 +44,29 @@ pub struct RunSummary {
     /// The force of the base on the first moving body, N.
     #[serde(rename = "base_force_N")]
     pub base_force: Value,
-    /// What was asked of the drives, joint by joint: greatest speed, acceleration and torque, the limits and the shares of them.
+    /// Use of the drives, joint by joint: greatest speed, acceleration and torque, the limits and the shares of them.
     pub joint_use: Value,
     /// Energies, J.
     #[serde(rename = "energy_J")]
     pub energy: Value,
-    /// How the controllers in charge said that they arrived at their answers, counted.
+    /// Numbers of answers of the active controllers by status.
     pub answers: Value,
-    /// How far the learned remainder reached along the path; null for a controller that uses none.
+    /// Reach of the learned remainder along the path; null for a controller without one.
     #[serde(default)]
     pub learned: Value,
     /// Ticks without a command in time.
     pub deadlines: Value,
-    /// What was not let through: of who was in charge by the gate, and commands for any slot that did not come from its seat.
+    /// Rejections: answers of the active controllers by the gate, and commands for any slot from a process without its seat.
     pub gate: Value,
-    /// The controllers with what each gate refused, and every change of who was in charge.
+    /// The controllers with the rejections of each gate, and every change of the active controller.
     pub line_up: Value,
     /// Latencies of each stage, µs.
     pub latency_us: BTreeMap<String, Value>,
-    /// What became of the requests to the operating system.
+    /// Results of the requests to the operating system.
     pub realtime: Value,
     /// File name of the recording, if there is one.
     pub recording: Option<String>,
-    /// What went wrong beside the run, in words.
+    /// Texts on problems outside the run.
     pub notes: Vec<String>,
 }
 
@@ -162,7 +162,7 @@ fn line_up(plant: &Plant, names: &[String]) -> Value {
     })
 }
 
-/// Quantiles, greatest and count of a histogram of ns, in µs.
+/// Quantiles, maximum and count of a histogram of ns, in µs.
 pub fn percentiles(histogram: &Histogram<u64>) -> Value {
     let us = |ns: u64| ns as f64 * 1e-3;
     json!({
@@ -181,34 +181,34 @@ fn latencies(stages: &Stages) -> BTreeMap<String, Value> {
         .collect()
 }
 
-/// What is known of a run beside what the plant itself holds.
+/// Data of a run that the plant itself does not have.
 pub struct RunFacts {
-    /// Name of the controller, as it was asked for.
+    /// Requested name of the controller.
     pub controller: String,
     /// Names of the controllers by slot.
     pub controllers: Vec<String>,
     /// "lockstep" or "realtime".
     pub pace: String,
-    /// Ticks played.
+    /// Number of simulated ticks.
     pub ticks: u64,
-    /// How the run ended.
+    /// End of the run.
     pub ending: Ending,
-    /// The hash of what was said.
+    /// Hash of all States and Commands.
     pub state_hash: String,
     /// All joints.
     pub joints: Vec<String>,
     /// Joints with play.
     pub plays: Vec<String>,
-    /// What became of the requests to the operating system.
+    /// Results of the requests to the operating system.
     pub realtime: RtReport,
     /// File name of the recording.
     pub recording: Option<String>,
-    /// What went wrong beside the run.
+    /// Texts on problems outside the run.
     pub notes: Vec<String>,
 }
 
 impl RunSummary {
-    /// The summary of what `plant` did.
+    /// The summary of the run of `plant`.
     pub fn new(plant: &Plant, facts: RunFacts) -> Self {
         let mut gate: serde_json::Map<String, Value> = Rejection::ALL
             .iter()

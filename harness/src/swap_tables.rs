@@ -1,4 +1,4 @@
-//! The tables of a scenario that say when the controller changes.
+//! The tables of a scenario for changes of the controller.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Which controller is to be in charge when: from the names and times of a scenario to slots and ticks.
+//! Planned swaps: converts the names and times of a scenario to slots and ticks.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::columns;
 use crate::scenario::Scenario;
 use crate::swap_tables::CompareTable;
 
-/// First tick at which a random swap may take place: before, nothing can be in force.
+/// First tick of a random swap; before it, no command can be in force.
 const FIRST_TICK: u64 = 2;
 
 impl CompareTable {
@@ -31,7 +31,7 @@ impl CompareTable {
     }
 }
 
-/// What the `controllers` controllers of the sound run recorded in `file` differed by.
+/// The differences between the `controllers` controllers of the sound run recorded in `file`.
 fn usual_of(file: &Path, controllers: usize) -> Result<ReferenceDivergence, Failure> {
     let recording = freeplay_recording::read(file, None).map_err(Failure::input)?;
     columns::usual(&recording).filter(|usual| usual.slots() == controllers).ok_or_else(|| {
@@ -42,7 +42,7 @@ fn usual_of(file: &Path, controllers: usize) -> Result<ReferenceDivergence, Fail
     })
 }
 
-/// The names of a run's controllers by slot, the one that begins first; of several with one name, the second is `name#2`.
+/// The names of a run's controllers by slot, the initially active one first; if several have one name, the second is `name#2`.
 pub fn names(first: &str, standby: &[String]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for asked in std::iter::once(first).chain(standby.iter().map(String::as_str)) {
@@ -55,10 +55,10 @@ pub fn names(first: &str, standby: &[String]) -> Vec<String> {
     names
 }
 
-/// The line-up of `scenario` with the controllers `names`, over `ticks` ticks of `period` s.
+/// The controllers of `scenario` with the names `names`, and their swaps over `ticks` ticks of `period` s.
 ///
 /// # Errors
-/// A swap to nobody, after the end or to where there is no standby; more controllers than a run has slots.
+/// A swap to an unknown controller, after the end, or without a standby; more controllers than slots.
 pub fn controller_set(
     scenario: &Scenario,
     names: &[String],
@@ -114,7 +114,7 @@ pub fn controller_set(
     Ok(ControllerSet { controllers: names.len(), swaps, blend, hand_over_change, comparison })
 }
 
-/// `count` swaps at random ticks at least `apart` apart, each to another than the one before.
+/// `count` swaps at random ticks at least `apart` apart, each to another controller than the one before.
 fn random(seed: u64, count: u32, slots: usize, ticks: u64, apart: u64) -> Vec<PlannedSwap> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let free = ticks - u64::from(count) * apart;

@@ -15,12 +15,12 @@ use freeplay_report::paste::pasted;
 use freeplay_terminal::flags::is_quiet;
 use freeplay_terminal::layout::text_table;
 
-/// Name of the rejection of an answer that is not there.
+/// Name of the rejection of a missing answer.
 const MISSING: &str = "missing";
-/// Fail-overs that are told one by one.
+/// Largest number of fail-overs listed one by one.
 const LISTED_FAIL_OVERS: usize = 10;
 
-/// The result of `freeplay run` in words and one table.
+/// The result of `freeplay run` as text with one table.
 pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path, report: &Path) -> String {
     let mut text = heading(scenario, setup) + "\n";
     for note in &setup.truth.ignored {
@@ -58,7 +58,7 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
     if is_quiet() { text } else { text + &next(scenario, runs, out) }
 }
 
-/// Commands that go on from here, with the same arm, path and settings.
+/// Suggested next commands, with the same arm, path and settings.
 fn next(scenario: &Scenario, runs: &[RunSummary], out: &Path) -> String {
     let file = pasted(&out.join("scenario.toml"));
     let pace = match scenario.pace {
@@ -99,7 +99,7 @@ pub fn heading(scenario: &Scenario, setup: &Setup) -> String {
     )
 }
 
-/// The machine, and what it refused, once.
+/// The machine, and the requests that it refused, once.
 fn machine_lines(runs: &[RunSummary]) -> Vec<String> {
     let Some(run) = runs.first() else { return Vec::new() };
     let machine = &run.realtime["machine"];
@@ -139,7 +139,7 @@ fn results(setup: &Setup, runs: &[RunSummary]) -> Table {
         table.add_row(row(run, joint.as_deref()));
     }
     if let Some(names) = table.column_mut(0) {
-        // A name stays in one piece however narrow the terminal is.
+        // A name is never broken, however narrow the terminal is.
         names.set_constraint(ColumnConstraint::ContentWidth);
     }
     for column in [1, 2, 3, 5, 6, 7, 8] {
@@ -180,13 +180,13 @@ fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
     ]
 }
 
-/// Share of a run in free flight from which on a journal does not come to rest.
+/// Share of a run in free flight above which a journal counts as not coming to rest.
 pub const BOUNCING: f64 = 0.25;
 
-/// The joints whose journals do not come to rest, and what may be tried: in light arms feedback may throw them again and again.
+/// The joints whose journals do not come to rest, with suggestions: in light arms, feedback may throw the journals repeatedly.
 fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {
     if (run.ticks as f64) < scenario.rate {
-        // Less than a second is all fall and first bounces.
+        // Less than a second contains only the fall and the first bounces.
         return Vec::new();
     }
     let joints = run.contact["joints"].as_object().into_iter().flatten();
@@ -204,7 +204,7 @@ fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {
         .collect()
 }
 
-/// The greatest share of the limits that a run used, by quantity, and where.
+/// The greatest used share of the limits in a run, by quantity, with the joint.
 fn drives(run: &RunSummary) -> String {
     let greatest = |quantity: &str| {
         let joints = run.joint_use.as_object().into_iter().flatten();
@@ -229,7 +229,7 @@ fn drives(run: &RunSummary) -> String {
     )
 }
 
-/// How a run ended that did not end as planned.
+/// Text for a run that did not end as planned.
 pub fn ending(run: &RunSummary) -> Option<String> {
     let of = |how: &str| run.ending.get(how);
     if let Some(braked) = of("braked") {
@@ -248,7 +248,7 @@ pub fn ending(run: &RunSummary) -> Option<String> {
     of("interrupted").map(|interrupted| format!("interrupted after {} ticks", interrupted["tick"]))
 }
 
-/// What is out of the ordinary in a run, a line each.
+/// Remarks on a run, one line each.
 fn remarks(run: &RunSummary) -> Vec<String> {
     let mut remarks = run.notes.clone();
     remarks.extend(ending(run));
@@ -294,7 +294,7 @@ fn remarks(run: &RunSummary) -> Vec<String> {
     remarks
 }
 
-/// The first command that was refused for a limit, in words.
+/// Text for the first command that was refused because of a limit.
 fn first_refusal(first: &Value) -> Option<String> {
     let limit = limit_words(first)?;
     let (controller, tick) = (first["controller"].as_str()?, &first["tick"]);
@@ -306,7 +306,7 @@ fn first_refusal(first: &Value) -> Option<String> {
     })
 }
 
-/// Who took over from whom.
+/// Text on takeovers and swaps.
 fn swap_remarks(run: &RunSummary) -> Vec<String> {
     let Some(swaps) = run.line_up["swaps"].as_array() else { return Vec::new() };
     let (planned, failed): (Vec<&Value>, Vec<&Value>) =

@@ -1,18 +1,18 @@
-//! Whether a run was sound, and in words what stopped an arm or was refused.
+//! Verdict on a run, and the texts for the cause of a stop or a refusal.
 //!
-//! A run that was played to its end is not yet a sound one. It fails where a joint was beyond its speed limit for longer than an impact takes
-//! to pass, and where the tool was further off than it can be while every joint keeps the tracking limit of `[reflex]`: the
-//! joints' limits times their levers, and the clearances. Where that limit is switched off, nobody asks the arm to follow its reference, and
-//! its deviation is not judged.
+//! A run that reached its end is not necessarily sound. It fails if a joint exceeded its speed limit for longer than an impact lasts. It also
+//! fails if the tool deviated more than is possible while every joint keeps the tracking limit of `[reflex]`: the sum of the joints' limits
+//! times their levers, and the clearances. If that limit is switched off, the arm need not follow its reference, and the verdict ignores its
+//! deviation.
 
 use freeplay_arm::Joint;
 use freeplay_plant::{Ending, LimitViolation, Plant, RefusedCommand, SPEED_MARGIN, Stop};
 use serde_json::{Value, json};
 
-/// Ticks in a row for which a joint may be beyond its speed limit: a few more than an impact in a bearing takes.
+/// Number of consecutive ticks for which a joint may exceed its speed limit: a few more than an impact in a bearing lasts.
 const MOST_TICKS_BEYOND: u32 = 5;
 
-/// The verdict on what `plant` did until its `ending`: "passed", "failed" or "interrupted", and each rule that was not kept.
+/// The verdict on the run of `plant` until its `ending`: "passed", "failed" or "interrupted", and each violated rule.
 pub fn verdict(plant: &Plant, ending: Ending) -> (&'static str, Vec<Value>) {
     let mut failures = Vec::new();
     match ending {
@@ -44,7 +44,7 @@ pub fn verdict(plant: &Plant, ending: Ending) -> (&'static str, Vec<Value>) {
     (word, failures)
 }
 
-/// `excess` as `quantity`, `joint`, `value`, `limit` and `unit`; all null where there is none.
+/// `excess` as `quantity`, `joint`, `value`, `limit` and `unit`; all are null without an excess.
 fn limit(excess: Option<LimitViolation>, joints: &[Joint]) -> Value {
     let of = excess.and_then(|excess| Some((excess, joints.get(excess.joint)?)));
     json!({
@@ -56,14 +56,14 @@ fn limit(excess: Option<LimitViolation>, joints: &[Joint]) -> Value {
     })
 }
 
-/// `stop` as it stands in `summary.json`.
+/// `stop` in the format of `summary.json`.
 pub fn stopped(stop: &Stop, joints: &[Joint]) -> Value {
     let mut value = limit(stop.excess, joints);
     (value["reason"], value["tick"]) = (json!(stop.reason.name()), json!(stop.tick));
     value
 }
 
-/// `refusal` of one of the controllers `names` as it stands in `summary.json`.
+/// `refusal` of one of the controllers `names`, in the format of `summary.json`.
 pub fn refused(refusal: &RefusedCommand, joints: &[Joint], names: &[String]) -> Value {
     let mut value = limit(refusal.excess, joints);
     (value["reason"], value["tick"]) = (json!(refusal.reason.name()), json!(refusal.tick));
@@ -72,7 +72,7 @@ pub fn refused(refusal: &RefusedCommand, joints: &[Joint], names: &[String]) -> 
     value
 }
 
-/// A number as a person reads it: four digits.
+/// A number with four digits for a person.
 fn number(value: &Value) -> String {
     let value = value.as_f64().unwrap_or(f64::NAN);
     if value.abs() >= 1e7 {
@@ -83,7 +83,7 @@ fn number(value: &Value) -> String {
     format!("{value:.digits$}")
 }
 
-/// What was beyond which limit: "joint_6: speed 11.31 rad/s, limit 11.24 rad/s"; nothing where `value` names no joint.
+/// Text on an exceeded limit: "joint_6: speed 11.31 rad/s, limit 11.24 rad/s"; `None` if `value` names no joint.
 pub fn limit_words(value: &Value) -> Option<String> {
     let (joint, unit) =
         (value["joint"].as_str()?, value["unit"].as_str()?.replace('*', "·").replace("^2", "²"));
@@ -96,7 +96,7 @@ pub fn limit_words(value: &Value) -> Option<String> {
     Some(format!("{joint}: {quantity} {found} {unit}, limit {limit} {unit}"))
 }
 
-/// The failure of a rule other than that the arm was stopped, in words.
+/// Text on a violated rule other than a stop of the arm.
 pub fn failure_words(failure: &Value) -> Option<String> {
     let [value, limit] = ["value", "limit"].map(|key| number(&failure[key]));
     let unit = failure["unit"].as_str().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! The weight file that the controllers of a scenario are given.
+//! The weight file of a scenario's controllers.
 
 use std::path::{Path, PathBuf};
 
@@ -9,18 +9,19 @@ use serde_json::{Value, json};
 
 use crate::scenario::{Drive, NO_WEIGHTS, Scenario};
 
-/// Where the weights of the model `model` stand if nobody says where: `found/model.toml` has `found/model.weights.json`.
+/// Default path of the weights of the model `model`: for `found/model.toml` it is `found/model.weights.json`.
 pub fn beside(model: &Path) -> PathBuf {
     model.with_extension("weights.json")
 }
 
-/// The weight file of `scenario`: the one that it names, else, in mode torque, the one beside the controllers' model. None if there is none.
+/// The weight file of `scenario`: the named one, or else, in mode torque, the one next to the controllers' model. Returns `None` if there is
+/// none.
 ///
-/// What a torque without a name does to the tool depends on who moves the joints, and it is learned and proved in mode torque: elsewhere weights
-/// beside the model are left alone ([`left_alone`]), and weights that a scenario names are refused by the controller.
+/// The effect of an unmodelled torque on the tool depends on the mode, and the weights are trained and proved in mode torque. In other modes the
+/// program ignores weights next to the model ([`left_alone`]), and the controller refuses weights that a scenario names.
 ///
 /// # Errors
-/// A path that has no absolute one.
+/// A path that cannot be made absolute.
 pub fn of(scenario: &Scenario) -> Result<Option<String>, Failure> {
     let absolute = |path: &Path| {
         let path = std::path::absolute(path).map_err(Failure::input)?;
@@ -34,13 +35,13 @@ pub fn of(scenario: &Scenario) -> Result<Option<String>, Failure> {
     }
 }
 
-/// The weight file beside the controllers' model, if there is one.
+/// The weight file next to the controllers' model, if there is one.
 fn beside_model(scenario: &Scenario) -> Option<PathBuf> {
     let model = scenario.controller.model.as_ref().filter(|model| *model != PAPER_MODEL)?;
     Some(beside(Path::new(model))).filter(|found| found.is_file())
 }
 
-/// What to say of weights beside the model that `scenario` does not use, because it is not of mode torque.
+/// Note on weights next to the model that `scenario` ignores, because its mode is not torque.
 pub fn left_alone(scenario: &Scenario) -> Option<String> {
     let mode = match scenario.mode {
         Drive::Torque => return None,
@@ -58,7 +59,7 @@ pub fn left_alone(scenario: &Scenario) -> Option<String> {
     ))
 }
 
-/// What a run says of the weights that its controller used, in one line; none for one that used none.
+/// One line on the weights that the controller of a run used; `None` without weights.
 pub fn words(learned: &Value) -> Option<String> {
     let number = |key: &str| learned[key].as_f64();
     let (inside, outside) = (number("inside")?, number("outside")?);

@@ -13,8 +13,8 @@ use crate::scenario::Scenario;
 use crate::setup::{Setup, load_model};
 use crate::weights::of;
 
-/// What the weights of `scenario` come to along its path for the controller `controller`: how much of it is inside the trained region, and how far
-/// the network moves the tool there. Null for a controller that uses none.
+/// The reach of the weights of `scenario` along its path for the controller `controller`: the share of the path inside the trained region, and the
+/// greatest output of the network there. Null for a controller without weights.
 pub fn reach(scenario: &Scenario, setup: &Setup, controller: &str) -> Value {
     let Ok(Some(name)) = of(scenario) else { return Value::Null };
     if controller != NARX_QP {

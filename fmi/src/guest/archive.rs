@@ -1,4 +1,4 @@
-//! The archive of an FMU, unpacked.
+//! Unpacking of the archive of an FMU.
 
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
@@ -8,15 +8,15 @@ use rawzip::{CompressionMethod, ZipArchive};
 
 use super::GuestError;
 
-/// The longest archive, and all that it may hold, bytes.
+/// Largest archive, and largest sum of its contents, bytes.
 const LONGEST: u64 = 1 << 30;
-/// Most entries of an archive.
+/// Largest number of entries of an archive.
 const MOST: usize = 20_000;
 
-/// Unpacks the FMU `file` into `folder`, which has to be empty.
+/// Unpacks the FMU `file` into `folder`, which must be empty.
 ///
 /// # Errors
-/// [`GuestError::Archive`] for no archive, a name that leads out of the folder, or more than an FMU holds.
+/// [`GuestError::Archive`] for an invalid archive, a name that leads out of the folder, or contents above the limits.
 pub fn unpack(file: &Path, folder: &Path) -> Result<(), GuestError> {
     let bytes = freeplay_storage::read_bytes(file, LONGEST)?;
     let bad = GuestError::Archive;
@@ -62,7 +62,7 @@ pub fn unpack(file: &Path, folder: &Path) -> Result<(), GuestError> {
     Ok(())
 }
 
-/// The path that an entry called `name` has within the archive; `None` where it leads out.
+/// The path of the entry `name` within the archive; `None` if it leads out.
 fn inside(name: &str) -> Option<PathBuf> {
     let is_plain = |component: Component| matches!(component, Component::Normal(_) | Component::CurDir);
     let path = Path::new(name);

@@ -1,7 +1,7 @@
-//! An FMU behind the trait of a controller.
+//! An FMU as a [`Controller`].
 //!
-//! At tick k the FMU gets the state, steps from k to k + 1 periods, and its outputs are the answer. What it refuses is no answer, which the plant's gate
-//! counts and bridges; after an error nothing is asked of it any more.
+//! At tick k the FMU gets the state, steps from k to k + 1 periods, and its outputs are the answer. If the FMU refuses a call, there is no answer, which
+//! the plant's gate counts and bridges; after an error the controller calls the FMU no more.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use freeplay_shm::State;
 use super::slave::Slave;
 use super::{GuestError, Mapping, Opened};
 
-/// A controller that an FMU is.
+/// A controller implemented by an FMU.
 #[derive(Debug)]
 pub struct FmuController {
     path: PathBuf,
@@ -27,21 +27,21 @@ struct Ready {
     inputs: Vec<f64>,
     outputs: Vec<f64>,
     period: f64,
-    /// The tick at which the FMU began.
+    /// The tick at which the FMU started.
     first: Option<u64>,
-    /// Ticks that it has stepped since.
+    /// Number of ticks that it has stepped since.
     done: u64,
     failed: bool,
 }
 
 impl FmuController {
-    /// The controller in the FMU `path`.
+    /// Creates a controller from the FMU `path`.
     pub fn new(path: &Path) -> FmuController {
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         FmuController { path: path.to_path_buf(), name: name.chars().take(60).collect(), ready: None }
     }
 
-    /// Whether `path` names an FMU.
+    /// Returns true if `path` names an FMU.
     pub fn is_named(path: &Path) -> bool {
         path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("fmu"))
     }
@@ -80,7 +80,7 @@ impl Controller for FmuController {
             ready.failed = true;
             return answer.give_up();
         }
-        // A number that is none goes to the plant's gate, which counts it by its name.
+        // A NaN passes to the plant's gate, which counts it by its reason.
         ready.mapping.answer(state, &ready.outputs, answer);
     }
 }
@@ -90,7 +90,7 @@ impl Ready {
         for (input, signal) in self.inputs.iter_mut().zip(&self.mapping.signals) {
             *input = signal.of(state, self.period);
         }
-        // An FMU begins where its controller joins, at its time 0; over states that were missed it steps at once.
+        // An FMU starts at its time 0 when its controller joins; one longer step covers missed states.
         let first = *self.first.get_or_insert(state.tick);
         let until = (state.tick + 1).saturating_sub(first).max(self.done + 1);
         self.slave.set(&self.mapping.input_references, &mut self.inputs)?;

@@ -1,4 +1,4 @@
-//! `modelDescription.xml` of an FMU of somebody else.
+//! Reads `modelDescription.xml` of a third-party FMU.
 
 use roxmltree::{Document, Node, ParsingOptions};
 
@@ -13,7 +13,7 @@ pub enum Version {
     Three,
 }
 
-/// What the description says.
+/// Contents of the description.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guest {
     /// The version of FMI.
@@ -22,20 +22,20 @@ pub struct Guest {
     pub identifier: String,
     /// GUID or instantiation token.
     pub token: String,
-    /// Inputs that are numbers: name and value reference.
+    /// Numeric inputs: name and value reference.
     pub inputs: Vec<(String, u32)>,
-    /// Outputs that are numbers.
+    /// Numeric outputs: name and value reference.
     pub outputs: Vec<(String, u32)>,
 }
 
-/// Most XML nodes of a description.
+/// Largest number of XML nodes of a description.
 const MAX_NODES: u32 = 1_000_000;
 
 impl Guest {
     /// Reads the description `text`.
     ///
     /// # Errors
-    /// [`GuestError::Description`]: what is wrong with it.
+    /// [`GuestError::Description`] with its fault.
     pub fn parse(text: &str) -> Result<Guest, GuestError> {
         let wrong = |what: &str| GuestError::Description(what.to_owned());
         let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };

@@ -1,4 +1,4 @@
-//! Which number of a run a variable of an FMU is.
+//! Mapping of the variables of an FMU to the signals of a run.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use super::{Guest, GuestError};
 
-/// A number of a run that goes into a controller.
+/// A signal of a run that is an input of a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signal {
     /// Measured position of a joint, rad (m).
@@ -19,11 +19,11 @@ pub enum Signal {
     Velocity(usize),
     /// Measured torque of a joint, N·m (N).
     Torque(usize),
-    /// Reference position at the instant at which the answer acts.
+    /// Reference position at the instant when the answer takes effect.
     ReferencePosition(usize),
-    /// Reference velocity then.
+    /// Reference velocity at that instant.
     ReferenceVelocity(usize),
-    /// Reference acceleration then.
+    /// Reference acceleration at that instant.
     ReferenceAcceleration(usize),
     /// Tracked tool: x, y, z, then the quaternion x, y, z, w.
     Tool(usize),
@@ -31,10 +31,10 @@ pub enum Signal {
     Time,
 }
 
-/// Makes the signal of a joint.
+/// Constructor of the signal of a joint.
 type OfJoint = fn(usize) -> Signal;
 
-/// Names of signals of joints.
+/// Names of joint signals.
 const OF_JOINTS: [(&str, OfJoint); 6] = [
     ("q", Signal::Position),
     ("qd", Signal::Velocity),
@@ -44,15 +44,15 @@ const OF_JOINTS: [(&str, OfJoint); 6] = [
     ("qdd_ref", Signal::ReferenceAcceleration),
 ];
 
-/// Names of the parts of the tool's pose.
+/// Names of the components of the tool's pose.
 const TOOL: [&str; 7] = ["x", "y", "z", "qx", "qy", "qz", "qw"];
 
-/// Names of commands, and which derivative of the joint's position they are in mode driven.
+/// Names of commands, with the order of the derivative of the joint's position in mode driven.
 const COMMANDS: [(&str, usize); 5] =
     [("command", 0), ("torque", 0), ("u", 0), ("command_qd", 1), ("command_qdd", 2)];
 
 impl Signal {
-    /// The value in `state`, whose ticks are `period` s apart.
+    /// The value in `state`; the ticks are `period` s apart.
     pub fn of(self, state: &State, period: f64) -> f64 {
         let reference = &state.reference_next;
         match self {
@@ -78,7 +78,7 @@ impl Signal {
     }
 }
 
-/// The joint that `name` names as `KIND.JOINT`, `KIND_JOINT`, or by its number from 1: `KIND1`, `KIND_1`, `KIND[1]`.
+/// The joint in `name`, written as `KIND.JOINT`, `KIND_JOINT`, or with its number from 1 as `KIND1`, `KIND_1`, `KIND[1]`.
 fn joint_of(name: &str, kind: &str, joints: &[String]) -> Option<usize> {
     let rest = name.strip_prefix(kind)?;
     let word = rest.strip_prefix(['.', '_']).unwrap_or(rest);
@@ -100,15 +100,15 @@ fn joint_of(name: &str, kind: &str, joints: &[String]) -> Option<usize> {
 pub struct Mapping {
     /// Value references of inputs.
     pub input_references: Vec<u32>,
-    /// Their signals.
+    /// Signals of these inputs.
     pub signals: Vec<Signal>,
     /// Value references of outputs.
     pub output_references: Vec<u32>,
-    /// The joints that they command, and which derivative of its position: 0 the command itself, 1 its velocity, 2 its acceleration.
+    /// The joints commanded by these outputs, with the order of the derivative: 0 the command itself, 1 its velocity, 2 its acceleration.
     pub commands: Vec<(usize, usize)>,
 }
 
-/// The mapping file: names of variables, and of numbers of a run.
+/// The mapping file: names of variables, and of signals of a run.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Table {
@@ -117,7 +117,7 @@ struct Table {
 }
 
 impl Mapping {
-    /// The mapping file of the FMU `file`: beside it, with `.toml` behind its name.
+    /// The path of the mapping file of the FMU `fmu`: next to it, with `.toml` appended to its name.
     pub fn file(fmu: &Path) -> PathBuf {
         let mut name = fmu.as_os_str().to_owned();
         name.push(".toml");
@@ -127,7 +127,7 @@ impl Mapping {
     /// Maps the variables of `guest` in the FMU `fmu` for an arm with these `joints`.
     ///
     /// # Errors
-    /// A variable that is no number of a run, a joint without a command, a mapping file that can't be read.
+    /// A variable without a signal, a joint without a command, or an unreadable mapping file.
     pub fn of(guest: &Guest, fmu: &Path, joints: &[String]) -> Result<Mapping, GuestError> {
         let file = Mapping::file(fmu);
         let table = if file.is_file() { Table::read(&file)? } else { Table::default() };
@@ -144,7 +144,7 @@ impl Mapping {
         }
         for (name, reference) in &guest.outputs {
             let said = table.outputs.get(name).unwrap_or(name);
-            // An output that is no command is for others.
+            // An output that is not a command is ignored.
             let command = |(kind, order): &(&str, usize)| Some((joint_of(said, kind, joints)?, *order));
             let Some(command) = COMMANDS.iter().find_map(command) else {
                 if table.outputs.get(name).is_some_and(|said| !said.is_empty()) {
@@ -161,7 +161,7 @@ impl Mapping {
         }
     }
 
-    /// Puts the values of outputs into `answer` to `state`. Velocities and accelerations that the FMU does not give are those of the reference.
+    /// Writes the values of outputs into the `answer` to `state`. Velocities and accelerations without an output are those of the reference.
     pub fn answer(&self, state: &State, values: &[f64], answer: &mut Answer) {
         let reference = &state.reference_next;
         (answer.velocity, answer.acceleration) = (reference.qd, reference.qdd);

@@ -1,10 +1,10 @@
-//! FMUs of others as controllers: FMI 2.0 and 3.0 Co-Simulation.
+//! Third-party FMUs as controllers: FMI 2.0 and 3.0 Co-Simulation.
 //!
-//! - [`unpack`]: the archive into a folder, which nothing in it leads out of.
-//! - [`Guest`]: the description: identifier, token, and the numbers that go in and out.
-//! - [`Mapping`]: which number of a run each variable is, by its name or by a table in TOML.
-//! - [`Opened`]: an FMU unpacked and described; [`Slave`]: its shared library at work, the only other place with `unsafe`.
-//! - [`FmuController`]: all of it behind the trait of a controller.
+//! - [`unpack`]: unpacks the archive into a folder; no entry can lead out of it.
+//! - [`Guest`]: the description: identifier, token, and the numeric inputs and outputs.
+//! - [`Mapping`]: the signal of a run for each variable, by its name or by a table in TOML.
+//! - [`Opened`]: an unpacked and described FMU; [`Slave`]: its running shared library, the only other place with `unsafe`.
+//! - [`FmuController`]: all of these as a controller.
 
 mod archive;
 mod controller;
@@ -24,32 +24,32 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why an FMU can't be used as a controller.
+/// Reasons why an FMU cannot be used as a controller.
 #[derive(Debug, Error)]
 pub enum GuestError {
-    /// A file can't be read or written.
+    /// A file cannot be read or written.
     #[error(transparent)]
     Storage(#[from] freeplay_storage::StorageError),
-    /// The archive is none, or one that is not to be trusted.
+    /// The archive is invalid or unsafe.
     #[error("{0}; export the FMU again")]
     Archive(String),
-    /// The description can't be used.
+    /// The description cannot be used.
     #[error("modelDescription.xml: {0}")]
     Description(String),
-    /// No library for this platform.
+    /// The FMU has no library for this platform.
     #[error("the FMU has no library {}; it has {found}: export it for this platform", wanted.display())]
     Platform {
-        /// The library that is missing.
+        /// The missing library.
         wanted: PathBuf,
-        /// The platforms that it is for.
+        /// The platforms of its libraries.
         found: String,
     },
-    /// The library can't be loaded, or is none of FMI.
+    /// The library cannot be loaded, or is not an FMI library.
     #[error("the library of the FMU can't be used: {said}; {remedy}")]
     Library {
-        /// What the system says.
+        /// The error of the operating system.
         said: String,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
     /// The FMU refused a call.
@@ -57,12 +57,12 @@ pub enum GuestError {
     Refused {
         /// The call.
         call: &'static str,
-        /// Its status.
+        /// Status of the call.
         status: i32,
         /// The last message of the FMU.
         said: String,
     },
-    /// A variable that is no number of a run.
+    /// A variable without a signal of the run.
     #[error(
         "the {role} `{name}` of the FMU is none that a run knows; write {name:?} = \"{example}\" under [{role}s] in {}, or \"\" to leave it alone",
         file.display()
@@ -70,9 +70,9 @@ pub enum GuestError {
     Unknown {
         /// Input or output.
         role: &'static str,
-        /// Its name.
+        /// Name of the variable.
         name: String,
-        /// What could stand there.
+        /// An example of a valid entry.
         example: String,
         /// The mapping file.
         file: PathBuf,
@@ -85,12 +85,12 @@ pub enum GuestError {
         /// The mapping file.
         file: PathBuf,
     },
-    /// The mapping file can't be read.
+    /// The mapping file cannot be read.
     #[error("{}: {what}", file.display())]
     Mapping {
         /// The file.
         file: PathBuf,
-        /// The fault, in words.
+        /// Text of the fault.
         what: String,
     },
 }

@@ -1,11 +1,11 @@
-//! An FMU unpacked into a folder of the system's, which goes when it is no longer needed.
+//! An FMU unpacked into a temporary folder, which is removed when it is no longer needed.
 
 use std::path::{Path, PathBuf};
 
 use super::slave::Slave;
 use super::{Guest, GuestError, Version, unpack};
 
-/// An FMU that was unpacked and described, before its library runs.
+/// An FMU that is unpacked and described, before its library runs.
 #[derive(Debug)]
 pub struct Opened {
     /// The description.
@@ -14,22 +14,22 @@ pub struct Opened {
     folder: Unpacked,
 }
 
-/// A folder that goes when it is no longer needed.
+/// A folder that is removed on drop.
 #[derive(Debug)]
 struct Unpacked(PathBuf);
 
 impl Drop for Unpacked {
     fn drop(&mut self) {
-        // What can't be removed stays in the system's folder for such things.
+        // If the removal fails, the folder stays among the temporary files.
         let _ = freeplay_storage::remove_folder(&self.0);
     }
 }
 
 impl Opened {
-    /// Unpacks the FMU `path`; a process has one unpacked at a time.
+    /// Unpacks the FMU `path`; a process may have only one unpacked at a time.
     ///
     /// # Errors
-    /// [`GuestError`]: an archive, a description or a platform that can't be used.
+    /// [`GuestError`]: an unusable archive, description or platform.
     pub fn new(path: &Path) -> Result<Opened, GuestError> {
         let folder = Unpacked(std::env::temp_dir().join(format!("freeplay-fmu-{}", std::process::id())));
         freeplay_storage::make_folder(&folder.0)?;
@@ -39,7 +39,8 @@ impl Opened {
         Ok(Opened { guest, library, folder })
     }
 
-    /// Runs the library and initialises the FMU. The library stays mapped and has read its resources, so that the folder goes.
+    /// Loads the library and initialises the FMU. The library is then mapped and has read its resources, so the function removes
+    /// the folder.
     ///
     /// # Errors
     /// [`GuestError::Library`] or [`GuestError::Refused`].

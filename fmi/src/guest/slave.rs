@@ -1,7 +1,7 @@
-//! The shared library of an FMU, at work: the C functions of FMI 2.0 and 3.0 that a Co-Simulation without events needs.
+//! The loaded shared library of an FMU, with the C functions of FMI 2.0 and 3.0 for Co-Simulation without events.
 //!
-//! Loading a library of somebody else runs its code, and its functions are taken at their word: what they do with their pointers is theirs. That is why
-//! an FMU runs in a process of its own, which it can take down, and nothing else.
+//! Loading a third-party library runs its code, and this module relies on its functions to use their pointers correctly. An FMU therefore runs in a
+//! process of its own; a crash ends only that process.
 #![allow(unsafe_code, reason = "the C interface of FMI: the functions of a library that was loaded")]
 
 use std::ffi::{CString, c_char, c_int, c_void};
@@ -12,7 +12,7 @@ use libloading::os::unix::{Library, RTLD_GLOBAL, RTLD_NOW, Symbol};
 
 use super::{Guest, GuestError, Version};
 
-/// Statuses up to this one go on: OK and warning.
+/// Statuses up to this one continue: OK and warning.
 const WARNING: c_int = 1;
 
 type Component = *mut c_void;
@@ -51,7 +51,7 @@ type Instantiate3 = unsafe extern "C" fn(
     *const c_void,
 ) -> Component;
 
-/// The functions that differ between the versions; those that don't are in [`Slave`].
+/// The functions that differ between the versions; the common ones are in [`Slave`].
 #[derive(Debug)]
 enum Calls {
     Two {
@@ -92,8 +92,8 @@ impl Calls {
         })
     }
 
-    /// An instance for Co-Simulation, without events and intermediate variables; null where the FMU refuses. `given` are name, token and resources,
-    /// which it may look at as long as it lives, as at the `callbacks`.
+    /// Creates an instance for Co-Simulation, without events and intermediate variables; null if the FMU refuses. `given` contains name, token and
+    /// resources. The FMU may access them and the `callbacks` as long as it lives.
     fn instantiate(&self, given: &[CString; 3], callbacks: &Callbacks) -> Component {
         /// `fmi2CoSimulation`.
         const CO_SIMULATION: c_int = 1;
@@ -123,9 +123,9 @@ impl Calls {
         }
     }
 
-    /// Begins the initialization at 0 s.
+    /// Starts the initialisation at 0 s.
     fn enter(&self, component: Component) -> Result<(), GuestError> {
-        // SAFETY: the component lives; the calls are in FMI's order.
+        // SAFETY: the component lives, and the calls are in FMI's order.
         unsafe {
             match self {
                 Calls::Two { set_up, enter, .. } => {
@@ -156,7 +156,7 @@ unsafe extern "C" {
     fn free(pointer: *mut c_void);
 }
 
-/// The last message of an FMU, of which a process has one.
+/// The last message of the FMU; a process has only one FMU.
 static SAID: Mutex<String> = Mutex::new(String::new());
 
 fn said() -> String {
@@ -167,7 +167,7 @@ fn keep(message: *const c_char) {
     if message.is_null() {
         return;
     }
-    // SAFETY: messages of FMI end with a zero.
+    // SAFETY: messages of FMI are null-terminated.
     let text = unsafe { std::ffi::CStr::from_ptr(message) }.to_string_lossy();
     if let Ok(mut said) = SAID.lock() {
         said.clear();
@@ -175,7 +175,7 @@ fn keep(message: *const c_char) {
     }
 }
 
-/// `fmi2CallbackLogger`: the values behind the message, which a format would ask for, are not looked at.
+/// `fmi2CallbackLogger`: the function ignores the format arguments after the message.
 unsafe extern "C" fn log2(
     _: Component,
     _: *const c_char,
@@ -191,20 +191,20 @@ unsafe extern "C" fn log3(_: *mut c_void, _: c_int, _: *const c_char, message: *
     keep(message);
 }
 
-/// An FMU that steps.
+/// A running FMU.
 #[derive(Debug)]
 pub struct Slave {
     component: Component,
     calls: Calls,
     terminate: Plain,
     free_instance: Free,
-    /// What the FMU was given, which it may look at as long as it lives.
+    /// Strings and callbacks of the FMU, which it may access as long as it lives.
     _given: ([CString; 3], Box<Callbacks>),
-    /// Last, so that the code outlives the instance.
+    /// The last field, so that the code outlives the instance.
     _library: Library,
 }
 
-// SAFETY: an FMU is used by one thread at a time, as FMI demands; which one is the same to it.
+// SAFETY: one thread at a time uses an FMU, as FMI requires; it may be any thread.
 unsafe impl Send for Slave {}
 
 fn ok(call: &'static str, status: c_int) -> Result<(), GuestError> {
@@ -221,7 +221,7 @@ fn function<T: Copy>(library: &Library, name: &str) -> Result<T, GuestError> {
     })
 }
 
-/// Why a library can't be loaded. One that is made by Python names symbols of the interpreter, which its importer is taken to have.
+/// Error for a library that cannot be loaded. A library made by Python needs symbols of the interpreter and expects its importer to provide them.
 fn unusable(error: &libloading::Error) -> GuestError {
     let said = error.to_string();
     let remedy = match said.contains("undefined symbol: _Py") || said.contains("undefined symbol: Py") {
@@ -233,10 +233,10 @@ fn unusable(error: &libloading::Error) -> GuestError {
     GuestError::Library { said, remedy }
 }
 
-/// Loads the library that the user names, if any, for all that is loaded later. It stays.
+/// Loads the library that the user names, if there is one, globally for all later libraries. It stays loaded.
 fn preload() -> Result<(), GuestError> {
     let Some(path) = std::env::var_os("FREEPLAY_FMU_PRELOAD") else { return Ok(()) };
-    // SAFETY: the user asked for this library to be loaded; see the top of this file.
+    // SAFETY: the user requested to load this library; see the top of this file.
     let library = unsafe { Library::open(Some(&path), RTLD_NOW | RTLD_GLOBAL) };
     std::mem::forget(library.map_err(|error| unusable(&error))?);
     Ok(())
@@ -247,11 +247,11 @@ fn string(text: &str) -> CString {
 }
 
 impl Slave {
-    /// The FMU `guest`, whose library is `path` and whose resources are in `resources`, initialised and ready to step from 0 s.
+    /// Creates the FMU `guest` from its library `path` and its resources in `resources`, initialised and ready to step from 0 s.
     pub(super) fn start(guest: &Guest, path: &Path, resources: &Path) -> Result<Slave, GuestError> {
         preload()?;
-        // SAFETY: the user asked for this library to be run; see the top of this file. Its symbols are resolved at once, so that one that is missing is
-        // an error here and not the end of the process at the first call.
+        // SAFETY: the user requested to run this library; see the top of this file. Its symbols are resolved at once, so that a missing one is an error
+        // here instead of a crash at the first call.
         let library = unsafe { Library::open(Some(path), RTLD_NOW) };
         let library = library.map_err(|error| unusable(&error))?;
         let (prefix, resources) = match guest.version {
@@ -277,7 +277,7 @@ impl Slave {
         let _given = (given, callbacks);
         let slave = Slave { component, calls, terminate, free_instance, _given, _library: library };
         slave.calls.enter(component)?;
-        // SAFETY: the component lives, and was taken into its initialization.
+        // SAFETY: the component lives, and is in its initialisation mode.
         ok("to end its initialization", unsafe { exit(component) })?;
         Ok(slave)
     }
@@ -288,7 +288,7 @@ impl Slave {
     /// [`GuestError::Refused`]
     pub fn set(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), GuestError> {
         let (count, values) = (references.len().min(values.len()), values.as_mut_ptr());
-        // SAFETY: both lists hold `count` elements.
+        // SAFETY: both lists contain `count` elements.
         let status = unsafe {
             match self.calls {
                 Calls::Two { set, .. } => set(self.component, references.as_ptr(), count, values),
@@ -298,13 +298,13 @@ impl Slave {
         ok("to take its inputs", status)
     }
 
-    /// Writes the outputs `references` to `values`.
+    /// Reads the outputs `references` into `values`.
     ///
     /// # Errors
     /// [`GuestError::Refused`]
     pub fn get(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), GuestError> {
         let (count, values) = (references.len().min(values.len()), values.as_mut_ptr());
-        // SAFETY: both lists hold `count` elements.
+        // SAFETY: both lists contain `count` elements.
         let status = unsafe {
             match self.calls {
                 Calls::Two { get, .. } => get(self.component, references.as_ptr(), count, values),
@@ -320,7 +320,7 @@ impl Slave {
     /// [`GuestError::Refused`]
     pub fn step(&mut self, from: f64, step: f64) -> Result<(), GuestError> {
         let (mut event, mut end, mut early, mut last) = (false, false, false, 0.0);
-        // SAFETY: the component lives, and the results have their places.
+        // SAFETY: the component lives, and the results are valid targets.
         let status = unsafe {
             match self.calls {
                 Calls::Two { step: go, .. } => go(self.component, from, step, 1),
@@ -342,7 +342,7 @@ impl Slave {
 
 impl Drop for Slave {
     fn drop(&mut self) {
-        // SAFETY: the component lives until here, and is given back once.
+        // SAFETY: the component lives until here, and is freed once.
         unsafe {
             (self.terminate)(self.component);
             (self.free_instance)(self.component);

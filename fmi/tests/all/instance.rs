@@ -1,11 +1,11 @@
-//! An instance as an importer drives it: modes, values, steps, and states that give the same bits.
+//! Tests of an instance as an importer uses it: modes, values, steps, and bit-identical restored states.
 
 use std::path::Path;
 
 use freeplay_arm::{ArmFile, paper_arm, parse_toml, to_toml};
 use freeplay_fmi::{Causality, Fault, Instance, Quantity, Value, description};
 
-/// The paper's arm with play, friction with a memory, and a sensor with one.
+/// The paper's arm with play, friction with internal state, and a sensor with internal state.
 fn worn() -> ArmFile {
     let effects = "
 [[effect]]
@@ -57,7 +57,7 @@ fn running() -> Instance {
     instance
 }
 
-/// Step number `tick` under torques that swing.
+/// Makes step number `tick` under oscillating torques.
 fn step(instance: &mut Instance, tick: u32) {
     for joint in 1..=6_u8 {
         let reference = reference(instance, &format!("torque.joint_{joint}"));
@@ -108,7 +108,7 @@ fn a_parameter_counts_from_the_start_and_is_refused_later() {
         instance.exit_initialization().unwrap();
         let brakes = reference(&instance, "brakes");
         instance.set(brakes, Value::Truth(true)).unwrap();
-        // The joints stand, and the journal falls through its clearance; one call for many steps.
+        // The joints are at rest, and the journal falls through its clearance; one call makes many steps.
         instance.step(0.0, 0.3).unwrap();
         assert!((instance.time() - 0.3).abs() < 1e-12);
         let refused = instance.set(parameter, Value::Real(clearance)).unwrap_err();

@@ -1,4 +1,4 @@
-//! The tests of FMUs, in one program: they are linked once, and run side by side on all cores.
+//! The tests of FMUs in one binary: they are linked once and run in parallel on all cores.
 #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 
 mod instance;

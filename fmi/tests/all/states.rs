@@ -1,4 +1,5 @@
-//! States of every kind of effect: put back in the middle, into the same instance and, as bytes, into a fresh one, they give the same bits.
+//! Tests of the states of every kind of effect: a state restored in the middle of a run, into the same instance and, as bytes, into a new
+//! one, gives identical bits.
 
 use std::path::Path;
 use std::time::{Duration, Instant as Clock};
@@ -7,7 +8,7 @@ use freeplay_arm::{ArmFile, paper_arm, parse_toml, to_toml};
 use freeplay_fmi::{Causality, Fault, Instance, State, Value};
 use freeplay_laws::kinds;
 
-/// One table for every kind of effect, at the joint that shows it, several for one that keeps different memories.
+/// One table for every kind of effect, at a joint on which it acts; several for a kind with different internal states.
 const EFFECTS: &[(&str, &str)] = &[
     ("actuator_saturation", "joint = \"joint_2\"\nlimit = 10.0"),
     ("asymmetric_friction", "joint = \"joint_3\"\npositive = 3.0\nnegative = 5.0"),
@@ -46,12 +47,12 @@ const EFFECTS: &[(&str, &str)] = &[
     ("viscous_friction", "joint = \"joint_2\"\nviscous = 8.0"),
 ];
 
-/// Steps of a run, and the step at which its state is taken.
+/// Number of steps of a run, and the step at which its state is saved.
 const STEPS: [u32; 2] = [100, 50];
 
 fn arm(kind: &str, parameters: &str) -> ArmFile {
     let effect = format!("\n[[effect]]\nkind = \"{kind}\"\n{parameters}\n");
-    // A wrist with friction of its own, which a drift changes.
+    // The wrist gets friction of its own, which a drift changes.
     let text = to_toml(&paper_arm()).replace("limits = ", "damping = 2.0\nfriction = 1.0\nlimits = ");
     parse_toml(&(text + &effect), Path::new("arm.toml")).unwrap()
 }
@@ -72,7 +73,7 @@ fn running(file: &ArmFile) -> Instance {
     instance
 }
 
-/// Step number `tick` under torques that swing, and all outputs after it.
+/// Makes step number `tick` under oscillating torques and returns all outputs after it.
 fn step(instance: &mut Instance, tick: u32) -> Vec<u64> {
     for joint in 1..=6_u8 {
         let torque = 40.0 * (0.2 * f64::from(tick) + f64::from(joint)).sin() / f64::from(joint);
@@ -121,7 +122,7 @@ fn a_state_of_every_kind_of_effect_gives_the_same_bits_from_there_on() {
     }
 }
 
-/// An arm whose joints have servos gets positions instead of torques; a command that is late is under way in the state.
+/// An arm whose joints have servos gets positions instead of torques; the state contains delayed commands on their way.
 #[test]
 fn an_arm_with_servos_gets_positions_and_keeps_those_under_way() {
     let servo = |joint: u8| {
@@ -186,7 +187,7 @@ fn a_state_of_another_fmu_or_of_changed_bytes_is_refused_and_changes_nothing() {
     assert_eq!(outputs(&mut instance), row);
 }
 
-/// Least time of ten in which `state` is put back.
+/// Least time of ten restorations of `state`.
 fn restored_in(instance: &mut Instance, state: &State) -> Duration {
     let timed = |_| {
         let start = Clock::now();
@@ -196,7 +197,8 @@ fn restored_in(instance: &mut Instance, state: &State) -> Duration {
     (0..10).map(timed).min().unwrap()
 }
 
-/// Size and time of a state don't grow with the time simulated: a replay of 4,000 steps would take a thousand times that of four.
+/// Size and time of a state must not grow with the simulated time: a replay of 4,000 steps would take a thousand times as long as one of
+/// four.
 #[test]
 fn a_state_is_put_back_in_a_time_that_does_not_depend_on_the_time_simulated() {
     let file = arm("joint_elasticity", "joint = \"joint_2\"\nstiffness = 2e4\ndamping = 60.0");

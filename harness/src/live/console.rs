@@ -1,4 +1,4 @@
-//! The plant's end of the talk with its parent: snapshots out on standard output, requests in on standard input.
+//! Communication of the plant with its parent process: snapshots on standard output, requests on standard input.
 
 use std::io::{BufRead, Write};
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -10,19 +10,18 @@ use freeplay_terminal::exit::Failure;
 use super::LiveSnapshot;
 use freeplay_terminal::messages::fault;
 
-/// Glances that may wait for the parent; more are not sent.
+/// Largest number of snapshots waiting for the parent; further ones are dropped.
 const WAITING: usize = 8;
 
-/// The two threads of the talk.
+/// The two threads of the communication.
 pub struct Console {
     writer: JoinHandle<()>,
 }
 
 impl Console {
-    /// Starts to pass on what the parent requests to `requests`; snapshots go into the channel that is handed back.
-    ///
+    /// Starts forwarding the parent's requests to `requests`. The returned channel takes snapshots.
     /// # Errors
-    /// What the system says if it has no threads for it.
+    /// An error of the operating system if it has no threads left.
     pub fn start(requests: OperatorRequests) -> Result<(Self, SyncSender<LiveSnapshot>), Failure> {
         let (sender, snapshots) = sync_channel::<LiveSnapshot>(WAITING);
         let writer = std::thread::Builder::new()
@@ -31,14 +30,14 @@ impl Console {
                 let mut out = std::io::stdout();
                 for snapshot in snapshots {
                     let Ok(line) = serde_json::to_string(&snapshot) else { continue };
-                    // A parent that no longer listens is no fault of the run.
+                    // If the parent no longer listens, that is no fault of the run.
                     if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
                         return;
                     }
                 }
             })
             .map_err(Failure::no_thread)?;
-        // Ends with the process, or when the parent closes its end.
+        // This thread ends with the process, or when the parent closes its end.
         std::thread::Builder::new()
             .name("requests".to_owned())
             .spawn(move || {
@@ -57,9 +56,9 @@ impl Console {
         Ok((Self { writer }, sender))
     }
 
-    /// Waits until the last snapshot is out; the channel's other end must be closed before.
+    /// Waits until the last snapshot is written; close the channel's other end before.
     pub fn finish(self) {
-        // A thread that failed has said why on standard error.
+        // A thread that failed has reported its error on standard error.
         let _ = self.writer.join();
     }
 }

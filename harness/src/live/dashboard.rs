@@ -1,4 +1,4 @@
-//! What has been seen of a run so far.
+//! State of the live view: the data of a run so far.
 
 use std::collections::VecDeque;
 
@@ -6,21 +6,21 @@ use freeplay_plant::Applied;
 
 use super::LiveSnapshot;
 
-/// Points of the trace that are kept.
+/// Number of stored points of the trace.
 const TRACE: usize = 4000;
-/// Points of an orbit that are kept.
+/// Number of stored points of an orbit.
 const ORBIT: usize = 250;
-/// Name of the rejection of an answer that is not there.
+/// Name of the rejection of a missing answer.
 const MISSING: &str = "missing";
-/// So long without a tick is worth a word, s.
+/// The view reports a pause without a tick longer than this, s.
 const LONG: f64 = 1.0;
-/// Events that are kept.
+/// Number of stored events.
 const EVENTS: usize = 64;
 
-/// A run by name.
+/// Description of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Title {
-    /// Arm, path and pace in words.
+    /// Text with arm, path and pace.
     pub words: String,
     /// Length of the run, s.
     pub seconds: f64,
@@ -30,45 +30,45 @@ pub struct Title {
     pub controllers: Vec<String>,
     /// The joints with play: name, and radial clearance in m.
     pub plays: Vec<(String, f64)>,
-    /// How long the plant waits for a controller, s.
+    /// Time for which the plant waits for a controller, s.
     pub patience: f64,
 }
 
-/// How the process of a controller fares.
+/// State of a controller's process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ControllerState {
-    /// It runs, or waits for its turn.
+    /// The process runs, or waits for its turn.
     #[default]
     Runs,
-    /// It is stopped: it neither answers nor ends.
+    /// The process is stopped: it neither answers nor ends.
     Hangs,
-    /// It has ended.
+    /// The process has ended.
     Ended,
 }
 
-/// What has been seen.
+/// The data so far.
 #[derive(Clone, Debug)]
 pub struct Dashboard {
     /// The run.
     pub title: Title,
-    /// The last look at it; `None` before the first.
+    /// The last snapshot; `None` before the first.
     pub now: Option<LiveSnapshot>,
     /// Time, s, and size of the deviation, m.
     pub trace: VecDeque<(f64, f64)>,
-    /// The journals' last offsets by joint, m.
+    /// Last offsets of each journal, m.
     pub orbits: Vec<VecDeque<[f64; 2]>>,
-    /// Time, s, and what happened.
+    /// Time, s, and text of each event.
     pub events: VecDeque<(f64, String)>,
-    /// How the controllers' processes fare, by slot.
+    /// States of the controllers' processes, by slot.
     pub fates: Vec<ControllerState>,
-    /// How long nothing new has been seen, s.
+    /// Time since the last new snapshot, s.
     pub still: f64,
-    /// Whether what is in force stands in for answers that are missing.
+    /// True if the gate's substitute for missing answers is in force.
     is_unanswered: bool,
 }
 
 impl Dashboard {
-    /// Nothing seen yet.
+    /// Creates an empty dashboard.
     pub fn new(title: Title) -> Self {
         let orbits = vec![VecDeque::with_capacity(ORBIT); title.plays.len()];
         let fates = vec![ControllerState::Runs; title.controllers.len()];
@@ -84,7 +84,7 @@ impl Dashboard {
         }
     }
 
-    /// How the controller in `slot` fares: one in charge that lives and does not answer hangs.
+    /// State of the controller in `slot`. An active controller that lives and does not answer hangs.
     pub fn fate(&self, slot: usize) -> ControllerState {
         let is_in_charge = self.now.as_ref().is_some_and(|now| now.in_charge == slot);
         match self.fates.get(slot).copied().unwrap_or_default() {
@@ -93,7 +93,7 @@ impl Dashboard {
         }
     }
 
-    /// What the run waits for, where nothing new has been seen for [`LONG`].
+    /// Text with the object that the run waits for, if there was no new snapshot for [`LONG`].
     pub fn waits(&self) -> Option<String> {
         let (still, patience) = (self.still, self.title.patience);
         let Some(now) = &self.now else {
@@ -112,12 +112,12 @@ impl Dashboard {
         })
     }
 
-    /// Time of the last look, s.
+    /// Time of the last snapshot, s.
     pub fn time(&self) -> f64 {
         self.now.as_ref().map_or(0.0, |snapshot| snapshot.tick as f64 * self.title.period)
     }
 
-    /// Notes that something happened now.
+    /// Adds an event at the current time.
     pub fn note(&mut self, event: impl Into<String>) {
         let time = self.time();
         push(&mut self.events, (time, event.into()), EVENTS);
@@ -128,7 +128,7 @@ impl Dashboard {
         self.title.controllers.get(slot).map_or("nobody", String::as_str)
     }
 
-    /// Takes a further look in.
+    /// Adds a snapshot.
     pub fn look(&mut self, snapshot: LiveSnapshot) {
         for &[time, size] in &snapshot.trace {
             push(&mut self.trace, (time, size), TRACE);
@@ -142,7 +142,7 @@ impl Dashboard {
         self.note_changes(before.as_ref());
     }
 
-    /// Notes what is other than it was `before`.
+    /// Adds an event for each difference from the snapshot `before`.
     fn note_changes(&mut self, before: Option<&LiveSnapshot>) {
         let (Some(before), Some(now)) = (before, &self.now) else { return };
         let mut events = Vec::new();
@@ -177,7 +177,7 @@ impl Dashboard {
         events.into_iter().for_each(|event| self.note(event));
     }
 
-    /// The last look in one line, for where there is no terminal.
+    /// The last snapshot as one line, for output without a terminal.
     pub fn line(&self) -> String {
         let Some(now) = &self.now else { return "no tick yet".to_owned() };
         let size = now.size() * 1e3;
@@ -211,7 +211,7 @@ fn push<T>(queue: &mut VecDeque<T>, value: T, most: usize) {
     queue.push_back(value);
 }
 
-/// `metres` in mm; a dash where nothing is known yet.
+/// `metres` in mm; a dash for NaN.
 pub(super) fn millimetres(metres: f64) -> String {
     if metres.is_nan() { "–".to_owned() } else { format!("{:.4}", metres * 1e3) }
 }
@@ -237,7 +237,7 @@ pub mod tests {
         })
     }
 
-    /// A look at tick `tick` of it.
+    /// A snapshot at tick `tick` of that run.
     pub fn snapshot(tick: u64) -> LiveSnapshot {
         let play = PlaySnapshot {
             mode: ContactMode::Impact,

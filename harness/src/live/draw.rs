@@ -1,4 +1,4 @@
-//! The picture of a run that goes on.
+//! Drawing of the live view.
 
 use freeplay_plant::Applied;
 use ratatui::Frame;
@@ -17,12 +17,12 @@ use super::dashboard::millimetres;
 use super::keys::HELP;
 use super::{ContactMode, ControllerState, Dashboard, LiveSnapshot};
 
-/// Events are wrapped to no less than this, characters.
+/// Least width of a wrapped event, characters.
 const LEAST_EVENT_WIDTH: usize = 24;
-/// Length of the trace that is shown, s.
+/// Length of the displayed trace, s.
 const WINDOW: f64 = 6.0;
 
-/// Draws `board`; `colours` only where they are wanted, as what is shown is also said in words.
+/// Draws `board`. `colours` is optional, because the text repeats everything that colours show.
 pub fn draw(frame: &mut Frame, board: &Dashboard, colours: bool) {
     let ink = Ink { colours };
     let plays = board.title.plays.len().max(1) as u16;
@@ -52,7 +52,7 @@ pub fn draw(frame: &mut Frame, board: &Dashboard, colours: bool) {
     frame.render_widget(line, help);
 }
 
-/// Colours, or none.
+/// Switch for colours.
 #[derive(Clone, Copy)]
 struct Ink {
     colours: bool,

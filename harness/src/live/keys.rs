@@ -1,13 +1,13 @@
-//! What a key asks for.
+//! Actions of keys.
 
 use std::time::Duration;
 
 use ratatui::crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers, poll, read};
 
-/// The keys in words.
+/// Help text of the keys.
 pub const HELP: &str = "1–8 swap · k kill · h hang/continue · n answer NaN · r restart · m mark · q quit";
 
-/// What a person asks for.
+/// Action that a person requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Make the controller in this slot the active one.
@@ -18,20 +18,20 @@ pub enum Action {
     Hang,
     /// Replace the next answer of the active controller by NaN.
     Spoil,
-    /// Start controllers that have ended again.
+    /// Restart controllers that have ended.
     Restart,
     /// Mark the recording.
     Mark,
-    /// End the run, its recording closed properly.
+    /// End the run and close its recording properly.
     Quit,
-    /// The same as an interruption.
+    /// End as an interruption does.
     Interrupt,
-    /// Nothing: the key has no meaning here.
+    /// No action, because the key has no meaning.
     Nothing(KeyCode),
 }
 
 impl Action {
-    /// What `key` asks for.
+    /// The action of `key`.
     fn of(key: KeyEvent) -> Option<Self> {
         if key.kind == KeyEventKind::Release {
             return None;
@@ -49,10 +49,10 @@ impl Action {
         }
     }
 
-    /// What was pressed since the last time, in its order; the terminal must be in raw mode.
+    /// The actions of keys pressed since the last call, in order; the terminal must be in raw mode.
     ///
     /// # Errors
-    /// What the terminal says.
+    /// An error of the terminal.
     pub fn pressed() -> std::io::Result<Vec<Self>> {
         let mut actions = Vec::new();
         while poll(Duration::ZERO)? {

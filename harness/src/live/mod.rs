@@ -1,13 +1,13 @@
-//! `freeplay run --live`: a run seen while it goes on, and taken a hand in.
+//! `freeplay run --live`: live view of a run, with keys that control it.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`Observer`]: sums up what the recorder's thread of the plant's process sees of the ticks; the loop knows nothing of it.
-//! - [`LiveSnapshot`]: what is worth seeing of a run a few times a second; a line of JSON on the plant's standard output.
-//! - [`Console`]: the plant's end of the talk with its parent: snapshots out, requests in.
-//! - [`Dashboard`]: what the parent has seen of a run so far; [`draw()`] makes a picture of it.
-//! - [`Action`]: what a key asks for.
-//! - [`Watch`]: a run that is watched: the terminal with its keys, or plain lines where there is none.
+//! - [`Observer`]: collects statistics of the ticks on the recorder's thread of the plant's process, without involving the loop.
+//! - [`LiveSnapshot`]: the data of a run a few times a second; a line of JSON on the plant's standard output.
+//! - [`Console`]: communication of the plant with its parent: snapshots out, requests in.
+//! - [`Dashboard`]: the data of a run so far, in the parent; [`draw()`] draws it.
+//! - [`Action`]: action of a key.
+//! - [`Watch`]: the view of a run: a terminal with keys, or plain lines without a terminal.
 
 mod console;
 mod dashboard;
@@ -25,6 +25,6 @@ pub use observer::Observer;
 pub use snapshot::{ContactMode, LiveSnapshot, PlaySnapshot, StageSnapshot};
 pub use watch::Watch;
 
-/// Time between two pictures. Where there are no cores to spare one is drawn on those of the loop: it takes a millisecond or two, and what it
-/// leaves in the caches is felt in the ticks beside it. So seldom, that stays below one tick in a hundred, and p99 what it is without.
+/// Time between two pictures. Without spare cores, the drawing shares the cores of the loop. It takes a millisecond or two and displaces data
+/// from the caches, which slows the neighbouring ticks. At this interval it affects less than one tick in a hundred and leaves p99 unchanged.
 const PICTURE: std::time::Duration = std::time::Duration::from_millis(250);

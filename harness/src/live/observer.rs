@@ -1,4 +1,4 @@
-//! Sums up ticks into snapshots, on the recorder's thread of the plant's process.
+//! Collects ticks into snapshots, on the recorder's thread of the plant's process.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::SyncSender;
@@ -9,17 +9,17 @@ use hdrhistogram::{CreationError, Histogram};
 
 use super::{ContactMode, LiveSnapshot, PlaySnapshot, StageSnapshot};
 
-/// Time between two snapshots: as many as there are pictures.
+/// Time between two snapshots: one for each picture.
 const EVERY: Duration = super::PICTURE;
-/// Ticks for which the trace keeps one point.
+/// Ticks for each point of the trace.
 const TRACE_TICKS: u64 = 10;
-/// Ticks from one point of an orbit to the next.
+/// Ticks between points of an orbit.
 const ORBIT_TICKS: u64 = 4;
 
-/// Nanoseconds that a stage of this tick took; `None` where there was no answer.
+/// Duration of a stage of this tick, ns; `None` without an answer.
 type StageTime = fn(&TickRecord) -> Option<u64>;
 
-/// What of the stages a record of a tick tells.
+/// Stages whose durations a record of a tick contains.
 const STAGES: [(&str, StageTime); 5] = [
     ("state out", |record| Some(record.state.published_ns.saturating_sub(record.state.scheduled_ns))),
     ("state transport", |record| Some(record.command?.received_ns.saturating_sub(record.state.published_ns))),
@@ -28,12 +28,12 @@ const STAGES: [(&str, StageTime); 5] = [
     ("QP", |record| Some(record.command?.qp_ns).filter(|&took| took > 0)),
 ];
 
-/// Sees every tick and tells of it now and then.
+/// Collects every tick and sends a snapshot from time to time.
 pub struct Observer {
     to: SyncSender<LiveSnapshot>,
     /// Length of a tick, s.
     period: f64,
-    /// Against the schedule, which only the wall clock has.
+    /// True if there is a schedule, which only real time has.
     is_scheduled: bool,
     snapshot: LiveSnapshot,
     /// Greatest deviation since the last point of the trace, m.
@@ -45,10 +45,11 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// An observer of a run with `plays` joints with play and ticks of `period` s, in real time or not; it tells `to`.
+    /// Creates an observer of a run with `plays` joints with play and ticks of `period` s, in real time or not; it sends
+    /// snapshots to `to`.
     ///
     /// # Errors
-    /// Never for the bounds that are used here.
+    /// No error is possible for the bounds used here.
     pub fn new(
         to: SyncSender<LiveSnapshot>,
         plays: usize,
@@ -85,7 +86,7 @@ impl Observer {
         })
     }
 
-    /// Notes a tick.
+    /// Adds a tick.
     pub fn see(&mut self, record: &TickRecord) {
         let tick = record.state.tick;
         let snapshot = &mut self.snapshot;
@@ -109,7 +110,7 @@ impl Observer {
             self.rejected[reason as usize] += 1;
         }
         if tick == 0 {
-            // Controllers may still be planning.
+            // Controllers may still be planning at this time.
             return;
         }
         let first = usize::from(!self.is_scheduled);
@@ -120,7 +121,7 @@ impl Observer {
         }
     }
 
-    /// Tells what was seen if that is due, or if this is the `last` time. A parent that does not listen misses it.
+    /// Sends a snapshot if one is due, or if this is the `last` call. A parent that does not listen misses it.
     pub fn tell(&mut self, last: bool) {
         if !last && self.told.elapsed() < EVERY {
             return;

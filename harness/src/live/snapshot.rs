@@ -1,4 +1,4 @@
-//! What is worth seeing of a run a few times a second.
+//! Data of a run for the live view, a few times a second.
 
 use std::collections::BTreeMap;
 
@@ -9,16 +9,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactMode {
-    /// None.
+    /// No contact.
     Free,
-    /// One that has lasted less than 2 ms so far.
+    /// A contact that has lasted less than 2 ms so far.
     Impact,
-    /// One that lasts.
+    /// A lasting contact.
     Continuous,
 }
 
 impl ContactMode {
-    /// The mode of a contact that has lasted for `episode` s; zero in free flight.
+    /// The mode of a contact that has lasted for `episode` s; zero means free flight.
     pub fn of(episode: f64) -> Self {
         match episode {
             _ if episode <= 0.0 => Self::Free,
@@ -27,7 +27,7 @@ impl ContactMode {
         }
     }
 
-    /// The word for it.
+    /// Name of the mode.
     pub fn name(self) -> &'static str {
         match self {
             Self::Free => "free flight",
@@ -46,7 +46,7 @@ pub struct PlaySnapshot {
     pub ticks: [u64; 3],
     /// Greatest normal force since the last snapshot, N.
     pub peak_normal_force: f64,
-    /// Where the journal was since the last snapshot, every few ticks: offsets in the plane across the axis, m.
+    /// Offsets of the journal since the last snapshot, every few ticks, in the plane across the axis, m.
     pub orbit: Vec<[f64; 2]>,
 }
 
@@ -59,24 +59,24 @@ pub struct StageSnapshot {
     pub percentiles: [f64; 4],
 }
 
-/// A look at a run.
+/// A snapshot of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LiveSnapshot {
-    /// The last tick seen.
+    /// The last tick.
     pub tick: u64,
     /// The tool's deviation at that tick, base frame, m.
     pub deviation: [f64; 3],
     /// RMS and maximum of its size after the start of the run, m.
     pub rms_max: [f64; 2],
-    /// Time, s, and size of the deviation, m, since the last snapshot: the greatest of every few ticks.
+    /// Time, s, and size of the deviation, m, since the last snapshot: the maximum of every few ticks.
     pub trace: Vec<[f64; 2]>,
     /// The joints with play.
     pub plays: Vec<PlaySnapshot>,
-    /// Slot of the controller in charge.
+    /// Slot of the active controller.
     pub in_charge: usize,
-    /// What is in force on the joints.
+    /// Command in force on the joints.
     pub applied: Applied,
-    /// Answers of who was in charge that did not pass, by reason.
+    /// Rejected answers of the active controller, by reason.
     pub rejected: BTreeMap<String, u64>,
     /// Latencies by stage.
     pub stages: Vec<StageSnapshot>,

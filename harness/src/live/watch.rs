@@ -1,4 +1,4 @@
-//! A run that is watched: the terminal with its keys, or plain lines where there is none.
+//! The live view of a run: a terminal with keys, or plain lines without a terminal.
 
 use std::io::{BufRead, BufReader, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -27,50 +27,51 @@ use super::{Action, ControllerState, Dashboard, LiveSnapshot, PICTURE, Title, dr
 /// Time between two lines.
 const LINE: Duration = Duration::from_secs(1);
 
-/// How a run is shown.
+/// Kind of display.
 enum Face {
     /// The whole terminal.
     Screen(Box<DefaultTerminal>),
     /// A line a second on standard error.
     Lines,
-    /// A bar that shows how far the run is.
+    /// A progress bar.
     Bar(ProgressBar),
-    /// The picture that a terminal would show, drawn as often, and shown to nobody.
+    /// The picture of a terminal, drawn as often but not displayed.
     Unseen(Box<Terminal<TestBackend>>),
 }
 
-/// Columns and lines of a picture that nobody sees.
+/// Columns and lines of the undisplayed picture.
 const UNSEEN: (u16, u16) = (140, 48);
 
-/// A run that is watched.
+/// The view of a run.
 pub struct Watch {
     face: Face,
     board: Dashboard,
     shown: Option<Instant>,
-    /// The last tick that a line was about.
+    /// Tick of the last printed line.
     told: Option<u64>,
-    /// What the processes of the run say meanwhile, kept off the picture.
+    /// File for the standard error of the run's processes, which would disturb the picture.
     said: PathBuf,
     plant: Option<ChildStdin>,
     snapshots: Option<Receiver<LiveSnapshot>>,
     stopped: Vec<usize>,
-    /// When something new was seen last.
+    /// Time of the last new snapshot.
     seen: Instant,
-    /// Whether the person has left by a key.
+    /// True if the person has quit by a key.
     left: Arc<AtomicBool>,
 }
 
 impl Watch {
-    /// Opens the terminal for the run `title`, whose processes' words go to the file `said` until it is closed.
+    /// Opens the view of the run `title`. With a screen, the standard error of the run's processes goes to the file `said` until
+    /// the view closes.
     ///
     /// # Errors
-    /// A terminal that can't be taken.
+    /// A terminal that cannot be set up.
     pub fn open(title: Title, said: &Path) -> Result<Self, Failure> {
         let has_terminal = std::io::stdout().is_terminal() && std::io::stdin().is_terminal();
         let face = if has_terminal {
             let terminal = ratatui::try_init()
                 .map_err(|error| Failure::usage(format!("--live: the terminal can't be taken: {error}")))?;
-            // The library looks at NO_COLOR alone.
+            // The library checks only NO_COLOR.
             force_color_output(is_coloured());
             Face::Screen(Box::new(terminal))
         } else {
@@ -79,21 +80,21 @@ impl Watch {
         Ok(Self::with(face, title, said))
     }
 
-    /// A watch that does all the work of a live view in a terminal but has none: what that costs the loop can be measured.
+    /// A view that does all the work of a live view without a terminal, to measure its influence on the loop.
     ///
     /// # Errors
-    /// None that is known; what the library says.
+    /// An error of the library; none is known.
     pub fn unseen(title: Title, said: &Path) -> Result<Self, Failure> {
         let terminal = Terminal::new(TestBackend::new(UNSEEN.0, UNSEEN.1)).map_err(Failure::internal)?;
         Ok(Self::with(Face::Unseen(Box::new(terminal)), title, said))
     }
 
-    /// A watch that moves `bar` up to the ticks of the run `title`.
+    /// A view that moves `bar` up to the ticks of the run `title`.
     pub fn behind(bar: ProgressBar, title: Title, said: &Path) -> Self {
         Self::with(Face::Bar(bar), title, said)
     }
 
-    /// Becomes true once the person has left by a key.
+    /// Flag that becomes true when the person quits by a key.
     pub fn left(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.left)
     }
@@ -113,10 +114,10 @@ impl Watch {
         }
     }
 
-    /// Where the processes of the run are to write what they have to say.
+    /// Target for the standard error of the run's processes.
     ///
     /// # Errors
-    /// A file that can't be written.
+    /// An unwritable file.
     pub fn stderr(&self) -> Result<Stdio, Failure> {
         Ok(match &self.face {
             Face::Lines | Face::Bar(_) | Face::Unseen(_) => Stdio::inherit(),
@@ -126,10 +127,10 @@ impl Watch {
         })
     }
 
-    /// Begins to listen to `plant`, whose standard input and output are pipes.
+    /// Starts listening to `plant`, whose standard input and output are pipes.
     ///
     /// # Errors
-    /// What the system says if it has no thread for it.
+    /// An error of the operating system if it has no thread left.
     pub fn listen(&mut self, plant: &mut Child) -> Result<(), Failure> {
         self.plant = plant.stdin.take();
         let Some(out) = plant.stdout.take() else { return Ok(()) };
@@ -146,10 +147,10 @@ impl Watch {
         Ok(())
     }
 
-    /// Looks at the run once, and does what keys ask for; whether the person has had enough.
+    /// Updates the view once and runs the actions of keys. Returns true if the person has quit.
     ///
     /// # Errors
-    /// The terminal is gone; a controller that can't be started again.
+    /// The terminal is gone, or a controller cannot be restarted.
     pub fn look(
         &mut self,
         controllers: &mut [Running],
@@ -173,12 +174,12 @@ impl Watch {
         Ok(quits)
     }
 
-    /// Looks a last time, at what the plant told before it ended.
+    /// Updates the view a last time with the snapshots that the plant sent before its end.
     ///
     /// # Errors
     /// The terminal is gone.
     pub fn end(&mut self) -> Result<(), Failure> {
-        // The channel closes when the plant's standard output does.
+        // The channel closes with the plant's standard output.
         while let Some(Ok(snapshot)) = self.snapshots.as_ref().map(|snapshots| snapshots.recv_timeout(LINE)) {
             self.board.look(snapshot);
         }
@@ -278,7 +279,7 @@ impl Watch {
         Ok(())
     }
 
-    /// Hands `request` to the plant, which may have ended meanwhile.
+    /// Sends `request` to the plant, which may have ended meanwhile.
     fn request(&mut self, request: OperatorRequest, words: String) {
         let line = serde_json::to_string(&request).unwrap_or_default();
         let told = self.plant.as_mut().map(|plant| writeln!(plant, "{line}").and_then(|()| plant.flush()));
@@ -291,20 +292,20 @@ impl Watch {
 }
 
 impl Drop for Watch {
-    /// Gives the terminal back, and says what the processes had to say.
+    /// Restores the terminal, and prints the standard error of the processes.
     fn drop(&mut self) {
         if matches!(self.face, Face::Screen(_)) {
             ratatui::restore();
         }
         if let Ok(said) = read_text(&self.said) {
             said.lines().for_each(tell);
-            // What was said is on the terminal now; a file that stays does no harm.
+            // The output is on the terminal now; a remaining file does no harm.
             let _ = remove_file(&self.said);
         }
     }
 }
 
-/// How the process of a controller fares.
+/// State of a controller's process.
 fn fate(controller: &mut Running) -> ControllerState {
     match controller.0.try_wait() {
         Ok(None) if is_stopped(controller.0.id()) => ControllerState::Hangs,
@@ -313,7 +314,7 @@ fn fate(controller: &mut Running) -> ControllerState {
     }
 }
 
-/// Whether the process `id` is stopped by a signal: the letter behind its name in its `stat`.
+/// Returns true if a signal has stopped the process `id`, according to the letter after its name in its `stat`.
 fn is_stopped(id: u32) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
     stat.rsplit_once(") ").is_some_and(|(_, rest)| rest.starts_with(['T', 't']))
