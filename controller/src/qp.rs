@@ -22,9 +22,9 @@ pub enum QpError {
     /// No variable or no row.
     #[error("a quadratic programme needs at least one variable and one row, not {variables} and {rows}")]
     Empty {
-        /// Number of variables asked for.
+        /// Requested number of variables.
         variables: usize,
-        /// Number of rows asked for.
+        /// Requested number of rows.
         rows: usize,
     },
     /// A coefficient of A is not a finite number.

@@ -18,9 +18,9 @@ use crate::setup::Setup;
 use crate::terminal_summary::BOUNCING;
 use freeplay_terminal::exit::Failure;
 
-/// Excluded time for the drop of a centred journal, s, and evaluated time after it, s.
+/// Excluded time for the drop of a centred journal, s.
 const DROP: f64 = 0.5;
-/// See above.
+/// Evaluated time after it, s.
 const JUDGED: f64 = 1.0;
 /// Largest number of halvings of the natural frequency; a lower one would hardly hold the arm.
 const HALVINGS: u32 = 5;

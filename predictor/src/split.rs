@@ -26,13 +26,13 @@ impl Fractions {
 /// Use of a run in [`by_run`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Part {
-    /// For training.
+    /// The run is for training.
     Train,
-    /// For validation.
+    /// The run is for validation.
     Validation,
-    /// For the test.
+    /// The run is for the test.
     Test,
-    /// Not used.
+    /// The run is not used.
     Unused,
 }
 

@@ -60,7 +60,7 @@ impl BarePlant {
     /// Publishes `state`.
     ///
     /// # Errors
-    /// As [`BarePlant::open`].
+    /// See [`BarePlant::open`].
     #[inline]
     pub fn publish(&mut self, state: &State) -> Result<(), LinkError> {
         self.states.send(state, STATES)
@@ -69,7 +69,7 @@ impl BarePlant {
     /// Takes the oldest unread command.
     ///
     /// # Errors
-    /// As [`BarePlant::open`].
+    /// See [`BarePlant::open`].
     #[inline]
     pub fn next_command(&self) -> Result<Option<Command>, LinkError> {
         let command = self.commands.receive().map_err(transport("take commands of", COMMANDS))?;
@@ -96,7 +96,7 @@ impl BareController {
     /// Takes the oldest unread state.
     ///
     /// # Errors
-    /// As [`BareController::open`].
+    /// See [`BareController::open`].
     #[inline]
     pub fn next_state(&self) -> Result<Option<State>, LinkError> {
         let state = self.states.receive().map_err(transport("take states of", STATES))?;
@@ -106,7 +106,7 @@ impl BareController {
     /// Sends `command`.
     ///
     /// # Errors
-    /// As [`BareController::open`].
+    /// See [`BareController::open`].
     #[inline]
     pub fn send(&mut self, command: &Command) -> Result<(), LinkError> {
         self.commands.send(command, COMMANDS)

@@ -105,7 +105,7 @@ impl PlantLink {
     /// Takes all commands of `slot` and returns the newest; [`PlantLink::skipped`] counts the others.
     ///
     /// # Errors
-    /// As [`PlantLink::next_command`].
+    /// See [`PlantLink::next_command`].
     #[inline]
     pub fn newest_command(&mut self, slot: usize) -> Result<Option<Command>, LinkError> {
         let this = self.slot(slot)?;

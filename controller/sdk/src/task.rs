@@ -81,19 +81,19 @@ impl Default for Gains {
     }
 }
 
-/// What a controller is given.
+/// The task of a controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {
     /// Path of an arm file, or [`PAPER_MODEL`].
     pub model: String,
-    /// Weight file of what a network learned beyond the model; absent: none.
+    /// Weight file of the learned remainder beyond the model; absent: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weights: Option<String>,
     /// Gravity in the base frame, m/s²; overrules the model's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity: Option<[f64; 3]>,
-    /// Who moves the joints.
+    /// Mode of the joints' motion.
     #[serde(default)]
     pub mode: TaskMode,
     /// Ticks per second, 1/s.
@@ -102,7 +102,7 @@ pub struct Task {
     /// In mode servo: commands per second that reach the servos; absent: one a tick.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub command_rate: Option<f64>,
-    /// Where the limits of the joints come from.
+    /// Source of the joint limits.
     #[serde(default)]
     pub limits: LimitsFrom,
     /// The reference motion.
@@ -111,7 +111,7 @@ pub struct Task {
     /// The feedback.
     #[serde(default)]
     pub gains: Gains,
-    /// What the controller itself understands; each controller refuses what it does not know.
+    /// Options of the controller; each controller refuses unknown keys.
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
     pub options: toml::Table,
 }
@@ -141,7 +141,7 @@ pub enum TaskError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: std::io::Error,
     },
     /// The file is not TOML, or has an unknown key, a missing one or one of the wrong type. The message shows the line.
@@ -161,7 +161,7 @@ pub enum TaskError {
         key: &'static str,
         /// The value found.
         value: f64,
-        /// What it may be.
+        /// The permitted range.
         range: &'static str,
     },
     /// The options hold a key that the controller does not know, or a value of the wrong type.
@@ -177,7 +177,7 @@ pub enum TaskError {
     OptionValue {
         /// Name of the controller.
         controller: String,
-        /// The key and what it may be.
+        /// The key and its permitted range.
         fault: &'static str,
     },
     /// The task cannot be written as TOML.

@@ -129,7 +129,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// The answer `said`, m, limited to the range of the training and scaled by the confirmed share.
+    /// The network's output `said`, m, limited to the range of the training and scaled by the confirmed share.
     pub fn bounded(&self, said: f64) -> f64 {
         // `clamp` would panic for NaN bounds; `max` and `min` do not.
         said.max(self.lowest).min(self.highest) * self.share
