@@ -230,7 +230,7 @@ impl AccelerationProgramme {
     /// Fills the rows of torques, contacts and turning, whose coefficients depend on the posture.
     fn fill_forces(&mut self, normals: &[f64], friction: &[f64]) {
         let n = self.limits.len();
-        self.pin.weigh();
+        self.pin.update_mass();
         let (arm, mass) = (self.pin.arm(), self.pin.mass());
         for (joint, limits) in self.limits.iter().enumerate() {
             let at = arm.joint(joint);

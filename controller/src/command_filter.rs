@@ -13,7 +13,7 @@ use freeplay_path::JointPath;
 use freeplay_shm::Reference;
 
 use crate::displacement_preview::SAME_PATH;
-use crate::known_effects::{BLEND, HALF_SPAN, MOST_ROWS, averaged, begun, by_row, rate_of, sampled};
+use crate::known_effects::{BLEND, HALF_SPAN, MOST_ROWS, averaged, by_row, rate_of, sampled, smooth_step};
 use crate::model::Model;
 use crate::not_ready::NotReady;
 use crate::task::{Task, TaskError, TaskMode};
@@ -71,7 +71,7 @@ impl CommandFilter {
             let early = earlier(&wanted, (servo.delay + 0.5 * held) / step);
             let joint = &model.arm.joints()[index];
             let blended =
-                early.iter().zip(q).zip(&motion.t).map(|((u, q), t)| q + begun(t / BLEND) * (u - q));
+                early.iter().zip(q).zip(&motion.t).map(|((u, q), t)| q + smooth_step(t / BLEND) * (u - q));
             let led = led(&blended.collect::<Vec<f64>>(), joint, step);
             led.iter().zip(q).map(|(u, q)| u - q).collect::<Vec<f64>>()
         };

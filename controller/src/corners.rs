@@ -97,7 +97,7 @@ impl CornerSearch<'_> {
         moving: &Instant,
     ) -> bool {
         let forces = pin.forces(outlook.on_path(tick), moving.as_motion()).to_vec();
-        pin.weigh();
+        pin.update_mass();
         let mass = pin.mass();
         let plays = self.with_play.plays();
         let slides: Vec<usize> = plays.iter().flat_map(|play| play.slides).collect();

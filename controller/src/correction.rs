@@ -119,7 +119,7 @@ impl Correction {
         beyond: &Vector3<f64>,
     ) -> Result<CompensationReport, HorizonReport> {
         jacobian(arm, &mut self.workspace, desired.q, &mut self.jacobian);
-        let more = self.bend(arm, desired.q) + beyond;
+        let more = self.nonlinear_displacement(arm, desired.q) + beyond;
         let more = correctable_deviation(&self.jacobian, more);
         horizon.aim(|k, jacobian, deviation| {
             let share = quintic((self.age + 1 + k as u64) as f64 * self.period / self.blend);
@@ -147,7 +147,7 @@ impl Correction {
 
     /// Computes one tick of the blend and the compensation of `deviation`, with the Jacobian at `desired`.
     fn move_on(&mut self, arm: &Arm, desired: Motion<'_>, deviation: Vector6<f64>) -> CompensationReport {
-        let bend = self.bend(arm, desired.q);
+        let nonlinear = self.nonlinear_displacement(arm, desired.q);
         self.age += 1;
         let share = quintic(self.age as f64 * self.period / self.blend);
         let mut target = deviation * share;
@@ -156,7 +156,7 @@ impl Correction {
             target -= self.start_deviation * (1.0 - share);
         }
         let mut position = target.fixed_rows_mut::<3>(0);
-        position += bend * share;
+        position += nonlinear * share;
         let asked = correctable_deviation(&self.jacobian, position.clone_owned());
         position.copy_from(&asked);
         let report = self.compensator.advance(desired, &self.jacobian, &target);
@@ -166,7 +166,7 @@ impl Correction {
 
     /// Nonlinear part of the tool displacement by the newest correction, beyond the Jacobian at the joints `q`, m: half a micrometre
     /// for a correction of 0.6 mm. It changes slowly, so the value of the newest correction serves for the next.
-    fn bend(&mut self, arm: &Arm, q: &[f64]) -> Vector3<f64> {
+    fn nonlinear_displacement(&mut self, arm: &Arm, q: &[f64]) -> Vector3<f64> {
         let newest = self.compensator.correction();
         for (corrected, (q, correction)) in self.corrected.iter_mut().zip(q.iter().zip(newest)) {
             *corrected = q + correction;
@@ -216,7 +216,7 @@ mod tests {
         let moved: Vec<f64> =
             q.iter().zip(correction.motion().q).map(|(q, correction)| q + correction).collect();
         let left = (tool(&moved) - tool(&q) + deviation).norm();
-        let second_order = correction.bend(&arm, &q).norm();
+        let second_order = correction.nonlinear_displacement(&arm, &q).norm();
         println!("left {left:.2e} m of a second-order share of {second_order:.2e} m");
         assert!(second_order > 1e-7 && left < 0.02 * second_order);
     }

@@ -24,7 +24,7 @@ pub struct CorrectionBounds {
     /// Largest change of the correction in a tick.
     pub change: f64,
     /// Least and largest second difference of the correction from tick to tick.
-    pub bend: [f64; 2],
+    pub second_difference: [f64; 2],
     /// Second difference with which the correction can always brake.
     pub braking: f64,
 }
@@ -32,7 +32,7 @@ pub struct CorrectionBounds {
 impl CorrectionBounds {
     /// Bounds of zero, before any limits are known.
     pub const NONE: CorrectionBounds =
-        CorrectionBounds { place: [0.0; 2], change: 0.0, bend: [0.0; 2], braking: 0.0 };
+        CorrectionBounds { place: [0.0; 2], change: 0.0, second_difference: [0.0; 2], braking: 0.0 };
 
     /// Bounds by `limits` at the desired position, velocity and acceleration `[q, v, a]`, in ticks of `period` seconds. NaN inputs give
     /// NaN bounds.
@@ -45,7 +45,7 @@ impl CorrectionBounds {
         CorrectionBounds {
             place: [clamped(limits.lower), clamped(limits.upper)],
             change: at_least(LEAST_SHARE * limits.velocity, limits.velocity - v.abs()) * period,
-            bend: [
+            second_difference: [
                 -at_least(least, limits.acceleration + a) * square,
                 at_least(least, limits.acceleration - a) * square,
             ],
@@ -58,13 +58,16 @@ impl CorrectionBounds {
     pub fn interval(&self, last: f64, before: f64) -> (f64, f64) {
         let [lower, upper] = self.place;
         let coasting = 2.0 * last - before;
-        let numbers = [lower, upper, self.change, self.bend[0], self.bend[1]];
+        let numbers = [lower, upper, self.change, self.second_difference[0], self.second_difference[1]];
         if numbers.into_iter().any(f64::is_nan) {
             return (f64::NAN, f64::NAN);
         }
         let down = self.change.min(longest_step(last - lower, self.braking));
         let up = self.change.min(longest_step(upper - last, self.braking));
-        ((last - down).max(coasting + self.bend[0]), (last + up).min(coasting + self.bend[1]))
+        (
+            (last - down).max(coasting + self.second_difference[0]),
+            (last + up).min(coasting + self.second_difference[1]),
+        )
     }
 }
 

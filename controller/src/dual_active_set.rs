@@ -11,7 +11,7 @@
 //! P⁻¹a is one solution with the factor of P. Nothing is allocated after [`DualActiveSet::new`].
 
 /// A row counts as violated if it is exceeded by more than this; in mrad this is a thousandth of a nanoradian.
-pub const BROKEN: f64 = 1e-9;
+pub const VIOLATION_TOLERANCE: f64 = 1e-9;
 /// A row depends linearly on the active rows if they reduce its curvature below this share.
 const DEPENDENT: f64 = 1e-10;
 /// Entries of a row.
@@ -37,7 +37,7 @@ impl Row {
     }
 
     /// Returns the larger violation of the two bounds by `x`, and its side: upper (1) or lower (−1).
-    fn broken(&self, x: &[f64]) -> (f64, f64) {
+    fn violation(&self, x: &[f64]) -> (f64, f64) {
         let value = self.of(x);
         let (above, below) = (value - self.upper, self.lower - value);
         if above >= below { (above, 1.0) } else { (below, -1.0) }
@@ -128,7 +128,7 @@ impl DualActiveSet {
         x: &mut [f64],
     ) -> Result<(), ActiveSetFault> {
         self.clear();
-        while let Some((row, side)) = self.most_broken(rows, x)? {
+        while let Some((row, side)) = self.most_violated(rows, x)? {
             self.column.fill(0.0);
             for (&place, factor) in rows[row].places.iter().zip(&rows[row].factors) {
                 self.column[place] += side * factor;
@@ -140,7 +140,7 @@ impl DualActiveSet {
                     return Err(ActiveSetFault::Limit);
                 }
                 self.changes += 1;
-                if self.take_in(rows, &mut entering, x)? {
+                if self.step_towards(rows, &mut entering, x)? {
                     break;
                 }
             }
@@ -149,10 +149,10 @@ impl DualActiveSet {
     }
 
     /// The row that `x` violates most, and its side.
-    fn most_broken(&self, rows: &[Row], x: &[f64]) -> Result<Option<(usize, f64)>, ActiveSetFault> {
-        let mut most = (BROKEN, None);
+    fn most_violated(&self, rows: &[Row], x: &[f64]) -> Result<Option<(usize, f64)>, ActiveSetFault> {
+        let mut most = (VIOLATION_TOLERANCE, None);
         for (index, row) in rows.iter().enumerate() {
-            let (by, side) = row.broken(x);
+            let (by, side) = row.violation(x);
             if by.is_nan() {
                 return Err(ActiveSetFault::NotFinite);
             }
@@ -165,7 +165,7 @@ impl DualActiveSet {
 
     /// Takes one step towards satisfying the row of `entering`. Returns true if the row is active now; otherwise the step has dropped a
     /// row.
-    fn take_in(
+    fn step_towards(
         &mut self,
         rows: &[Row],
         entering: &mut Active,
@@ -196,7 +196,7 @@ impl DualActiveSet {
             self.add(*entering)?;
             return Ok(true);
         }
-        self.let_go(rows, leaving);
+        self.drop_row(rows, leaving);
         Ok(false)
     }
 
@@ -250,7 +250,7 @@ impl DualActiveSet {
     }
 
     /// Drops the row at `index` of the active ones, and refactorises the part after it.
-    fn let_go(&mut self, rows: &[Row], index: usize) {
+    fn drop_row(&mut self, rows: &[Row], index: usize) {
         self.active.remove(index);
         let (n, m) = (self.variables, self.active.len());
         self.columns.copy_within((index + 1) * n..(m + 1) * n, index * n);

@@ -119,7 +119,7 @@ pub struct Horizon {
     row_weights: Vector6<f64>,
     /// ρ, and α/T⁴ in 1/mrad².
     change: f64,
-    bend: f64,
+    acceleration_weight: f64,
     /// The ticks ahead: the first is that of Δq₁.
     instants: Vec<Instant>,
     /// Tick of the last instant, if all are known.
@@ -159,7 +159,7 @@ impl Horizon {
             period,
             row_weights: weights.by_row(n),
             change: weights.change,
-            bend: weights.acceleration / (MILLI * period * period).powi(2),
+            acceleration_weight: weights.acceleration / (MILLI * period * period).powi(2),
             instants: (0..ticks).map(|_| Instant::new(n)).collect(),
             newest: None,
             factor: QDLDLFactorisation::new(&matrix, Some(settings))?,
@@ -267,15 +267,15 @@ impl Horizon {
             let (next, second) = (after.min(1.0), (after - 1.0).max(0.0));
             for j in 0..n {
                 if k > 1 {
-                    put(self.bend);
+                    put(self.acceleration_weight);
                 }
                 if k > 0 {
-                    put(-2.0 * self.bend * (1.0 + next) - self.change);
+                    put(-2.0 * self.acceleration_weight * (1.0 + next) - self.change);
                 }
                 for i in 0..j {
                     put(instant.cost[(i, j)]);
                 }
-                let own = self.bend * (1.0 + 4.0 * next + second) + self.change * (1.0 + next);
+                let own = self.acceleration_weight * (1.0 + 4.0 * next + second) + self.change * (1.0 + next);
                 put(instant.cost[(j, j)] + own);
             }
         }
@@ -291,10 +291,10 @@ impl Horizon {
         }
         for j in 0..n {
             let (last, before) = (MILLI * last[j], MILLI * before[j]);
-            self.plan[j] += self.change * last + self.bend * (2.0 * last - before);
+            self.plan[j] += self.change * last + self.acceleration_weight * (2.0 * last - before);
             if ticks > 1 {
-                self.plan[j] += 2.0 * self.bend * last;
-                self.plan[n + j] -= self.bend * last;
+                self.plan[j] += 2.0 * self.acceleration_weight * last;
+                self.plan[n + j] -= self.acceleration_weight * last;
             }
         }
     }
@@ -320,7 +320,7 @@ impl Horizon {
                 let known = if k == 1 { last[joint] } else { 0.0 };
                 next(room.place);
                 next([-room.change, room.change]);
-                next(room.bend.map(|bend| bend - known));
+                next(room.second_difference.map(|bound| bound - known));
             }
         }
         Ok(())

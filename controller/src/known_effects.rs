@@ -63,7 +63,7 @@ impl KnownEffects {
         motion: &Trajectory,
         step: f64,
     ) -> Result<Option<KnownEffects>, LawError> {
-        let (laws, sensors) = parted(effects);
+        let (laws, sensors) = split_effects(effects);
         if laws.is_empty() && sensors.is_empty() {
             return Ok(None);
         }
@@ -76,9 +76,9 @@ impl KnownEffects {
         };
         let torque = less(&full.prediction().torque, &rigid.prediction().torque);
         let mut shift = less(&motion.q, &full.prediction().link);
-        misread(&sensors, motion, step, &mut shift);
+        add_encoder_errors(&sensors, motion, step, &mut shift);
         for column in &mut shift {
-            column.iter_mut().zip(&motion.t).for_each(|(shift, t)| *shift *= begun(t / BLEND));
+            column.iter_mut().zip(&motion.t).for_each(|(shift, t)| *shift *= smooth_step(t / BLEND));
         }
         let half = (HALF_SPAN / step).round() as usize;
         let shift: Vec<Vec<f64>> =
@@ -125,7 +125,7 @@ impl KnownEffects {
 }
 
 /// Splits the effects into those on drives and transmissions, and those of the sensors.
-fn parted(effects: &Effects) -> (Vec<&Placed>, Vec<&Placed>) {
+fn split_effects(effects: &Effects) -> (Vec<&Placed>, Vec<&Placed>) {
     let (mut laws, mut sensors) = (Vec::new(), Vec::new());
     for placed in &effects.placed {
         let mut injection = Injection::default();
@@ -159,7 +159,7 @@ pub(crate) fn sampled(arm: &Arm, path: &JointPath, step: f64) -> Trajectory {
 }
 
 /// Adds to `shift` the error of encoders with these `sensors`.
-fn misread(sensors: &[&Placed], motion: &Trajectory, step: f64, shift: &mut [Vec<f64>]) {
+fn add_encoder_errors(sensors: &[&Placed], motion: &Trajectory, step: f64, shift: &mut [Vec<f64>]) {
     let mut injection = Injection::default();
     sensors.iter().for_each(|placed| placed.effect.inject(&mut injection));
     let joints = motion.q.len();
@@ -184,7 +184,7 @@ fn misread(sensors: &[&Placed], motion: &Trajectory, step: f64, shift: &mut [Vec
 }
 
 /// Smooth step from 0 to 1, at rest at both ends.
-pub(crate) fn begun(x: f64) -> f64 {
+pub(crate) fn smooth_step(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
 }

@@ -57,15 +57,15 @@ impl Corner<'_> {
         &self.frames[k].tool * DVector::from_vec(moved) * MILLI
     }
 
-    /// The displacement, mm, equivalent to the unexplained force of `meeting`.
+    /// The displacement, mm, equivalent to the unexplained force of `contact`.
     pub(crate) fn side(
         &self,
         course: &PassageTrajectory,
         k: usize,
         play: usize,
-        meeting: &JournalContact,
+        contact: &JournalContact,
     ) -> f64 {
-        self.per_newton(course, k, play) * meeting.residual()
+        self.per_newton(course, k, play) * contact.residual()
     }
 
     pub(crate) fn per_newton(&self, course: &PassageTrajectory, k: usize, play: usize) -> f64 {
@@ -78,9 +78,9 @@ impl Corner<'_> {
         for k in 1..course.ticks() - 1 {
             let forces = course.forces(k, pin);
             for (index, play) in self.arm.plays().iter().enumerate() {
-                let meeting = course.meeting(k, index, play, &forces);
-                let side = if meeting.push > 0.0 {
-                    self.side(course, k, index, &meeting).abs()
+                let contact = course.contact(k, index, play, &forces);
+                let side = if contact.normal_force > 0.0 {
+                    self.side(course, k, index, &contact).abs()
                 } else {
                     f64::INFINITY
                 };
@@ -103,9 +103,9 @@ impl Corner<'_> {
                 * corrected.map(|(a, reference)| (a - reference).powi(2)).sum::<f64>();
             let forces = course.forces(k, pin);
             for (index, play) in self.arm.plays().iter().enumerate() {
-                let meeting = course.meeting(k, index, play, &forces);
-                cost += 0.5 * weight * self.side(course, k, index, &meeting).powi(2);
-                cost += self.options.missing_push * (self.options.least_push - meeting.push).max(0.0);
+                let contact = course.contact(k, index, play, &forces);
+                cost += 0.5 * weight * self.side(course, k, index, &contact).powi(2);
+                cost += self.options.missing_push * (self.options.least_push - contact.normal_force).max(0.0);
             }
         }
         cost
@@ -135,7 +135,7 @@ impl Corner<'_> {
             for (tick, share) in
                 stencil(course.period, k).into_iter().filter(|&(tick, _)| layout.is_free(tick))
             {
-                let [first, second] = course.swing(tick, index);
+                let [first, second] = course.displacement_derivative(tick, index);
                 let moved = inertia[0] * first + inertia[1] * second;
                 entries.push((layout.angle_index(tick, index), share * moved));
             }

@@ -181,7 +181,7 @@ impl PassagePlanner {
         });
         let still = |q: Vec<f64>| Instant { v: vec![0.0; q.len()], a: vec![0.0; q.len()], q };
         self.pin.forces(still(q.to_vec()).as_motion(), still(vec![0.0; slides.len()]).as_motion());
-        self.pin.weigh();
+        self.pin.update_mass();
         Frame { tool, mass: self.pin.mass().clone() }
     }
 
@@ -242,7 +242,7 @@ impl PassagePlanner {
             let k = k.clamp(1, last - 1);
             let forces = course.forces(k, &mut self.pin);
             let each = plays.iter().enumerate();
-            each.map(|(index, play)| course.meeting(k, index, play, &forces).moment(&play.clearance))
+            each.map(|(index, play)| course.contact(k, index, play, &forces).moment(&play.clearance))
                 .collect()
         });
         rows.collect()

@@ -85,7 +85,7 @@ impl Corner<'_> {
             let joints = (0..layout.joints).map(|i| (layout.joint(k, i), tool[(row, i)]));
             let turns = (0..layout.plays).map(|play| {
                 let at = layout.joints + 2 * play;
-                let [first, second] = course.swing(k, play);
+                let [first, second] = course.displacement_derivative(k, play);
                 let moved = tool[(row, at)] * first + tool[(row, at + 1)] * second;
                 (layout.angle_index(k, play), MILLI * moved)
             });
@@ -124,17 +124,17 @@ impl Corner<'_> {
         programme: &mut SparseProgramme,
     ) {
         let play = &self.arm.plays()[index];
-        let meeting = course.meeting(k, index, play, forces);
-        let [mu, slope] = meeting.friction;
+        let contact = course.contact(k, index, play, forces);
+        let [mu, slope] = contact.friction;
         let along = |direction: [f64; 2]| [(play.slides[0], direction[0]), (play.slides[1], direction[1])];
-        let [n, t] = [meeting.normal, meeting.tangent];
+        let [n, t] = [contact.normal, contact.tangent];
         let mut across = self.force_row(course, layout, k, &along([t[0] - mu * n[0], t[1] - mu * n[1]]));
         let mut push = self.force_row(course, layout, k, &along([-n[0], -n[1]]));
         if layout.is_free(k) {
-            across.push((layout.angle_index(k, index), mu * meeting.across - meeting.push));
-            push.push((layout.angle_index(k, index), meeting.across));
+            across.push((layout.angle_index(k, index), mu * contact.tangential_force - contact.normal_force));
+            push.push((layout.angle_index(k, index), contact.tangential_force));
         }
-        let rolling = slope * meeting.push * course.radii[k][index] / (2.0 * course.period);
+        let rolling = slope * contact.normal_force * course.radii[k][index] / (2.0 * course.period);
         for (tick, share) in [(k + 1, -rolling), (k - 1, rolling)] {
             if layout.is_free(tick) {
                 across.push((layout.angle_index(tick, index), share));
@@ -143,12 +143,12 @@ impl Corner<'_> {
         let scale = self.per_newton(course, k, index);
         let mut entries: Vec<_> = across.into_iter().map(|(at, value)| (at, scale * value)).collect();
         entries.push((layout.lateral_index(k, index), -1.0));
-        programme.equal(Row { entries, bound: -self.side(course, k, index, &meeting) });
+        programme.equal(Row { entries, bound: -self.side(course, k, index, &contact) });
         programme.add_square(weight, 0.0, &[(layout.lateral_index(k, index), 1.0)]);
         let slack = layout.slack_index(k, index);
         let mut entries: Vec<_> = push.into_iter().map(|(at, value)| (at, -value)).collect();
         entries.push((slack, -1.0));
-        programme.at_most(Row { entries, bound: meeting.push - self.options.least_push });
+        programme.at_most(Row { entries, bound: contact.normal_force - self.options.least_push });
         programme.at_most(Row { entries: vec![(slack, -1.0)], bound: 0.0 });
         programme.add_linear(slack, self.options.missing_push);
     }

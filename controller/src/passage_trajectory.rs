@@ -78,9 +78,9 @@ pub struct JournalContact {
     /// Tangent t = (sin φ, −cos φ).
     pub tangent: [f64; 2],
     /// Force of the bearing on the journal, −nᵀb, N; if negative, the bearing would have to pull.
-    pub push: f64,
+    pub normal_force: f64,
     /// Force of the bearing along the tangent, tᵀb, N.
-    pub across: f64,
+    pub tangential_force: f64,
     /// Signed friction coefficient μ(v_T) and its slope dμ/dv_T, s/m.
     pub friction: [f64; 2],
 }
@@ -88,12 +88,12 @@ pub struct JournalContact {
 impl JournalContact {
     /// tᵀb + μ F_N, N: the tangential force beyond friction. It is zero on a physically possible course.
     pub fn residual(&self) -> f64 {
-        self.across + self.friction[0] * self.push
+        self.tangential_force + self.friction[0] * self.normal_force
     }
 
     /// Moment of the contact's friction on the joint, N·m, for a journal in `clearance`.
     pub fn moment(&self, clearance: &Clearance) -> f64 {
-        -self.friction[0] * self.push.max(0.0) * clearance.journal_radius()
+        -self.friction[0] * self.normal_force.max(0.0) * clearance.journal_radius()
     }
 }
 
@@ -110,7 +110,7 @@ impl PassageTrajectory {
     }
 
     /// Derivative of the displacement of journal `play` at tick `k` with respect to its angle, m.
-    pub fn swing(&self, k: usize, play: usize) -> [f64; 2] {
+    pub fn displacement_derivative(&self, k: usize, play: usize) -> [f64; 2] {
         let (sin, cos) = self.angles[k][play].sin_cos();
         [-self.radii[k][play] * sin, self.radii[k][play] * cos]
     }
@@ -169,7 +169,7 @@ impl PassageTrajectory {
     }
 
     /// Contact of the journal `index`, that of `play`, at tick `k` under `forces`, those of [`Self::forces`].
-    pub fn meeting(&self, k: usize, index: usize, play: &Play, forces: &[f64]) -> JournalContact {
+    pub fn contact(&self, k: usize, index: usize, play: &Play, forces: &[f64]) -> JournalContact {
         let (sin, cos) = self.angles[k][index].sin_cos();
         let (normal, tangent) = ([cos, sin], [sin, -cos]);
         let b = play.slides.map(|slide| forces[slide]);
@@ -182,8 +182,8 @@ impl PassageTrajectory {
         JournalContact {
             normal,
             tangent,
-            push: -along(normal),
-            across: along(tangent),
+            normal_force: -along(normal),
+            tangential_force: along(tangent),
             friction: friction(&play.clearance, sliding),
         }
     }

@@ -55,11 +55,11 @@ impl PinForce {
     }
 
     /// Computes [`Self::mass`] at the posture of the last call of [`Self::forces`].
-    pub fn weigh(&mut self) {
+    pub fn update_mass(&mut self) {
         crba(self.arm.arm(), &mut self.workspace, &self.q, &mut self.mass);
     }
 
-    /// The mass matrix of the arm with play, in its coordinates, of the last [`Self::weigh`]: the derivative of the forces with
+    /// The mass matrix of the arm with play, in its coordinates, of the last [`Self::update_mass`]: the derivative of the forces with
     /// respect to the accelerations.
     pub fn mass(&self) -> &DMatrix<f64> {
         &self.mass

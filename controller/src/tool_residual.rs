@@ -78,7 +78,7 @@ pub struct ToolResidual {
     latest: [Vector3<f64>; BOUNCE_TICKS],
     measured: usize,
     /// Remaining ticks for which the estimate is frozen.
-    waiting: usize,
+    frozen_ticks: usize,
     estimate: Vector3<f64>,
     smooth: Vector3<f64>,
 }
@@ -99,7 +99,7 @@ impl ToolResidual {
             frame: Rotation3::identity(),
             latest: [Vector3::zeros(); BOUNCE_TICKS],
             measured: 0,
-            waiting: 0,
+            frozen_ticks: 0,
             estimate: Vector3::zeros(),
             smooth: Vector3::zeros(),
         }
@@ -131,10 +131,10 @@ impl ToolResidual {
         self.latest[oldest] = residual;
         self.measured += 1;
         if self.measured <= BOUNCE_TICKS || moved > BOUNCE * self.reach {
-            self.waiting = BOUNCE_TICKS;
+            self.frozen_ticks = BOUNCE_TICKS;
         }
-        if self.waiting > 0 {
-            self.waiting -= 1;
+        if self.frozen_ticks > 0 {
+            self.frozen_ticks -= 1;
         } else {
             let step = shortened(residual - self.estimate, LONGEST_STEP * self.reach);
             let estimate = self.estimate + step * (self.period / FILTER).min(1.0);

@@ -138,10 +138,10 @@ pub struct Tracking {
     filter: Option<CommandFilter>,
     look_ahead: LookAhead,
     /// Detector of landings, after which the feedback is softer.
-    knocks: Option<ImpactDetector>,
-    outlook: DisplacementPreview,
+    impact_detector: Option<ImpactDetector>,
+    displacement_preview: DisplacementPreview,
     /// Preview of the horizon, if there is one.
-    foresight: Option<HorizonPreview>,
+    horizon_preview: Option<HorizonPreview>,
     /// Predictor for the instant of the answer; its result is fed forward.
     predictor: QuasiStatic,
     correction: Correction,
@@ -189,11 +189,11 @@ impl Tracking {
         let filter = filter.transpose()?;
         let half = ((options.average / period - 1.0) / 2.0).round().max(0.0) as usize;
         let ticks_ahead = options.ticks_ahead(period);
-        let foresight = (ticks_ahead > 0).then(|| {
+        let horizon_preview = (ticks_ahead > 0).then(|| {
             HorizonPreview::new(path.clone(), &model.arm, &with_play, period, &options.weights, ticks_ahead)
         });
-        let mut foresight = foresight.transpose()?;
-        let mut outlook = DisplacementPreview::new(path, &with_play, period, half);
+        let mut horizon_preview = horizon_preview.transpose()?;
+        let mut displacement_preview = DisplacementPreview::new(path, &with_play, period, half);
         let search = CornerSearch {
             arm: &model.arm,
             with_play: &with_play,
@@ -202,15 +202,15 @@ impl Tracking {
             options: options.passage,
         };
         let passages = if options.passages {
-            search.passages(&mut outlook, (options.blend / period).ceil() as u64, ticks)
+            search.passages(&mut displacement_preview, (options.blend / period).ceil() as u64, ticks)
         } else {
             Passages::default()
         };
         // Prepares everything that the first answer, to tick 0, needs, except the newest value.
-        outlook.at(task.mode.lead() + AHEAD - 1);
+        displacement_preview.at(task.mode.lead() + AHEAD - 1);
         let mut predictor = QuasiStatic::new(&with_play, period);
-        if let Some(foresight) = &mut foresight {
-            foresight.seen_from(task.mode.lead() + AHEAD - 1, &model.arm, &passages, &mut predictor);
+        if let Some(horizon_preview) = &mut horizon_preview {
+            horizon_preview.seen_from(task.mode.lead() + AHEAD - 1, &model.arm, &passages, &mut predictor);
         }
         Ok(Tracking {
             mode: task.mode,
@@ -222,10 +222,10 @@ impl Tracking {
             known,
             filter,
             look_ahead: LookAhead::new(&model.arm, period),
-            knocks: (options.soft_landing && !model.clearances.is_empty())
+            impact_detector: (options.soft_landing && !model.clearances.is_empty())
                 .then(|| ImpactDetector::new(period, model.clearances.len())),
-            outlook,
-            foresight,
+            displacement_preview,
+            horizon_preview,
             predictor,
             correction: Correction::new(&model.arm, period, options.blend, &options.weights)?,
             journals: Centred::new(2 * model.clearances.len(), period),
@@ -279,7 +279,7 @@ impl Tracking {
                 }
             }
             TaskMode::Torque => {
-                self.rub(state.tick + self.mode.lead());
+                self.update_contact_moments(state.tick + self.mode.lead());
                 self.torque(state, &mut answer.value)?;
                 answer.acceleration[..n].copy_from_slice(&self.held);
             }
@@ -347,20 +347,21 @@ impl Tracking {
         let begun = now_ns();
         let instant = tick.saturating_add(self.mode.lead());
         let ahead = instant.saturating_add(AHEAD);
-        let foreign = reference.filter(|reference| !self.outlook.leads_through(reference, instant));
+        let foreign =
+            reference.filter(|reference| !self.displacement_preview.leads_through(reference, instant));
         match foreign {
-            None => self.outlook.held(instant, &mut self.held),
+            None => self.displacement_preview.held(instant, &mut self.held),
             Some(reference) => self.held.copy_from_slice(&reference.qdd[..self.arm.dof()]),
         }
         let journals = match foreign {
             None => {
-                self.planned.copy(self.outlook.on_path(ahead));
-                self.outlook.at(ahead)
+                self.planned.copy(self.displacement_preview.on_path(ahead));
+                self.displacement_preview.at(ahead)
             }
             Some(reference) => {
                 let (q, v, a) = (&reference.q, &reference.qd, &reference.qdd);
                 self.planned.coast(q, v, a, AHEAD as f64 * self.period);
-                self.outlook.of(self.planned.as_motion())
+                self.displacement_preview.of(self.planned.as_motion())
             }
         };
         self.own = foreign.is_none();
@@ -381,9 +382,10 @@ impl Tracking {
         let deviation = physics + geometry;
         let learned = geometry + beyond(&Plan { tick: ahead, motion: planned, deviation });
         self.learned = [before, learned];
-        let foresight = self.foresight.as_mut().filter(|_| own);
-        let horizon = foresight
-            .map(|foresight| foresight.seen_from(ahead, &self.arm, &self.passages, &mut self.predictor));
+        let horizon_preview = self.horizon_preview.as_mut().filter(|_| own);
+        let horizon = horizon_preview.map(|horizon_preview| {
+            horizon_preview.seen_from(ahead, &self.arm, &self.passages, &mut self.predictor)
+        });
         let predicted = now_ns();
         let deviation = physics + learned;
         let report = match (passage, horizon) {
@@ -425,7 +427,7 @@ impl Tracking {
     }
 
     /// Sets the moments of the contacts' friction during the tick that begins at `instant`.
-    fn rub(&mut self, instant: u64) {
+    fn update_contact_moments(&mut self, instant: u64) {
         let planned = self.passages.at(instant).zip(self.passages.at(instant + 1)).filter(|_| self.own);
         match planned {
             Some((from, to)) => {
@@ -442,12 +444,12 @@ impl Tracking {
     fn torque(&mut self, state: &State, torque: &mut Joints) -> Option<()> {
         let n = self.arm.dof();
         let mut gains = self.gains;
-        if let Some(knocks) = &mut self.knocks {
-            knocks.observe(
+        if let Some(impact_detector) = &mut self.impact_detector {
+            impact_detector.observe(
                 self.look_ahead.expected(state.tick).map(|state| state.v.as_slice()),
                 &state.qd[..n],
             );
-            gains = knocks.soften(gains);
+            gains = impact_detector.soften(gains);
         }
         let ahead = self.look_ahead.predict(&self.arm, state, &self.external)?;
         let target = self.target.as_motion();

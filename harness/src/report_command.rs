@@ -26,7 +26,7 @@ pub struct ReportArgs {
 }
 
 /// Results of a run in its folder.
-struct Left {
+struct RunResults {
     folder: PathBuf,
     /// Name of the run in the comparison.
     name: String,
@@ -48,11 +48,11 @@ struct Summary {
 /// A folder without a summary, unreadable recordings or histograms; an unwritable file.
 pub fn report(args: &ReportArgs) -> Result<Exit, Failure> {
     let names = names(&args.runs);
-    let left: Vec<Left> = args
+    let left: Vec<RunResults> = args
         .runs
         .iter()
         .zip(names)
-        .map(|(folder, name)| Left::read(folder, name))
+        .map(|(folder, name)| RunResults::read(folder, name))
         .collect::<Result<_, _>>()?;
     write(&args.out, &document(&left)?.to_html())?;
     say(&format!("report  {}\n", args.out.display()))?;
@@ -67,7 +67,7 @@ fn names(folders: &[PathBuf]) -> Vec<String> {
     folders.iter().map(|path| if is_enough { last(path) } else { path.display().to_string() }).collect()
 }
 
-impl Left {
+impl RunResults {
     fn read(folder: &Path, name: String) -> Result<Self, Failure> {
         let file = folder.join("summary.json");
         if !file.is_file() {
@@ -96,7 +96,7 @@ impl Left {
     }
 }
 
-fn document(left: &[Left]) -> Result<Document, Failure> {
+fn document(left: &[RunResults]) -> Result<Document, Failure> {
     let mut played = Vec::new();
     for left_one in left {
         played.extend(left_one.played(left.len() > 1)?);
@@ -174,7 +174,7 @@ fn deadlines(played: &[Played]) -> Table {
 }
 
 /// Settings that differ, and the machine.
-fn differences(left: &[Left]) -> Section {
+fn differences(left: &[RunResults]) -> Section {
     let section = Section::new("Configuration");
     let of = |part: fn(&Summary) -> &Value, title: &str, same: &str| -> Block {
         let flat: Vec<BTreeMap<String, String>> =

@@ -8,7 +8,7 @@ use freeplay_report::{Film, Moving, Scene};
 use crate::columns::{path_columns, play_column};
 
 /// One run in the film.
-pub struct Seen<'a> {
+pub struct FilmedRun<'a> {
     /// Its name.
     pub name: &'a str,
     /// Recording of all its ticks.
@@ -28,7 +28,7 @@ const STATES: [&str; 3] = ["free flight", "impact", "in contact"];
 
 /// The film of `runs` of `arm`. Its journal `play`, of radial clearance `clearance` m, belongs to the joint with index `joint`.
 /// Returns `None` if the recordings lack the necessary columns.
-pub fn film(arm: &Arm, runs: &[Seen], play: &str, joint: usize, clearance: f64) -> Option<Film> {
+pub fn film(arm: &Arm, runs: &[FilmedRun], play: &str, joint: usize, clearance: f64) -> Option<Film> {
     let frames = frames(runs, play)?;
     let times: Vec<f64> = frames.iter().map(|&row| runs[0].recording.t[row]).collect();
     let (side, magnified) = side_view(arm, runs, joint, &frames)?;
@@ -50,7 +50,7 @@ pub fn film(arm: &Arm, runs: &[Seen], play: &str, joint: usize, clearance: f64) 
 }
 
 /// The rows of the frames: all ticks around flights and impacts, otherwise one every [`CALM`] seconds.
-fn frames(runs: &[Seen], play: &str) -> Option<Vec<usize>> {
+fn frames(runs: &[FilmedRun], play: &str) -> Option<Vec<usize>> {
     let rows = runs.iter().map(|run| run.recording.len()).min()?;
     let t = &runs.first()?.recording.t;
     let contact: Vec<&[f64]> = runs
@@ -72,7 +72,7 @@ fn frames(runs: &[Seen], play: &str) -> Option<Vec<usize>> {
 }
 
 /// The side view of the arm along a horizontal line, and the magnification of its deviation.
-fn side_view(arm: &Arm, runs: &[Seen], joint: usize, frames: &[usize]) -> Option<(Scene, f64)> {
+fn side_view(arm: &Arm, runs: &[FilmedRun], joint: usize, frames: &[usize]) -> Option<(Scene, f64)> {
     let mut workspace = Workspace::new(arm);
     let desired: Vec<Vec<[f64; 3]>> = frames
         .iter()
@@ -140,7 +140,7 @@ fn deviation(recording: &Recording) -> Option<[&[f64]; 3]> {
 }
 
 /// The journal of `run` in its bearing, mm.
-fn bearing(run: &Seen, play: &str, clearance: f64, frames: &[usize]) -> Option<Scene> {
+fn bearing(run: &FilmedRun, play: &str, clearance: f64, frames: &[usize]) -> Option<Scene> {
     let column = |quantity: &str| run.recording.column(&play_column(play, quantity));
     let (first, second, contact) = (column("play_1")?, column("play_2")?, column("contact_time")?);
     let radius = clearance * 1e3;

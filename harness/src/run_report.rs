@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::columns::play_column;
 use crate::histogram_files::read_hlog;
-use crate::run_film::{Seen, film};
+use crate::run_film::{FilmedRun, film};
 use crate::scenario::Scenario;
 use crate::setup::Setup;
 use crate::summary::RunSummary;
@@ -243,8 +243,10 @@ pub fn contact(played: &[Played], play: &str) -> Section {
 
 /// The film of the arm and its journals, and their orbits as charts.
 fn seen(played: &[Played], setup: &Setup, play: &str, joint: usize, clearance: f64) -> Vec<Block> {
-    let seen: Vec<Seen> =
-        played.iter().filter_map(|run| Some(Seen { name: run.name(), recording: run.whole()? })).collect();
+    let seen: Vec<FilmedRun> = played
+        .iter()
+        .filter_map(|run| Some(FilmedRun { name: run.name(), recording: run.whole()? }))
+        .collect();
     let orbits = played.iter().filter_map(|run| orbit(run, play, clearance)).map(Block::from).collect();
     let film = film(setup.arm(), &seen, play, joint, clearance).map(Block::from);
     film.into_iter().chain([Block::Columns(orbits)]).collect()

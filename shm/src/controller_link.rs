@@ -73,9 +73,9 @@ impl ControllerLink {
         if hello.run == 0 {
             hello.run = address.run();
         }
-        let welcome = knock(&client, &hello, &mut wait)?;
+        let welcome = send_hello(&client, &hello, &mut wait)?;
         let segments = Segments::open()?;
-        segments.see_own(address)?;
+        segments.check_owner(address)?;
         segments.reserve(address)?;
         let (true, Some(states), Some(commands)) = (is_accepted(&welcome), ends.states, ends.commands) else {
             return Err(refusal(&hello, &welcome));
@@ -194,7 +194,7 @@ fn is_accepted(welcome: &Welcome) -> bool {
 }
 
 /// Sends `hello` until the plant answers.
-fn knock(client: &DoorClient, hello: &Hello, wait: &mut Wait) -> Result<Welcome, LinkError> {
+fn send_hello(client: &DoorClient, hello: &Hello, wait: &mut Wait) -> Result<Welcome, LinkError> {
     loop {
         wait.note("the plant is there but does not greet");
         let pending = client.send_copy(*hello).map_err(transport("knock on", services::DOOR_SERVICE))?;

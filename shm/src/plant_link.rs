@@ -79,7 +79,7 @@ impl PlantLink {
         let service = services::create_door(&node)?;
         let door = services::door_server(&service)?;
         let segments = Segments::open()?;
-        segments.see_own(address)?;
+        segments.check_owner(address)?;
         segments.reserve(address)?;
         Ok(Self { states, slots, door, offer, run: address.run(), _node: node, _seat: seat, share })
     }

@@ -79,10 +79,10 @@ impl Segments {
     /// other user has ever had the copy open. No process may have the segment mapped.
     ///
     /// # Errors
-    /// [`LinkError::Planted`] as in [`Segments::see_own`], or if another user has already truncated or enlarged a segment;
+    /// [`LinkError::Planted`] as in [`Segments::check_owner`], or if another user has already truncated or enlarged a segment;
     /// [`LinkError::Folder`] if the system refuses.
     pub(crate) fn make_private(&self, address: &Address) -> Result<(), LinkError> {
-        self.see_own(address)?;
+        self.check_owner(address)?;
         for name in self.of(address) {
             if self.0.status(&*name).is_some_and(|status| status.st_mode & 0o077 != 0) {
                 self.replace(&name)?;
@@ -111,7 +111,7 @@ impl Segments {
     ///
     /// # Errors
     /// [`LinkError::Planted`] if one belongs to another user or is not a regular file.
-    pub(crate) fn see_own(&self, address: &Address) -> Result<(), LinkError> {
+    pub(crate) fn check_owner(&self, address: &Address) -> Result<(), LinkError> {
         for name in self.of(address) {
             // A missing segment has just been removed by its owner.
             if let Some(status) = self.0.status(&*name).filter(|status| !is_own_file(status)) {
@@ -343,7 +343,7 @@ mod tests {
                     fs::remove_file(&path).unwrap();
                 }
             });
-            let seen = (0..20_000).try_for_each(|_| segments.see_own(&address));
+            let seen = (0..20_000).try_for_each(|_| segments.check_owner(&address));
             is_done.store(true, Ordering::Relaxed);
             seen.unwrap();
         });
@@ -354,7 +354,7 @@ mod tests {
         let (folder, segments) = fresh();
         let address = run("1-0000000a");
         fs::write(folder.path().join("freeplay-1-0000000a_good"), "").unwrap();
-        segments.see_own(&address).unwrap();
+        segments.check_owner(&address).unwrap();
         fs::write(folder.path().join("freeplay-1-0000000b_other"), "").unwrap();
         symlink("nowhere", folder.path().join("freeplay-1-0000000a_link")).unwrap();
         let error = segments.make_private(&address).unwrap_err();

@@ -97,7 +97,7 @@ fn the_pin_force_is_affine_in_the_accelerations_with_the_mass_matrix() {
         let [q, v, a] = [1.0, 1.0, 10.0].map(|most| [(); 6].map(|()| random.random_range(-most..most)));
         let zeros = Motion { q: &[0.0; 4], v: &[0.0; 4], a: &[0.0; 4] };
         let bias = pin.forces(Motion { q: &q, v: &v, a: &REST }, zeros).to_vec();
-        pin.weigh();
+        pin.update_mass();
         let expected = inverse_dynamics(&play, &q, &v, &a);
         for slide in play.plays().iter().flat_map(|play| play.slides) {
             let row: Vec<f64> = (0..6).map(|joint| pin.mass()[(slide, play.joint(joint))]).collect();
