@@ -10,7 +10,7 @@ use crate::sparse_programme::{Row, SparseProgramme};
 /// Share of a limit above which the programme contains it.
 const WATCHED: f64 = 0.5;
 
-/// A limit near the course: tick, joint.
+/// A limit that the course approaches: tick, joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Watch {
     /// Position limit.

@@ -149,7 +149,7 @@ impl Machine {
         self.system.time()
     }
 
-    /// Transfers all state variables to or from `archive`: see [`System::transfer`].
+    /// Transfers all state variables to or from `archive`: see [`System::transfer_state`].
     pub fn transfer_state(&mut self, archive: &mut Archive) {
         let Machine { nominal: _, workspace: _, system, laws, driven: _, readout, link: _ } = self;
         system.transfer_state(archive);

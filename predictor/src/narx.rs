@@ -30,7 +30,7 @@ pub struct Provenance {
     /// Seed of the initial weights.
     #[serde(default)]
     pub seed: u64,
-    /// True if runs outside the training proved that the model improves on the physical prediction; false without a test.
+    /// True if runs outside the training proved that the model improves on the uncorrected prediction; false without a test.
     #[serde(default)]
     pub proved: bool,
 }
