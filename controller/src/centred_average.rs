@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 /// acceleration; with equal weights the acceleration would have two pulses.
 #[derive(Clone, Debug)]
 pub struct CentredAverage {
-    /// Row after row.
+    /// Values of the signal, one row an instant.
     values: Vec<f64>,
     width: usize,
     length: usize,

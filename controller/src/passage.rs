@@ -19,7 +19,7 @@ pub enum PassageFault {
     NoPush {
         /// Index of the joint.
         joint: usize,
-        /// Its bearing's force, N.
+        /// Force of the bearing, N.
         force: f64,
     },
     /// A programme had no solution.
@@ -91,7 +91,7 @@ pub struct Step<'a> {
 pub struct Passage {
     first: u64,
     ticks: usize,
-    /// Row after row.
+    /// Corrections of the joints, one row a tick.
     corrections: Vec<f64>,
     journals: Vec<f64>,
     moments: Vec<f64>,
@@ -143,11 +143,11 @@ impl Passage {
 /// A corner without a passage.
 #[derive(Debug)]
 pub struct Unplanned {
-    /// Its first tick.
+    /// First tick of the corner.
     pub first: u64,
-    /// Its last tick.
+    /// Last tick of the corner.
     pub last: u64,
-    /// Reason.
+    /// Reason why there is no passage.
     pub fault: PassageFault,
 }
 

@@ -34,7 +34,7 @@ pub enum QpError {
         row: usize,
         /// Variable of the coefficient.
         variable: usize,
-        /// Its value.
+        /// Value of the coefficient.
         value: f64,
     },
     /// Clarabel refused the problem.

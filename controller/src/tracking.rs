@@ -394,7 +394,7 @@ impl Tracking {
             (None, Some(horizon)) => {
                 let found = self.correction.look_ahead(&self.arm, planned, horizon, &learned);
                 found.unwrap_or_else(|HorizonReport { status, iterations }| {
-                    // The status names the failure of the horizon; the programme of one tick does what it can.
+                    // The status names the failure of the horizon; the programme of one tick then computes the correction.
                     answer.status = match status {
                         HorizonStatus::IterationLimit => CommandStatus::QpLimit,
                         _ => CommandStatus::QpFailed,

@@ -25,7 +25,7 @@ pub enum Fault {
     Range {
         /// The variable.
         name: String,
-        /// Its value.
+        /// Value of the variable.
         value: f64,
         /// Least value.
         least: f64,

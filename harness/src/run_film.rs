@@ -9,7 +9,7 @@ use crate::columns::{path_columns, play_column};
 
 /// One run in the film.
 pub struct FilmedRun<'a> {
-    /// Its name.
+    /// Name of the run.
     pub name: &'a str,
     /// Recording of all its ticks.
     pub recording: &'a Recording,

@@ -244,7 +244,7 @@ pub enum ScenarioError {
     Set {
         /// The given text.
         given: String,
-        /// Its fault.
+        /// Fault of the text.
         message: String,
     },
     /// A number is out of its range.

@@ -73,7 +73,7 @@ pub enum TrainError {
     ConstantOutput {
         /// Name of the output.
         channel: String,
-        /// Its value.
+        /// Constant value of the output.
         value: f64,
     },
     /// The layer sizes are invalid.

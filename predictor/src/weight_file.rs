@@ -98,11 +98,11 @@ pub enum MismatchError {
     OtherArm {
         /// Arm of the weights.
         trained: String,
-        /// Its hash.
+        /// Hash of that arm.
         trained_hash: String,
         /// Required arm.
         wanted: String,
-        /// Its hash.
+        /// Hash of the required arm.
         wanted_hash: String,
         /// The command that made the weights.
         command: String,

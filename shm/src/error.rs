@@ -51,7 +51,7 @@ pub enum LinkError {
         path: PathBuf,
         /// User id of its owner.
         owner: u32,
-        /// Its permission bits.
+        /// Permission bits of the folder.
         mode: u32,
     },
     /// A link or a file has the path of the folder of all runs.
@@ -75,7 +75,7 @@ pub enum LinkError {
         path: PathBuf,
         /// User id of its owner.
         owner: u32,
-        /// Its permission bits.
+        /// Permission bits of the folder.
         mode: u32,
     },
     /// Another user has created a file with the name of a segment of this run.

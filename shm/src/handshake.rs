@@ -229,7 +229,7 @@ impl Offer {
 pub enum Greeting {
     /// The slot is now this controller's.
     Accepted {
-        /// Its slot.
+        /// Slot of the controller.
         slot: u32,
         /// Process id according to the hello.
         pid: u32,

@@ -19,7 +19,7 @@ pub enum ControllerError {
     JointCount {
         /// The model.
         model: String,
-        /// Its number of joints.
+        /// Number of joints of the model.
         found: usize,
         /// The number of joints of the plant.
         expected: usize,

@@ -25,9 +25,9 @@ pub enum ServeError {
         "the plant's welcome says {field} = {code}, which this version does not know: rebuild both sides from one version"
     )]
     UnknownCode {
-        /// The field.
+        /// Name of the field.
         field: &'static str,
-        /// Its value.
+        /// Code in the field.
         code: u32,
     },
     /// A state is not one of this run.

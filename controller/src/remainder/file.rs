@@ -71,9 +71,9 @@ pub enum WeightError {
     Other {
         /// The property that differs: arm, model, mode, rate or feedback.
         what: &'static str,
-        /// Its value in the weight file.
+        /// Value of the property in the weight file.
         trained: String,
-        /// Its value in this run.
+        /// Value of the property in this run.
         wanted: String,
         /// The command that made the weights.
         command: String,
@@ -104,7 +104,7 @@ pub struct Machine {
 pub struct Condition {
     /// Name of the recording.
     pub name: String,
-    /// Its duration, s.
+    /// Duration of the recording, s.
     pub duration: f64,
     /// RMS of the residual of the model along x, y and z, µm.
     pub rms_um: [f64; 3],
