@@ -1,5 +1,5 @@
-//! What a faulty controller, a killed process or a signal does to a run of the real binary: nothing that could hurt an
-//! arm, a word about it, the documented exit code, a readable recording, and nothing left in shared memory.
+//! Effect of a faulty controller, a killed process or a signal on a run of the real binary: no command that could hurt an arm, a message, the documented exit
+//! code, a readable recording, and empty shared memory.
 //!
 //! The faults are played by `tests/controllers/faulty.rs`.
 
@@ -15,7 +15,7 @@ use freeplay_recording::Recording;
 use freeplay_shm::RunFolder;
 use serde_json::{Value, json};
 
-/// Ticks for which the last good command is held.
+/// The gate holds the last good command for so many ticks.
 const HOLD: u64 = 20;
 /// Codes of the column `in_force`.
 const HELD: f64 = 2.0;
@@ -33,8 +33,7 @@ fn faulty() -> String {
     path.display().to_string()
 }
 
-/// A run under the faulty controller with `fault`, with more `arguments`: lockstep, 0.3 s of a path on which the arm soon
-/// moves fast.
+/// A run under the faulty controller with `fault`, with more `arguments`: lockstep, 0.3 s of a path that soon moves the arm fast.
 fn under(fault: &str, arguments: &[&str]) -> Call {
     let faulty = faulty();
     let mut all = vec!["run", "--quiet", "--out", "out", "--controller", &faulty];
@@ -54,8 +53,8 @@ fn column<'a>(recording: &'a Recording, name: &str) -> &'a [f64] {
     recording.column(name).unwrap_or_else(|| panic!("no column {name}"))
 }
 
-/// Fails unless all that was applied was within the limits of the paper's arm, holds were no longer than allowed and
-/// closed brakes stayed closed with the arm standing still. Returns the greatest joint speed before the brakes closed.
+/// Fails unless all applied commands were within the limits of the paper's arm, holds were no longer than allowed and closed brakes stayed closed with the arm
+/// standing still. Returns the greatest joint speed before the brakes closed.
 fn assert_safe(recording: &Recording, driven: bool) -> f64 {
     let arm = freeplay_arm::paper_arm().arm;
     for (index, joint) in arm.joints().iter().enumerate() {
@@ -108,7 +107,7 @@ fn recording(ran: &Ran) -> Recording {
     ran.recording("faulty.mcap")
 }
 
-/// Each fault of a command: what it is called in `FREEPLAY_FAULT`, in which mode, and how the gate counts it.
+/// Each fault of a command: its name in `FREEPLAY_FAULT`, the mode, and the name of the gate's count.
 const COMMAND_FAULTS: [(&str, &str, &str); 23] = [
     ("nan", "torque", "not_finite"),
     ("nan", "driven", "not_finite"),
@@ -135,7 +134,7 @@ const COMMAND_FAULTS: [(&str, &str, &str); 23] = [
     ("nan_unused", "driven", "not_finite"),
 ];
 
-/// Plays some of [`COMMAND_FAULTS`]: five bad commands are bridged, lasting ones close the brakes.
+/// Plays some of [`COMMAND_FAULTS`]: the gate bridges five bad commands, lasting ones close the brakes.
 fn play_command_faults(cases: &[(&str, &str, &str)]) {
     for &(fault, mode, count) in cases {
         let ran = under(&format!("{fault}@150+5,200"), &["--set", &format!("mode={mode}")]).run().expect(1);
@@ -223,7 +222,7 @@ fn a_command_sent_twice_changes_nothing() {
 
 #[test]
 fn a_controller_that_dies_or_hangs_leaves_a_braked_arm() {
-    // Fault, tick at which the brakes close, and what is said.
+    // Fault, tick at which the brakes close, and the message.
     let cases = [
         ("abort@0", 0, "ended before the run did (signal: 6"),
         ("abort@200", 200 + HOLD, "ended before the run did (signal: 6"),
@@ -246,7 +245,7 @@ fn a_controller_that_dies_or_hangs_leaves_a_braked_arm() {
     }
 }
 
-/// A controller that does not start leaves nothing to kill: the exam says so at once, by the code of the run.
+/// A controller that does not start cannot be killed: the exam reports this at once, with the exit code of the run.
 #[test]
 fn runs_whose_controller_never_starts_are_not_killed() {
     for (fault, code, said) in
@@ -261,7 +260,7 @@ fn runs_whose_controller_never_starts_are_not_killed() {
     }
 }
 
-/// A controller whose commands stop the arm by themselves leaves nothing to examine: positions where torques are asked for.
+/// A controller whose commands stop the arm by themselves cannot be examined: here it sends positions although the run requires torques.
 #[test]
 fn a_controller_that_stops_the_arm_alone_is_not_examined() {
     let team = [&faulty(), "computed-torque"];
@@ -290,7 +289,7 @@ fn a_controller_that_never_comes_is_told_by_name() {
     }
     allow_execution(&broken);
     let (plain, broken) = (plain.display().to_string(), broken.display().to_string());
-    // Controller, its fault, exit code, and what is said.
+    // Controller, its fault, exit code, and the messages.
     let cases: [(&str, &str, i32, &[&str]); 8] = [
         ("nobody", "", 2, &["no controller \"nobody\"", "computed-torque", "give the path"]),
         ("./nobody", "", 3, &["controller ./nobody", "executable does not exist"]),
@@ -320,7 +319,7 @@ fn a_controller_that_never_comes_is_told_by_name() {
         }
         assert!(!ran.out().exists(), "{fault}: a second try finds the folder taken: {}", ran.dump());
     };
-    // Most of the time they wait.
+    // The cases wait most of the time, so that they run in parallel.
     thread::scope(|scope| {
         for case in &cases {
             scope.spawn(move || play(case));
@@ -346,7 +345,7 @@ fn in_real_time_late_and_dead_controllers_are_counted() {
         assert!(rejected > HOLD, "{fault}: {rejected} rejected");
         if fault == "late@50" {
             assert!(count(&run["deadlines"]["missed"]) > HOLD);
-            // On a machine that is busy with other things it may not have come to answer at all, or the run may have ended before the fault.
+            // On a busy machine the controller may not have answered at all, or the run may have ended before the fault.
             let starved = run["deadlines"]["by_evidence"]["scheduler"].as_u64().unwrap_or(0);
             let before = count(&run["ticks"]) < 50 + HOLD;
             assert!(count(&run["deadlines"]["late"]) >= 1 || starved > HOLD || before);
@@ -376,7 +375,7 @@ fn a_second_controller_is_refused_and_does_no_harm() {
     assert_eq!(nodes(), 2, "plant and controller");
     let second = Call::new(fresh_folder(), &["controller", "computed-torque", "--run", &address]).start();
     second.until("the second controller", || (nodes() == 3).then_some(()));
-    // It knocks as soon as it can; the plant looks who is there every 128 ticks.
+    // The second controller asks to join as soon as it can; the plant checks for new processes every 128 ticks.
     thread::sleep(Duration::from_millis(300));
     std::fs::write(resume, "").expect("written");
     let second = second.wait().expect(3);
@@ -437,7 +436,7 @@ fn a_controller_whose_plant_is_killed_ends_by_itself() {
 
 #[test]
 fn a_signal_closes_the_recording_and_keeps_the_summary() {
-    // Signal, whether to the whole group as from a terminal, and what the controller does meanwhile.
+    // Signal, flag for the whole group as from a terminal, and the controller's fault meanwhile.
     for (signal, to_group, fault) in
         [("INT", true, "none"), ("TERM", false, "none"), ("INT", false, "stop@270")]
     {
@@ -472,7 +471,7 @@ fn a_signal_while_nobody_has_come_ends_the_run() {
     assert_eq!(ran.run()["ending"], json!({ "interrupted": { "tick": 0 } }));
 }
 
-/// A run of six seconds under `fault` of which a quarter of a second is recorded, with the ids of plant and controller.
+/// A run of six seconds under `fault` with a quarter of a second recorded, and the ids of plant and controller.
 fn started(fault: &str) -> (Started, [u32; 2]) {
     let arguments = ["--set", "patience=60", "--set", "path.period=6", "--set", "duration=6"];
     let run = under(fault, &arguments).start();
@@ -499,7 +498,7 @@ fn a_killed_run_takes_its_children_along_and_leaves_nothing() {
 #[test]
 fn what_is_left_when_all_processes_are_killed_at_once_is_swept_by_the_next_run() {
     let (run, [plant, controller]) = started("sleep@270");
-    // The parent first, stopped, so that it cannot tidy up after its children.
+    // The parent first, stopped, so that it cannot clean up after its children.
     run.signal("STOP");
     send_signal(plant, "KILL");
     send_signal(controller, "KILL");
@@ -543,14 +542,14 @@ fn examined_with(kinds: &[&str], more: &[&str]) -> (Ran, Vec<Value>) {
 #[test]
 fn the_exam_of_a_controller_has_a_verdict_on_wrong_messages() {
     let (ran, slowest) = examined(&["nan", "stale-version", "flood", "sign-flip"]);
-    // A flood does no harm; a wrong sign is told when it has been wrong twice.
+    // A flood does no harm; the exam detects a wrong sign after the second wrong answer.
     assert_eq!(slowest, [json!(1), json!(1), Value::Null, json!(2)]);
     let read = |name: &str| std::fs::read_to_string(ran.out().join(name)).expect("written");
     assert!(read("faults.xml").contains("tests=\"4\" failures=\"0\""), "{}", read("faults.xml"));
     assert!(read("faults.html").contains("every kind of fault was handled as expected"));
 }
 
-/// At a corner sound controllers differ by a fifth of a joint's range: what is held against the whole motion tells nothing of a gain.
+/// At a corner sound controllers differ by a fifth of a joint's range, so that a tolerance for the whole motion cannot detect a wrong gain.
 #[test]
 fn wrong_commands_are_told_on_a_path_with_sharp_corners() {
     let sharp = ["--seeds", "6", "--set", "path.kind=square_sharp"];

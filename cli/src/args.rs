@@ -1,4 +1,4 @@
-//! The command line as it was typed.
+//! The typed command line.
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use freeplay_report::one_line;
@@ -135,16 +135,16 @@ pub fn dispatch() -> Result<Exit, Failure> {
     }
 }
 
-/// The parser of the command line.
+/// The parser for the command line.
 fn understood() -> clap::Command {
     with_negative_numbers(grouped(Cli::command())).color(color_among(std::env::args_os()))
 }
 
-/// Prints help, the version or the fault in the command line, and ends the program.
+/// Prints help, the version or the error in the command line, and ends the program.
 fn quit(error: clap::Error) -> ! {
     let words: Vec<String> =
         std::env::args_os().map(|word| one_line(&word.to_string_lossy()).into_owned()).collect();
-    // An argument with control characters is still wrong when it is escaped, and then it can be printed.
+    // Escaping the control characters keeps the argument wrong and makes it printable.
     let shown = understood().try_get_matches_from(words).err().unwrap_or(error);
     freeplay_terminal::command_line::print(&shown);
     std::process::exit(shown.exit_code())
@@ -172,7 +172,7 @@ mod tests {
     use super::jargon::JARGON;
     use super::understood;
 
-    /// Every option of `command` and of its own commands: the words before it, and its name.
+    /// Every option of `command` and of its subcommands: the words before it, and its name.
     fn options(command: &Command, before: &[String]) -> Vec<(Vec<String>, String)> {
         let long =
             |arg: &clap::Arg| arg.get_long().filter(|_| arg.get_action().takes_values()).map(str::to_owned);
@@ -199,7 +199,7 @@ mod tests {
                 reworded += usize::from(plain.is_some());
                 let said = plain.unwrap_or_else(|| error.to_string());
                 let first = said.lines().next().unwrap_or_default();
-                // A range as Rust writes it is none of a person's words either; in messages of files the dots stand for what follows.
+                // A Rust range is jargon for the user, too; in messages about files the dots stand for omitted text.
                 let is_plain = !first.contains("..") && !JARGON.iter().any(|word| first.contains(word));
                 assert!(is_plain, "{line:?}: {first}");
                 refused += 1;

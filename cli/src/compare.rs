@@ -1,4 +1,4 @@
-//! `freeplay compare`: how far a model is from a recording, channel by channel.
+//! `freeplay compare`: differences between a model and a recording, channel by channel.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ pub struct CompareArgs {
 /// Compares the model and the recording of `args`.
 ///
 /// # Errors
-/// Bad input: a file that can't be read, another number of joints, nothing to compare, a filter that can't be.
+/// Bad input: a file that can't be read, another number of joints, nothing to compare, an impossible filter.
 pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let measured = inputs::Measured::read(&args.recording, args.mapping.as_deref())?;
     let file = measured.model(&args.model, args.tip.as_deref())?;
@@ -88,12 +88,12 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// What a comparison writes.
+/// Endings of the files that a comparison writes.
 const EXTENSIONS: [&str; 3] = ["html", "json", "parquet"];
 /// Results in the folder that `--out` names.
 const RESULTS: [&str; 4] = ["compare.json", "report.html", "residuals.parquet", "positions.parquet"];
 
-/// Everything that is shown.
+/// Data of the terminal output, the report and the JSON.
 struct View<'a> {
     args: &'a CompareArgs,
     file: &'a ArmFile,
@@ -102,7 +102,7 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    /// `freeplay.compare/1`, with what it was made from.
+    /// `freeplay.compare/1`, with its inputs.
     fn json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.comparison).map_err(Failure::internal)?;
         value["model"] =
@@ -113,8 +113,8 @@ impl View<'_> {
         Ok(value)
     }
 
-    /// Writes the report and the JSON into the folder `out`, or the one of them that the ending of the file `out` asks for; the path of the
-    /// report, or of that file.
+    /// Writes the report and the JSON into the folder `out`, or the one of them that the ending of the file `out` selects. Returns the path of the report, or
+    /// of that file.
     fn write(&self, out: &Path, residuals: &[Residuals], json: &Value) -> Result<PathBuf, Failure> {
         let (page, data) = (|| self.document(residuals).to_html(), || format!("{json:#}\n"));
         let mut of_curves = residuals.iter();
@@ -136,7 +136,7 @@ impl View<'_> {
         Ok(path)
     }
 
-    /// What a person sees in the terminal.
+    /// Terminal output.
     fn text(&self, report: Option<&Path>) -> String {
         let mut text = format!("Freeplay {} · compare\n\n", env!("CARGO_PKG_VERSION"));
         for (what, words) in self.heading() {
@@ -211,17 +211,17 @@ impl View<'_> {
         [("recording", measured), ("model", model), ("compared", treated)]
     }
 
-    /// True if the comparison sets nothing but measured positions against those simulated from the commanded ones.
+    /// True if the comparison has no channels but measured positions against those simulated from the commands.
     fn is_of_commands(&self) -> bool {
         self.comparison.channels.iter().all(|channel| channel.lag_s.is_some())
     }
 
-    /// True if it sets measured positions against such ones.
+    /// True if the comparison includes such channels.
     fn has_lags(&self) -> bool {
         self.comparison.channels.iter().any(|channel| channel.lag_s.is_some())
     }
 
-    /// The worst channel and what that means, and how far the tool is off.
+    /// The worst channel with its meaning, and the error of the tool.
     fn verdict(&self) -> String {
         let tool = self.comparison.tool_distance().map_or_else(String::new, |distance| {
             format!(" The tool is {} mm rms from where the model puts it.", brief(distance * 1e3))
@@ -250,7 +250,7 @@ impl View<'_> {
         )
     }
 
-    /// Notes of the readers and of the comparison, and what the model file says beyond the rigid arm.
+    /// Notes of the readers and of the comparison, and the effects in the model file.
     fn remarks(&self) -> Vec<String> {
         let effects = self
             .file
@@ -269,7 +269,7 @@ impl View<'_> {
             .collect()
     }
 
-    /// Whether the model names friction, so that there are two errors to show.
+    /// True if the model names friction, so that the table shows two errors.
     fn has_friction(&self) -> bool {
         self.comparison.channels.iter().any(|channel| channel.rmse_without_friction.is_some())
     }
@@ -391,7 +391,7 @@ fn section_of(kind: Kind) -> &'static str {
 fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Chart {
     let (scale, unit) = shown_in(channel.unit);
     let line = |name: &str, values: &[f64]| {
-        // A point that is no number keeps the line from crossing a gap.
+        // A NaN point keeps the line from crossing a gap.
         let (mut t, mut y) = (Vec::new(), Vec::new());
         for stretch in &residuals.stretches {
             t.extend_from_slice(&residuals.t[stretch.clone()]);
@@ -423,7 +423,7 @@ fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Char
     }
 }
 
-/// The numbers of a table's row: measured, error, shares in %, mean error, noise, error without friction; NaN where there is none.
+/// The numbers of a table's row: measured, error, shares in %, mean error, noise, error without friction; NaN for a missing one.
 fn numbers(channel: &ChannelError, scale: f64) -> [f64; 7] {
     let percent = |share: Option<f64>| share.map_or(f64::NAN, |share| 100.0 * share);
     [
@@ -437,7 +437,7 @@ fn numbers(channel: &ChannelError, scale: f64) -> [f64; 7] {
     ]
 }
 
-/// What a reader is shown for a unit: metres as mm, radians as mrad.
+/// Unit and factor for display: metres as mm, radians as mrad.
 fn shown_in(unit: &str) -> (f64, &str) {
     match unit {
         "m" => (1e3, "mm"),
@@ -466,7 +466,7 @@ fn effect_name(effect: &EffectTable) -> String {
     format!("{}{place}", effect.kind)
 }
 
-/// What the recording holds, in words.
+/// Content of the recording, in words.
 fn contents(recording: &Recording) -> String {
     let links = recording.q_link.iter().flatten().count();
     let held = [

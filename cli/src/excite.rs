@@ -1,4 +1,4 @@
-//! `freeplay excite`: the next motion, where a recording left two causes possible: safe, and telling them apart.
+//! `freeplay excite`: designs a safe next motion that distinguishes two causes which a recording left possible.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -26,16 +26,16 @@ use serde_json::Value;
 
 use crate::inputs::Measured;
 
-/// Rows a second of the path that is written.
+/// Rows per second of the written path.
 const RATE: f64 = 200.0;
-/// Most causes that are separated from the first.
+/// Most causes to be separated from the first.
 const MOST: usize = 2;
-/// Noise where no diagnosis says what it is: a thousandth of a joint's greatest torque (or 0.1 N·m), 50 µm, 0.1 mrad.
+/// Assumed noise without a diagnosis: a thousandth of a joint's greatest torque (or 0.1 N·m), 50 µm, 0.1 mrad.
 const TORQUE_SHARE: f64 = 1e-3;
 const TORQUE_NOISE: f64 = 0.1;
 const TOOL_NOISE: f64 = 5e-5;
 const LINK_NOISE: f64 = 1e-4;
-/// Independent samples a second, where no diagnosis says how many there are.
+/// Independent samples per second, assumed without a diagnosis.
 const PER_SECOND: f64 = 10.0;
 
 /// Writes a safe motion that separates causes which a recording left possible, and says with what odds.
@@ -85,7 +85,7 @@ pub struct ExciteArgs {
     format: Format,
 }
 
-/// What is to be separated, and what is known of it.
+/// The causes to be separated, with the known facts.
 pub struct Question<'a> {
     /// The model's file.
     pub file: &'a ArmFile,
@@ -95,12 +95,12 @@ pub struct Question<'a> {
     pub seen: Option<&'a Recording>,
 }
 
-/// What a search for a motion writes.
+/// Endings of the files that a search for a motion writes.
 const EXTENSIONS: [&str; 1] = ["toml"];
 /// Results in the folder that `--out` names.
 const RESULTS: [&str; 2] = ["excite.csv", "excite.toml"];
 
-/// Seeks and writes the motion that `args` ask for.
+/// Searches the motion that `args` ask for, and writes it.
 ///
 /// # Errors
 /// Bad input, or no safe motion.
@@ -142,7 +142,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
         noise,
     };
     let question = Question { file: &file, rivals, seen: seen.as_ref() };
-    // Before what takes minutes.
+    // Checked first, since the search takes minutes.
     let folder = claim_out(&args.out, &EXTENSIONS, &RESULTS, args.force)?;
     let found = seek(&question, &settings)?;
     let path = write_path(&found, &model, &file, &args.out)?;
@@ -154,7 +154,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Seeks a motion, with progress on standard error.
+/// Searches a motion, with progress on standard error.
 ///
 /// # Errors
 /// Bad input, or no safe motion.
@@ -174,7 +174,7 @@ pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation
     })
 }
 
-/// Whether `posture` is one that the arm can be in; how many values it has is looked at where it is used.
+/// Checks that `posture` lies within the ranges of the joints. The search itself checks the number of values.
 fn within_reach(posture: &[f64], file: &ArmFile) -> Result<(), Failure> {
     let mut joints = file.arm.joints().iter().zip(posture);
     match joints.find(|(joint, q)| !(joint.limits.lower..=joint.limits.upper).contains(*q)) {
@@ -186,13 +186,13 @@ fn within_reach(posture: &[f64], file: &ArmFile) -> Result<(), Failure> {
     }
 }
 
-/// The two kinds that were named.
+/// The two kinds on the command line.
 fn named(args: &ExciteArgs, file: &ArmFile) -> Result<Vec<Rival>, Failure> {
     let joint = args.joint.as_deref();
     args.kinds.iter().map(|kind| rival(kind, joint, None, file)).collect()
 }
 
-/// The effect `kind` at `joint` as a cause; a joint is not asked for where the kind is one of the whole arm.
+/// The effect `kind` at `joint` as a cause; a kind of the whole arm ignores the joint.
 fn rival(
     kind: &str,
     joint: Option<&str>,
@@ -222,7 +222,7 @@ fn rival(
     Ok(Rival { kind: known, joint, parameters })
 }
 
-/// What a diagnosis.json says of the next motion.
+/// The fields of a diagnosis.json that the next motion needs.
 struct PriorDiagnosis {
     path: PathBuf,
     model: String,
@@ -249,7 +249,7 @@ impl PriorDiagnosis {
             noise.insert(channel.clone(), known);
         }
         let folder = path.parent().unwrap_or(Path::new(""));
-        // One that was moved without its inputs may still be used from where these were named.
+        // If the diagnosis was moved without its inputs, their original paths may still exist.
         let beside =
             |name: &str| Some(folder.join(name)).filter(|path| path.exists()).unwrap_or_else(|| name.into());
         Ok(Self {
@@ -262,7 +262,7 @@ impl PriorDiagnosis {
         })
     }
 
-    /// The first effect that has a rival, and those that can't be told from it.
+    /// The first effect that has a rival, and the causes that the recordings cannot tell from it.
     fn rivals(&self, file: &ArmFile) -> Result<Vec<Rival>, Failure> {
         let wrong = |what: &str| Failure::input(format!("{}: {what}", self.path.display()));
         let list = |key: &str| self.json[key].as_array().cloned().unwrap_or_default();
@@ -291,7 +291,7 @@ impl PriorDiagnosis {
     }
 }
 
-/// The first effect of `diagnosis` that has a rival, and those that can't be told from it; none if there is no such effect.
+/// The first effect of `diagnosis` that has a rival, and the causes that the recordings cannot tell from it; `None` if there is no such effect.
 ///
 /// # Errors
 /// An effect that does not fit the arm.
@@ -309,13 +309,13 @@ pub fn rivals(diagnosis: &Diagnosis, file: &ArmFile) -> Result<Vec<Rival>, Failu
     Ok(rivals)
 }
 
-/// Whether `instead_of`, as an alternative has it, means the effect `kind` at `joint`.
+/// True if `instead_of` of an alternative denotes the effect `kind` at `joint`.
 fn is_said_by(instead_of: &str, kind: Option<&str>, joint: Option<&str>) -> bool {
     let of_kind = kind.is_some_and(|kind| instead_of.split(' ').next() == Some(kind));
     of_kind && joint.is_none_or(|joint| instead_of.ends_with(joint))
 }
 
-/// What is assumed of the noise where nothing is known.
+/// Assumed noise of the channels without a diagnosis.
 fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
     let with = |deviation: f64| ChannelNoise { deviation, per_second: PER_SECOND };
     let joints = file.arm.joints().iter().enumerate();
@@ -332,7 +332,8 @@ fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
     noise
 }
 
-/// Writes excite.csv and excite.toml into the folder `out`, or the file `out` that ends in .toml and its rows beside it, and lets the path be planned as the plant would; the scenario's path.
+/// Writes excite.csv and excite.toml into the folder `out`, or the file `out` that ends in .toml with its rows beside it. Plans the path as the plant would.
+/// Returns the scenario's path.
 ///
 /// # Errors
 /// A file that can't be written.
@@ -357,7 +358,7 @@ pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -
     let spec = PathSpec { kind: PathKind::File, file: Some(csv.clone()), ..PathSpec::default() };
     JointPath::plan(&file.arm, &spec, 1000.0).map_err(Failure::internal)?;
     let mut scenario = toml::Table::new();
-    // A scenario's paths are those seen from its own folder.
+    // A scenario's paths are relative to its own folder.
     let seen = if model == PAPER_MODEL { PathBuf::from(model) } else { seen_from(folder, Path::new(model)) };
     scenario.insert("model".to_owned(), seen.display().to_string().into());
     let rows_name = csv.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -385,7 +386,7 @@ fn least(odds: &[f64]) -> f64 {
     odds.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// One sentence: which motion separates the causes, with what odds.
+/// One sentence: the motion, the causes that it separates, and the odds.
 pub fn sentence(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     let names: Vec<String> = found.rivals.iter().map(|rival| name(rival, file)).collect();
     format!(

@@ -1,4 +1,4 @@
-//! `freeplay record`: what is in a recording, to other forms, and from other people's forms.
+//! `freeplay record`: shows recordings, exports them to other forms, and imports foreign ones.
 
 use std::path::{Path, PathBuf};
 
@@ -103,7 +103,7 @@ struct ImportArgs {
     force: bool,
 }
 
-/// Does what `args` say.
+/// Carries out the command in `args`.
 ///
 /// # Errors
 /// A file that can't be read or written; each names place, value and remedy.
@@ -152,19 +152,19 @@ fn unit(column: &str) -> &'static str {
     }
 }
 
-/// Least and greatest finite value where there is one, and how many values are not finite.
+/// Least and greatest finite value, if any, and the number of non-finite values.
 fn range(values: &[f64]) -> (Option<[f64; 2]>, usize) {
     let finite = || values.iter().copied().filter(|value| value.is_finite());
     let least_and_most = finite().reduce(f64::min).zip(finite().reduce(f64::max));
     (least_and_most.map(|(least, most)| [least, most]), values.len() - finite().count())
 }
 
-/// Shortest and longest step, s; none for less than two samples.
+/// Shortest and longest step, s; `None` for less than two samples.
 fn steps(recording: &Recording) -> Option<[f64; 2]> {
     range(&recording.t.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>()).0
 }
 
-/// Duration, s, and rate, Hz; none where less than two samples, or times beyond all measure, have none.
+/// Duration, s, and rate, Hz; `None` for less than two samples, or for times without a finite duration.
 fn timing(recording: &Recording) -> Option<(f64, f64)> {
     let (duration, rate) = (recording.duration(), recording.rate_hz());
     (recording.len() > 1 && duration.is_finite() && rate.is_finite()).then_some((duration, rate))
@@ -201,7 +201,7 @@ fn describe(recording: &Recording) -> Value {
     })
 }
 
-/// More columns outside the contract are named on one line.
+/// Up to so many columns outside the contract are listed on lines of their own; more share one line.
 const MOST_OTHERS: usize = 6;
 
 /// The joints' names, where there are any.
@@ -315,7 +315,7 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
     Ok(done)
 }
 
-/// Whether `out` may be written: it is not the source, and not there unless `force`.
+/// Checks that `out` may be written: it is not the source, and does not exist unless `force`.
 fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
     if same_file(out, source) {
         return Err(Failure::usage(format!(

@@ -1,4 +1,4 @@
-//! What a swap cost, beside what its controllers do alone.
+//! Cost of a swap, compared with the runs of its controllers alone.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use serde_json::Value;
 
 /// Code of a held command in the column `in_force`.
 pub(crate) const HELD_COMMAND: f64 = 2.0;
-/// Ticks before a swap or a fault in which a stall of the machine still has a part in what comes of it.
+/// A stall of the machine affects a swap or a fault that follows within this many ticks.
 pub const AROUND: u64 = 2;
 /// Ticks after the blend during which the arm settles.
 pub const SETTLING: usize = 200;
@@ -31,7 +31,7 @@ pub struct Alone {
     held: u64,
 }
 
-/// What one swap cost.
+/// Cost of one swap.
 #[derive(Clone, Debug, Serialize)]
 pub struct Measured {
     /// Seed of its run.
@@ -42,27 +42,27 @@ pub struct Measured {
     pub from: String,
     /// The new controller.
     pub to: String,
-    /// Why.
+    /// Cause of the swap.
     pub cause: Value,
     /// Ticks from the planned one, or the first failure, to the swap.
     pub gap_ticks: u64,
-    /// Ticks after the swap, until it has settled, whose answer did not pass.
+    /// Ticks with a rejected answer after the swap, until the arm has settled.
     pub missed_ticks: u64,
-    /// Ticks of these, and of the gap, for which the last command was held.
+    /// Ticks with a held command among these and those of the gap.
     pub held_ticks: u64,
-    /// Change of the command as it changes hands over the greatest change of either controller alone after the start, or in the
-    /// same ticks if that is more: an impact changes the commands of anybody. The worst joint.
+    /// Change of the command at the swap, relative to the greatest change of either controller alone after the start, or in the same ticks if that is more: an
+    /// impact changes the commands of any controller. Maximum over the joints.
     pub jump: f64,
     /// The same for the greatest change during the blend.
     pub blend_change: f64,
     /// Greatest deviation of the tool until it has settled, mm.
     pub deviation_peak_mm: f64,
-    /// Over the greatest in the same ticks of the runs without swap of who had been in charge.
+    /// Ratio to the greatest deviation in the same ticks of the runs without swap of the controllers active before.
     pub deviation_ratio: f64,
-    /// Stalls of the machine (see [`freeplay_plant::MissCause::is_the_machines`]) from as long before the planned tick as an arm settles until
-    /// it had settled. Such a swap says more of the machine than of what a swap costs.
+    /// Stalls of the machine (see [`freeplay_plant::MissCause::is_the_machines`]) from one settling time before the planned tick until the arm had settled. A
+    /// swap with stalls measures the machine more than the swap.
     pub stalls: u64,
-    /// Of these, in the ticks from [`AROUND`] before the planned one to the swap: such a swap says nothing of its gap either.
+    /// Stalls among these from [`AROUND`] ticks before the planned tick to the swap; with such a stall the gap does not count either.
     pub stalls_in_gap: u64,
     /// Whether the journals came into contact or lost it in these ticks.
     pub contact_event: bool,
@@ -82,7 +82,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 impl Alone {
-    /// From the summary and the recording of the run of one controller.
+    /// Reads the summary and the recording of a run of one controller.
     ///
     /// # Errors
     /// A recording that lacks what a run records.
@@ -95,8 +95,8 @@ impl Alone {
         Ok(Self { name: name.to_owned(), deviation: deviation(recording)?, steady, applied, held })
     }
 
-    /// Greatest change of the command of `joint` from tick to tick after the start; or in `ticks`, where an impact, which no
-    /// steady motion has, may change it more.
+    /// Greatest change of the command of `joint` from tick to tick after the start, or in `ticks` if that is more: an impact, which steady motion lacks, may
+    /// change the command more.
     fn change(&self, joint: usize, ticks: &Range<usize>) -> f64 {
         let Some(applied) = self.applied.get(joint) else { return 0.0 };
         let within = ticks.start.saturating_sub(1).min(applied.len())..ticks.end.min(applied.len());
@@ -105,11 +105,11 @@ impl Alone {
     }
 }
 
-/// The greatest change of each joint's command that none of `alone` exceeds in its steady motion by itself: the least of their greatest.
+/// The least of the steady changes of `alone`, by joint: a smaller change occurs in the steady motion of every controller.
 pub fn steady_change(alone: &[Alone]) -> Vec<f64> {
     let joints = alone.iter().map(|alone| alone.steady.len()).min().unwrap_or(0);
     let least = |joint: usize| alone.iter().map(|alone| alone.steady[joint]).fold(f64::INFINITY, f64::min);
-    // A hair less: a sum and a difference of two torques round.
+    // Slightly reduced, since a sum and a difference of two torques are rounded.
     (0..joints).map(|joint| least(joint) * (1.0 - 1e-9)).collect()
 }
 
@@ -126,7 +126,7 @@ impl Alone {
     }
 }
 
-/// A run with swaps, read back.
+/// A finished run with swaps.
 struct Run<'a> {
     deviation: Vec<f64>,
     in_charge: Vec<usize>,
@@ -135,12 +135,12 @@ struct Run<'a> {
     stalls: Vec<Stall>,
     /// Time in contact of each joint with play at each tick, s.
     contact: Vec<&'a [f64]>,
-    /// The run alone of the controller of each slot.
+    /// The run alone of the controller in each slot.
     alone: Vec<&'a Alone>,
     window: usize,
 }
 
-/// What each swap of a run cost. `names` are its controllers by slot; a swap is looked at for `window` ticks.
+/// Measures the cost of each swap of a run. `names` are its controllers by slot; a swap is observed for `window` ticks.
 ///
 /// # Errors
 /// A recording that lacks what a run records.
@@ -184,13 +184,13 @@ pub fn stalls(summary: &RunSummary) -> Vec<Stall> {
     stalls.filter_map(|stall| Stall::deserialize(stall).ok()).collect()
 }
 
-/// How many of `stalls` reach into `ticks`.
+/// Number of `stalls` that overlap `ticks`.
 pub fn stalls_in<'s>(stalls: impl IntoIterator<Item = &'s Stall>, ticks: &Range<u64>) -> u64 {
     stalls.into_iter().filter(|stall| stall.first < ticks.end && stall.last >= ticks.start).count() as u64
 }
 
 impl Measured {
-    /// Whether it was asked for; else a controller's answer lacked or did not pass.
+    /// True for a planned swap; else an answer was missing or rejected.
     pub fn is_planned(&self) -> bool {
         self.cause == "planned"
     }
@@ -233,7 +233,7 @@ impl Run<'_> {
         }
     }
 
-    /// The deviation at `tick` without swap: the greatest of those who have been in charge in the window before.
+    /// The deviation at `tick` without swap: the greatest of the controllers that were active in the window before.
     fn without_swap(&self, tick: usize) -> f64 {
         let mut seen = [false; freeplay_shm::MAX_SLOTS];
         self.in_charge[tick.saturating_sub(self.window)..=tick].iter().for_each(|&slot| seen[slot] = true);
@@ -241,7 +241,7 @@ impl Run<'_> {
         slots.filter_map(|(_, alone)| alone.deviation.get(tick)).copied().fold(0.0, f64::max)
     }
 
-    /// `change` over the greatest change of the controllers in `slots` without swap; the worst joint.
+    /// Ratio of `change` to the greatest change of the controllers in `slots` without swap; maximum over the joints.
     fn of_usual(&self, change: &[f64], slots: [usize; 2], ticks: &Range<usize>) -> f64 {
         let usual = |joint: usize| {
             slots.iter().map(|&slot| self.alone[slot].change(joint, ticks)).fold(0.0, f64::max)

@@ -1,15 +1,14 @@
-//! How far the deviation at sharp corners can be taken down at all; see `bound_table` for how much of that a controller reaches.
+//! Lower bound of the deviation at sharp corners; `bound_table` compares the controllers with it.
 //!
-//! The bound of a cell (period T, clearance c of the sharp square) is the least that an offline optimisation finds which knows the true
-//! arm: over the corrections of the joints, within their limits of speed, acceleration and torque, and over the way of the journal, tick
-//! by tick in a window around every corner, with the journal held by the law of contact (Gauss–Newton, see
-//! `freeplay_controller::passage_planner`). The weights that keep a controller's plan gentle are taken off: corrections may use all of the
-//! acceleration limits, the bearing's push may fall to nothing, the tool may turn. For RMS, the squares of the deviation after the start
-//! are minimised; for the maximum, their fourth powers; both from several starts, in which the journal first goes ahead or behind.
-//! Outside the windows the bound counts no deviation at all, so that it is on the low side. It is a bound for journals that keep
-//! touching: motions that throw the journal on purpose are not searched.
+//! The bound of a cell (period T, clearance c of the sharp square) is the least deviation that an offline optimisation with the true arm finds. The variables
+//! are the corrections of the joints, within their limits of speed, acceleration and torque, and the motion of the journal, tick by tick in a window around
+//! every corner; the law of contact holds the journal (Gauss–Newton, see `freeplay_controller::passage_planner`). The optimisation drops the weights that keep
+//! a controller's plan gentle: corrections may use the whole acceleration limits, the contact force of the bearing may fall to zero, the tool may turn. For RMS
+//! it minimises the squares of the deviation after the start, for the maximum their fourth powers; both from several starts, in which the journal first goes
+//! ahead or behind. Outside the windows the bound counts no deviation at all, so that it is on the low side. The bound assumes journals that stay in contact:
+//! the optimisation does not search motions that throw the journal on purpose.
 //!
-//! As a check, the optimal motion is given to the true plant as prescribed joints; what the plant then measures is printed beside it.
+//! As a check, the true plant runs the optimal motion with prescribed joints; the output shows its measurement beside the bound.
 
 use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
 use freeplay_controller::displacement_preview::DisplacementPreview;
@@ -25,12 +24,12 @@ use serde::Serialize;
 const PERIOD: f64 = 1e-3;
 /// Joint with play.
 const JOINT: usize = 4;
-/// Half width of the moving average over the predicted journals that the windows begin and end with, ticks.
+/// Half width of the moving average of the predicted journals at both ends of a window, ticks.
 const HALF: usize = 10;
 /// Starts: the turn of the journal's way in the middle of a window, rad.
 const STARTS: [f64; 3] = [0.0, 0.6, -0.6];
 
-/// What one start led to, mm.
+/// Result of one start, mm.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Found {
     /// The start: turn of the journal's way, rad.
@@ -48,13 +47,13 @@ pub struct Bound {
     pub period: f64,
     /// Clearance, mm.
     pub clearance: f64,
-    /// What the starts led to when the squares were minimised.
+    /// Results of the starts, with the squares minimised.
     pub squares: Vec<Found>,
-    /// And the fourth powers.
+    /// Results with the fourth powers minimised.
     pub fourth_powers: Vec<Found>,
-    /// RMS and maximum in the windows that the true plant measures on the motion of the least squares.
+    /// RMS and maximum in the windows that the true plant measures on the motion with the least squares.
     pub measured: Option<Found>,
-    /// What the passages of `narx-qp` as it plans them would leave.
+    /// Deviation of the passages as `narx-qp` plans them.
     pub planned: Found,
 }
 
@@ -70,7 +69,7 @@ impl Bound {
     }
 }
 
-/// One cell being worked on.
+/// One cell: the arm with play, and the path with its laps.
 struct Cell {
     play: ArmWithPlay,
     path: JointPath,
@@ -91,7 +90,7 @@ impl Cell {
         })
     }
 
-    /// The passages that `weights` and `options` lead to.
+    /// The passages for `weights` and `options`.
     fn passages(&self, weights: Weights, options: PassageOptions) -> Vec<Passage> {
         let arm = paper_arm().arm;
         let search = CornerSearch { arm: &arm, with_play: &self.play, period: PERIOD, weights, options };
@@ -111,14 +110,14 @@ impl Cell {
         q.iter().zip(corrections).map(|(q, correction)| q + correction).collect()
     }
 
-    /// What the deviations (mm) `norms` of the ticks in windows come to over the run.
+    /// RMS and maximum over the run of the deviations `norms` (mm) of the ticks in windows.
     fn figures(&self, start: f64, norms: &[f64]) -> Found {
         let counted = self.ticks as f64 - DeviationStatistics::START / PERIOD;
         let squares: f64 = norms.iter().map(|norm| norm * norm).sum();
         Found { start, rms: (squares / counted).sqrt(), max: norms.iter().copied().fold(0.0, f64::max) }
     }
 
-    /// The deviation that a passage means the tool to have, mm, tick by tick to the end of the run.
+    /// The planned deviation of the tool in a passage, mm, tick by tick to the end of the run.
     fn meant(&self, passage: &Passage) -> Vec<f64> {
         let arm = paper_arm().arm;
         let (mut nominal, mut workspace) = (Workspace::new(&arm), Workspace::new(self.play.arm()));
@@ -140,7 +139,7 @@ impl Cell {
         passages.iter().flat_map(|passage| self.meant(passage)).collect()
     }
 
-    /// The deviation that the true plant measures when its joints are prescribed as `passage` says, mm, tick by tick.
+    /// The deviation that the true plant measures with its joints prescribed by `passage`, mm, tick by tick.
     fn measured(&self, passage: &Passage) -> Result<Vec<f64>, Failure> {
         let arm = paper_arm().arm;
         let mut system = System::new(self.play.clone(), &arm, PERIOD, 50).map_err(Failure::input)?;
@@ -220,7 +219,7 @@ impl Cell {
 /// The bound of the sharp square with laps of `period` s and `clearance` mm in joint 5.
 ///
 /// # Errors
-/// A clearance or a period that cannot be.
+/// An impossible clearance or period.
 pub fn sharp_square(period: f64, clearance: f64) -> Result<Bound, Failure> {
     Cell::new(period, clearance)?.bound(clearance)
 }

@@ -1,9 +1,9 @@
 //! `freeplay cells`: the table of compensation, cell by cell: no compensation, `quasi-static`, `narx-qp`.
 //!
-//! Every cell is a lockstep run of the paper's arm in torque mode with ideal sensors, in this process. Five parts: the paper's
-//! clearances and times on smooth, softly and sharply cornered paths; the same without a tracked tool; the controllers' clearance 10 %
-//! too small and too large; and two joints with play at once. The verdict: `narx-qp` is at least as good as `quasi-static` and as no
-//! compensation in RMS and maximum, to `HARMLESS`, and what it commands stays within the limits of the joints.
+//! Every cell is a lockstep run of the paper's arm in torque mode with ideal sensors, in this process. Five parts: the paper's clearances and times on smooth,
+//! softly and sharply cornered paths; the same without a tracked tool; the controllers' clearance 10 % too small and too large; and two joints with play at
+//! once. The verdict: `narx-qp` is at least as good as `quasi-static` and as no compensation in RMS and maximum, to `HARMLESS`, and its commands stay within
+//! the limits of the joints.
 
 use std::fmt::Write as _;
 
@@ -26,9 +26,9 @@ use serde::Serialize;
 
 use freeplay_harness::closed_loop::{ClosedLoop, Plays, of_plays, task};
 
-/// A difference that no tool tracker sees, mm.
+/// A difference below the resolution of any tool tracker, mm.
 const HARMLESS: f64 = 1e-4;
-/// The joint with play where there is one, by index.
+/// The only joint with play, by index.
 const ALONE: usize = 4;
 
 /// A part of the table.
@@ -131,7 +131,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// Whether narx-qp is at least as good as quasi-static and as no compensation.
+    /// True if narx-qp is at least as good as quasi-static and as no compensation.
     pub fn is_good(&self) -> bool {
         let at_most = |ours: f64, theirs: f64| ours <= theirs + HARMLESS;
         let others = [&self.none, &self.quasi_static];
@@ -140,20 +140,20 @@ impl Row {
             .all(|other| at_most(self.narx_qp.rms, other.rms) && at_most(self.narx_qp.max, other.max))
     }
 
-    /// Whether what narx-qp commands stays within the limits.
+    /// True if the commands of narx-qp stay within the limits.
     pub fn is_within_limits(&self) -> bool {
         let used = self.narx_qp.commanded.iter().flat_map(UsedByJoint::all);
         used.into_iter().all(|(_, used)| used.share.is_none_or(|share| share <= 1.0))
     }
 
-    /// Whether both hold.
+    /// True if both conditions hold.
     pub fn holds(&self) -> bool {
         self.is_good() && self.is_within_limits()
     }
 }
 
 impl Cell {
-    /// With play in joint 5 alone, believed as it is, clearance in mm.
+    /// A cell with play in joint 5 alone and a correct model, clearance in mm.
     pub fn plain(part: Part, path: PathSpec, clearance: f64) -> Self {
         let plays = vec![(ALONE, clearance * 1e-3)];
         Self { part, path, believed: plays.clone(), plays, after: DeviationStatistics::START }
@@ -207,10 +207,10 @@ impl Cell {
     }
 }
 
-/// Makes the table; a verdict fails where narx-qp is worse than quasi-static.
+/// Makes the table; the verdict fails if narx-qp is worse than quasi-static.
 ///
 /// # Errors
-/// A path that is none; runs that fail.
+/// A path that does not exist; runs that fail.
 pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
     let all = listed(args)?;
     let options =
@@ -236,7 +236,7 @@ pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
     Ok(if rows.iter().all(Row::holds) { Exit::Done } else { Exit::Verdict })
 }
 
-/// The cells asked for, part by part. The wrong clearances and the two joints take the largest of the clearances.
+/// The requested cells, part by part. The parts with wrong clearances and with two joints take the largest clearance.
 fn listed(args: &CellsArgs) -> Result<Vec<Cell>, Failure> {
     let parts = if args.part.is_empty() { PARTS.to_vec() } else { args.part.clone() };
     let kinds: Vec<PathKind> = args.path.iter().map(|name| kind(name)).collect::<Result<_, _>>()?;
@@ -354,7 +354,7 @@ fn cells_of(row: &Row) -> Vec<String> {
     cells
 }
 
-/// The greatest share of a limit, and of which.
+/// The greatest share of a limit, and the name of this limit.
 fn greatest(joints: &[UsedByJoint]) -> String {
     let all = joints.iter().enumerate().flat_map(|(joint, used)| {
         used.all()

@@ -1,4 +1,4 @@
-//! What can be wrong with a recording, and what to do about it.
+//! Errors of reading and writing recordings, each with its remedy.
 
 use std::io;
 use std::path::PathBuf;
@@ -10,17 +10,16 @@ use crate::mapping_error::MappingError;
 use crate::names::ColumnError;
 use crate::place::Place;
 
-/// Why a file is not read as a recording. The message names the file, the line, the column, the value
-/// and what to do, on one line.
+/// Reason why a file cannot be read as a recording. The message names the file, the line, the column, the value and the remedy, on one line.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ReadError {
-    /// The operating system does not give the file's bytes.
+    /// The operating system cannot read the file.
     #[error("{}: {source}; check the path and the permissions", file.display())]
     Io {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// A folder where a file is expected.
@@ -38,12 +37,12 @@ pub enum ReadError {
         /// The file.
         file: PathBuf,
     },
-    /// A file of a kind that is not read.
+    /// A file of an unsupported kind.
     #[error("{}: {what}; what is read: CSV, MCAP, ROS bags, Parquet, .npz, .mat", file.display())]
     NotText {
         /// The file.
         file: PathBuf,
-        /// What it is, and the way out.
+        /// Its kind and the remedy.
         what: &'static str,
     },
     /// A file of a known kind that can't be used.
@@ -51,7 +50,7 @@ pub enum ReadError {
     Unusable {
         /// The file.
         file: PathBuf,
-        /// Why, and what to do.
+        /// The reason and the remedy.
         what: String,
     },
     /// The first line holds numbers.
@@ -64,12 +63,12 @@ pub enum ReadError {
         /// Its first cell.
         value: String,
     },
-    /// The column names are no recording.
+    /// The column names do not form a recording.
     #[error("{place}: {source}")]
     Columns {
         /// The header.
         place: Place,
-        /// What is wrong with them.
+        /// The fault in the names.
         source: ColumnError,
     },
     /// A row with another number of cells than the header has.
@@ -84,7 +83,7 @@ pub enum ReadError {
         /// Cells of the row.
         found: usize,
     },
-    /// A cell that is no number.
+    /// A cell that is not a number.
     #[error("{place}: column {column}: {value:?} is not a number; {remedy}")]
     NotANumber {
         /// The row.
@@ -93,22 +92,22 @@ pub enum ReadError {
         column: String,
         /// The cell.
         value: String,
-        /// What to do.
+        /// The remedy.
         remedy: &'static str,
     },
-    /// No row is left after those that lack something.
+    /// Every row lacks a required value.
     #[error(
         "{place}: {what}, and so in all {rows} rows: nothing is left; record it, or name another column for it in a mapping file: freeplay record import"
     )]
     NothingLeft {
         /// The first such row.
         place: Place,
-        /// What is lacking.
+        /// The missing value.
         what: String,
-        /// Rows that are left out.
+        /// Number of incomplete rows.
         rows: u64,
     },
-    /// Time that runs back and begins again, or stands still.
+    /// Time that jumps back, or stands still.
     #[error(
         "{place}: column t: {value:?} does not come after {previous:?} in the row before: the clock stands still, jumps back or begins again here; cut the file into one recording each, or correct the times from here on"
     )]
@@ -120,7 +119,7 @@ pub enum ReadError {
         /// The time of the row before, s.
         previous: f64,
     },
-    /// A line that no recording has.
+    /// A line longer than any line of a recording.
     #[error("{place}: the line is longer than {limit} bytes; not a CSV, or a quote that is never closed")]
     LongLine {
         /// Where the line begins.
@@ -128,7 +127,7 @@ pub enum ReadError {
         /// The longest line read, bytes.
         limit: usize,
     },
-    /// More numbers than are read at once.
+    /// More numbers than the reader keeps in memory.
     #[error("{}: {columns} columns of {rows} rows or more are above the limit of {limit} numbers (8 bytes each); {remedy}", file.display())]
     TooLarge {
         /// The file.
@@ -139,7 +138,7 @@ pub enum ReadError {
         rows: u64,
         /// The limit.
         limit: u64,
-        /// How to thin it.
+        /// A way to thin the recording.
         remedy: String,
     },
     /// A header and nothing below it.
@@ -147,7 +146,7 @@ pub enum ReadError {
     NoSamples {
         /// The file.
         file: PathBuf,
-        /// Why, where the file tells.
+        /// The reason, if the file states it.
         why: &'static str,
     },
     /// Columns of unequal length, in a recording made in memory.
@@ -157,22 +156,22 @@ pub enum ReadError {
         file: PathBuf,
         /// The column.
         column: String,
-        /// Its values.
+        /// Number of its values.
         found: usize,
         /// Values of the first column.
         expected: usize,
     },
-    /// A MCAP that contradicts itself.
+    /// An MCAP file that contradicts itself.
     #[error("{}: damaged at byte {offset}: {what}; `mcap recover` saves what is left", file.display())]
     Damaged {
         /// The file.
         file: PathBuf,
-        /// Where the damaged record begins.
+        /// Offset at which the damaged record begins.
         offset: u64,
-        /// What is wrong.
+        /// The fault.
         what: String,
     },
-    /// A MCAP this crate has no decompressor for.
+    /// An MCAP file with a compression that this crate cannot read.
     #[error("{}: chunks are compressed with {compression:?}; convert it: `mcap compress --compression zstd`", file.display())]
     Compression {
         /// The file.
@@ -180,14 +179,14 @@ pub enum ReadError {
         /// The compression.
         compression: String,
     },
-    /// A MCAP without our topic.
+    /// An MCAP file without Freeplay's topic.
     #[error("{}: no topic {expected}; found: {topics}; record with `freeplay run`, or turn a ROS 2 bag into a recording with `freeplay record import`", file.display())]
     NoTopic {
         /// The file.
         file: PathBuf,
         /// The topic.
         expected: &'static str,
-        /// The topics that are there.
+        /// The topics of the file.
         topics: String,
     },
     /// The mapping does not fit the file.
@@ -200,10 +199,10 @@ pub enum ReadError {
         file: PathBuf,
         /// The type.
         expected: &'static str,
-        /// The topics that are there, with their types.
+        /// The topics of the file, with their types.
         topics: String,
     },
-    /// A bag with several topics of the type that is looked for.
+    /// A bag with several topics of the required type.
     #[error("{}: several topics of type {kind}: {topics}; choose one with {option}", file.display())]
     ManyTopics {
         /// The file.
@@ -212,52 +211,52 @@ pub enum ReadError {
         kind: &'static str,
         /// The topics.
         topics: String,
-        /// The option that chooses.
+        /// The option that selects one.
         option: &'static str,
     },
-    /// A message of a bag that can't be used.
+    /// A message of a bag that cannot be used.
     #[error("{place}: topic {topic}: {what}")]
     Bag {
         /// The message.
         place: Place,
         /// Its topic.
         topic: String,
-        /// What is wrong and what to do.
+        /// The fault and the remedy.
         what: String,
     },
-    /// A topic or a message in another form than this crate reads.
+    /// A topic or a message in a form that this crate does not read.
     #[error(
         "{place}: topic {topic}: {what}; it must be written as float64 fields, schema ros2msg, messages cdr (little-endian)"
     )]
     Form {
-        /// The message, or the whole for the topic itself.
+        /// The message, or the file if the topic itself is at fault.
         place: Place,
         /// The topic.
         topic: &'static str,
-        /// What is wrong.
+        /// The fault.
         what: String,
     },
 }
 
-/// Why a recording is not written.
+/// Reason why a recording cannot be written.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum WriteError {
-    /// The file's name does not say the format.
+    /// The file name has no known ending for a format.
     #[error("{}: a recording is written as .csv or .mcap, or exported as .parquet; choose one of these endings", file.display())]
     Ending {
         /// The file.
         file: PathBuf,
     },
-    /// The file cannot be made.
+    /// The file cannot be created.
     #[error("{}: cannot be created: {source}; check the folder and its permissions", file.display())]
     Create {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The columns make no recording.
+    /// The columns do not form a recording.
     #[error(transparent)]
     Columns(#[from] ColumnError),
     /// A row of another width than the layout.
@@ -282,24 +281,24 @@ pub enum WriteError {
         /// Its time.
         t: f64,
     },
-    /// The system takes no more bytes.
+    /// The system refuses further bytes.
     #[error("{}: writing stopped after {kept} of {rows} rows: {source}; the rows before it stay readable; free some space or write elsewhere", file.display())]
     Stopped {
         /// The file.
         file: PathBuf,
         /// Rows handed over, the last one included.
         rows: u64,
-        /// Rows that are known to be in the file.
+        /// Rows known to be in the file.
         kept: u64,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// An export that did not come to its end.
+    /// An export that failed before its end.
     #[error("{}: the export stopped: {source}; a file that was there is as before; free some space or write elsewhere", file.display())]
     NotExported {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// Writing on after an error or after the end.

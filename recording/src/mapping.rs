@@ -1,4 +1,4 @@
-//! What the columns of somebody else's recording mean: a mapping file in TOML.
+//! A mapping file in TOML: it gives the meaning of the columns of a recording from another tool.
 //!
 //! ```toml
 //! separator = ";"                 # optional, as are decimal and skip: else told from the file
@@ -21,16 +21,16 @@
 //! scale = [95.2, 95.2]            # optional: by joint or for all, times the value in that unit (current × constant × ratio)
 //! ```
 //!
-//! What a recording means otherwise than its model is mended by `offset` (taken off the scaled values, by joint or for all), `unwrap = true` (of positions
-//! that jump by whole turns), `delay` (how late the columns are, s), `[[relative]]` with `joint`, `to` and `factor` (a position that holds another
-//! joint's), and `gravity_compensated = true` (the arm's weight is missing from the torques). `freeplay diagnose --out` writes such a file, `setup.toml`.
+//! Further keys correct a recording whose conventions differ from those of its model: `offset` (subtracted from the scaled values, by joint or for all),
+//! `unwrap = true` (for positions that jump by whole turns), `delay` (lag of the columns, s), `[[relative]]` with `joint`, `to` and `factor` (a position that
+//! contains another joint's), and `gravity_compensated = true` (the torques lack the arm's weight). `freeplay diagnose --out` writes such a file, `setup.toml`.
 //!
-//! Tables: `t` and `q`, and where there are such columns `qd` (rad/s, deg/s, rpm, m/s, mm/s), `tau`, `q_ref` and `q_link` (as q),
-//! `tool` (x, y, z; m, mm) and `orientation` (qx, qy, qz, qw). A unit is one for all columns or a list of one for each. Columns that it does
-//! not name are kept under their own names, or, where that is a name of ours, under `file_` and the name.
+//! Tables: `t` and `q`, and for further columns `qd` (rad/s, deg/s, rpm, m/s, mm/s), `tau`, `q_ref` and `q_link` (as q), `tool` (x, y, z; m, mm) and
+//! `orientation` (qx, qy, qz, qw). A unit is one for all columns or a list of one for each. Columns that the mapping does not name keep their names; a name
+//! that is reserved by this crate gets the prefix `file_`.
 //!
-//! The columns of a file without a header are named by their numbers, `"1"`, `"2"` and on. There a name with `{}` and other letters stands for
-//! its share of the columns that no number claims, in the order of the list above.
+//! Numbers name the columns of a file without a header: `"1"`, `"2"` and on. In such a file a name with `{}` and other letters stands for an equal share of the
+//! columns that no number claims, in the order of the list above.
 
 use std::path::Path;
 
@@ -46,7 +46,7 @@ use crate::recording::Recording;
 use crate::reread::{Relative, shifted, unwrapped};
 use crate::sources::{Quantity, Sources};
 
-/// What the columns of a foreign recording mean.
+/// Meaning of the columns of a foreign recording.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mapping {
@@ -114,7 +114,7 @@ enum Scale {
     All(Vec<f64>),
 }
 
-/// What a quantity is measured in: names of units with their factors to SI.
+/// Units of a quantity: names with their factors to SI.
 type Units = &'static [(&'static str, f64)];
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
@@ -138,7 +138,7 @@ impl Mapping {
         Self::parse(&text, path)
     }
 
-    /// The mapping in `text`, which stands in `file`.
+    /// Parses `text`, the content of `file`.
     ///
     /// # Errors
     /// See [`MappingError`].
@@ -168,7 +168,7 @@ impl Mapping {
         Ok(mapping)
     }
 
-    /// Refuses numbers that are none in `columns`.
+    /// Refuses NaN and infinity in the numbers of `columns`.
     fn check_finite(&self, key: &'static str, columns: &Columns) -> Result<(), MappingError> {
         let listed = |numbers: &Option<Scale>| match numbers {
             None => Vec::new(),
@@ -214,15 +214,15 @@ impl Mapping {
         }
     }
 
-    /// Whether the arm's weight is missing from the torques, and has to be added by who knows the arm.
+    /// True if the torques lack the arm's weight; a caller that knows the arm has to add it.
     pub fn is_gravity_compensated(&self) -> bool {
         self.gravity_compensated
     }
 
-    /// What of `recording`, whose columns are named and scaled, is not yet as it is meant: jumps, zeros, relative positions, clocks.
+    /// Applies the corrections that remain after naming and scaling: jumps of whole turns, offsets, delays, relative positions.
     ///
     /// # Errors
-    /// [`MappingError::Count`] for another number of offsets than there are columns, [`MappingError::NoJoint`] for a relative joint that there is not.
+    /// [`MappingError::Count`] if the numbers of offsets and columns differ, [`MappingError::NoJoint`] if the recording lacks a joint of `[[relative]]`.
     pub(crate) fn finish(&self, recording: &mut Recording) -> Result<(), MappingError> {
         let joints = recording.joints();
         let finish = |columns: &Columns, key: &'static str, values: &mut [Vec<f64>], t: &[f64]| {
@@ -258,7 +258,7 @@ impl Mapping {
         self.relative.iter().try_for_each(|relative| relative.take_out(recording, &self.written))
     }
 
-    /// What it says of the form of the file.
+    /// The form of the file as far as the mapping states it.
     pub(crate) fn told(&self) -> Told {
         let byte = |sign: Option<char>| sign.map(|sign| sign as u8);
         Told { separator: byte(self.separator), decimal: byte(self.decimal), skip: self.skip }
@@ -269,7 +269,7 @@ impl Mapping {
         self.joints.as_deref().unwrap_or_default()
     }
 
-    /// The columns `names` of the recording whose header stands at `header` as ours; those of a file without a header are `numbered`.
+    /// Renames the columns `names` of the recording to those of the contract. The header is at `header`; the columns of a file without a header are `numbered`.
     pub(crate) fn apply(
         &self,
         names: Vec<String>,
@@ -341,7 +341,7 @@ impl Mapping {
         Err(MappingError::Count { at, key: "joints", what: "names", found: names, expected: joints })
     }
 
-    /// The error of a `found` number of `what` in the key `inner` of a quantity, where another is expected.
+    /// The error for a `found` number of `what` in the key `inner` of a quantity, if another number is expected.
     fn count(
         &self,
         key: &'static str,
@@ -352,7 +352,7 @@ impl Mapping {
         MappingError::Count { at: self.written.place(&[key, inner], None), key, what, found, expected }
     }
 
-    /// Where the columns of `mapped` come from in a file with the columns `names`, and what this mapping does to them.
+    /// The sources of the columns of `mapped` in a file with the columns `names`, and the corrections of this mapping.
     pub(crate) fn sources(&self, mapped: &Mapped, names: &[String], form: Option<&Form>) -> Sources {
         let mut sources = Sources { gravity_compensated: self.gravity_compensated, ..Sources::default() };
         sources.take_relative(&self.relative);
@@ -390,7 +390,7 @@ impl Mapping {
         sources
     }
 
-    /// What each pattern of a name stands for in a file without a header of `count` columns: the same number of those that no number claims.
+    /// The columns of each name pattern in a file without a header of `count` columns: equal shares of the columns that no number claims.
     fn shares(&self, count: usize) -> Vec<(&'static str, Vec<String>)> {
         let patterns: Vec<&str> =
             self.quantities().filter(|(_, columns, _)| columns.is_pattern()).map(|(key, ..)| key).collect();
@@ -428,12 +428,12 @@ impl Columns {
         Columns { columns, first: 1, unit: None, scale: None, offset: None, unwrap: false, delay: 0.0 }
     }
 
-    /// Whether it is a name with `{}` and other letters.
+    /// True if the columns have one name with `{}` and other letters.
     fn is_pattern(&self) -> bool {
         matches!(&self.columns, Names::One(name) if name.contains("{}") && name != "{}")
     }
 
-    /// The number of its first column, where columns are named by numbers.
+    /// The number of the first column, if numbers name the columns.
     fn number(&self) -> Option<String> {
         let name = match &self.columns {
             Names::One(name) if name == "{}" => self.first.to_string(),
@@ -443,7 +443,7 @@ impl Columns {
         Some(name).filter(|name| name.parse::<usize>().is_ok())
     }
 
-    /// The names, a pattern written out for as many numbers as the file has columns, up to where another quantity `starts`.
+    /// The names. A pattern is expanded to as many numbers as the file has columns, but ends where another quantity `starts`.
     fn expand(&self, places: &Places, starts: &[String]) -> Vec<String> {
         match &self.columns {
             Names::All(names) => names.clone(),
@@ -453,7 +453,7 @@ impl Columns {
                 let found: Vec<String> = numbered
                     .take_while(|name| places.get(name).is_some() && (*name == own || !starts.contains(name)))
                     .collect();
-                // None at all: the first one is the one to name as missing.
+                // No column found: report the first one as missing.
                 if found.is_empty() { vec![own] } else { found }
             }
             Names::One(name) => vec![name.clone()],
@@ -483,7 +483,7 @@ impl Columns {
         }
     }
 
-    /// The factor beyond the unit of column `index` of `count`.
+    /// The scale of column `index` of `count`, beyond its unit.
     fn scale(
         &self,
         key: &'static str,
@@ -495,7 +495,7 @@ impl Columns {
         scale.map_or(Ok(1.0), |scale| scale.of((key, "scale", "factors in scale"), (index, count), written))
     }
 
-    /// What is no factor, of column number `place.0` of `place.1`.
+    /// Applies unwrapping, offset and delay to column number `place.0` of `place.1`.
     fn finish(
         &self,
         key: &'static str,
@@ -521,7 +521,7 @@ impl Columns {
 }
 
 impl Scale {
-    /// The number of column `index` of `count`; none where there are others than that many.
+    /// The number for column `index` of `count`; `None` for a list of another length.
     fn at(&self, index: usize, count: usize) -> Option<f64> {
         match self {
             Scale::One(factor) => Some(*factor),
@@ -529,7 +529,7 @@ impl Scale {
         }
     }
 
-    /// The same; `what` these numbers are: their quantity, their key, and words for the error.
+    /// As [`Scale::at`], with an error that names the quantity, the key and `what` the numbers are.
     fn of(
         &self,
         (key, inner, what): (&'static str, &str, &'static str),
@@ -548,7 +548,7 @@ impl Scale {
 }
 
 impl Relative {
-    /// Takes the other joint's position out of the joint's, wherever positions and velocities were recorded.
+    /// Subtracts the other joint's position, times `factor`, from the joint's positions and velocities in every column group that has them.
     fn take_out(&self, recording: &mut Recording, written: &MappingText) -> Result<(), MappingError> {
         let joints = recording.joints();
         for (key, number) in [("joint", self.joint), ("to", self.to)] {
@@ -571,7 +571,7 @@ impl Relative {
     }
 }
 
-/// How many columns a quantity has that is not one of joints.
+/// Number of columns of a quantity that has no column per joint.
 fn expected_columns(key: &str) -> Option<usize> {
     match key {
         "tool" => Some(TOOL.len()),
@@ -580,7 +580,7 @@ fn expected_columns(key: &str) -> Option<usize> {
     }
 }
 
-/// Our name for column `index` of a quantity.
+/// The contract's name for column `index` of a quantity.
 fn our_name(key: &str, index: usize) -> String {
     match key {
         "t" => "t".to_owned(),
@@ -590,7 +590,7 @@ fn our_name(key: &str, index: usize) -> String {
     }
 }
 
-/// The name of a column that the mapping does not name: its own, unless that has a meaning here.
+/// The name of a column that the mapping does not name: its own, or with the prefix `file_` if the contract uses its own name.
 fn kept_name(name: String) -> String {
     let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
     let numbered = stem != name && Group::ALL.into_iter().any(|group| group.prefix() == stem);

@@ -1,12 +1,11 @@
-//! The records of a MCAP (<https://mcap.dev/spec>), one after the other, chunks taken apart.
+//! The records of an MCAP file (<https://mcap.dev/spec>) in order, with the chunks unpacked.
 //!
-//! The framing is read here and not by the `mcap` crate's readers, because these load whatever length a
-//! record claims and end at the first damage; here memory is bounded, what is not needed is skipped, and a missing end is told from
-//! damage. The contents of the records are parsed by the crate.
+//! This module reads the framing itself. The readers of the `mcap` crate load any length that a record claims and stop at the first damage; this module bounds
+//! the memory, skips unneeded records, and distinguishes a missing end from damage. The crate parses the contents of the records.
 //!
-//! Damage costs the chunk that it is in. A chunk is handed on only if all of it parses and its checksum matches. Behind a damaged record
-//! the reader goes on at the record's end if a record begins there, else at the next sound chunk, found by its content: a chunk tells its
-//! own length, so that a damaged frame in front of it costs nothing.
+//! Damage costs the chunk that it is in. The reader hands on a chunk only if the whole chunk parses and its checksum matches. After a damaged record it
+//! continues at the record's end if another record begins there, else at the next sound chunk, which it finds by content: a chunk stores its own length, so
+//! that a damaged frame in front of it costs nothing.
 
 use std::collections::BTreeSet;
 use std::io::{self, Read};
@@ -24,56 +23,56 @@ const FOOTER: u64 = 20;
 /// Bytes of the footer that its checksum covers.
 const FOOTER_COVERED: usize = 16;
 
-/// Bytes that are searched at a time.
+/// Bytes per step of a search.
 const STRETCH: usize = 1 << 16;
 
-/// What a reader is handed.
+/// One item of the file for a reader.
 pub(crate) enum Item<'a> {
     /// A record that carries data.
     Record(Record<'a>),
-    /// A record of the summary, which repeats and counts what was there; a checksum vouches for it.
+    /// A record of the summary, which repeats the records and counts them; its checksum has been verified.
     Summary(Record<'a>),
     /// A stretch of the file that cannot be read.
     Damage(String),
 }
 
-/// Who takes the items, each with the offset of its record.
+/// A consumer of the items; it receives each with the offset of its record.
 pub(crate) trait Take: FnMut(u64, Item) -> Result<(), ReadError> {}
 impl<F: FnMut(u64, Item) -> Result<(), ReadError>> Take for F {}
 
-/// A MCAP, behind its first magic bytes.
+/// An MCAP file, read from behind its first magic bytes.
 pub(crate) struct Records<'a, R> {
     window: Window<R>,
     source: &'a Source<'a>,
     has_chunks: bool,
-    /// Channels that are described outside of the chunks.
+    /// Channels described outside the chunks.
     channels: BTreeSet<u16>,
     /// The records behind the data, frames included; none before the data section has ended.
     summary: Option<Vec<u8>>,
-    /// The stretch in front of the next record could not be read, which has been said.
+    /// The stretch in front of the next record is unreadable and has been reported.
     is_lost: bool,
-    /// The first compression that this crate does not read.
+    /// The first compression without a decompressor in this crate.
     pub compression: Option<String>,
-    /// The summary contradicts its checksum or its form. It repeats what the data section says.
+    /// The summary contradicts its checksum or its form. Its content only repeats the data section.
     pub is_summary_damaged: bool,
     /// The file ended inside a record, or before its last magic bytes.
     pub truncated: bool,
 }
 
-/// How a record was read.
+/// Outcome of reading one record.
 enum Outcome {
-    /// Well; the next begins behind so many bytes.
+    /// The record is sound; the next one begins after so many bytes.
     Next(u64),
-    /// It cannot be read; if its frame is right, the next begins behind so many bytes.
+    /// The record is damaged; if its frame is right, the next one begins after so many bytes.
     Damaged(String, u64),
-    /// The file ends in it.
+    /// The file ends inside the record.
     Short,
-    /// It was the last, and the file is whole.
+    /// The record was the last, and the file is complete.
     End,
 }
 
 impl<'a, R: Read> Records<'a, R> {
-    /// Reads on behind the magic bytes.
+    /// A reader that starts behind the magic bytes.
     pub fn new(input: R, source: &'a Source<'a>) -> Self {
         Records {
             window: Window::new(input, mcap::MAGIC.len() as u64),
@@ -125,7 +124,7 @@ impl<'a, R: Read> Records<'a, R> {
                     }
                     self.truncated = !self.ends_with_magic()?;
                 }
-                // Without its end, a file was cut off; with it, the length is wrong.
+                // A file without its end was cut off; in a file with its end the length is wrong.
                 None if self.find_chunk(take)? => {
                     self.report(offset, what, take)?;
                     continue;
@@ -141,7 +140,7 @@ impl<'a, R: Read> Records<'a, R> {
         }
     }
 
-    /// Says, once a stretch, that it cannot be read.
+    /// Reports a damaged stretch of the file, once per stretch.
     fn report(&mut self, offset: u64, what: String, take: &mut impl Take) -> Result<(), ReadError> {
         if std::mem::replace(&mut self.is_lost, true) { Ok(()) } else { take(offset, Item::Damage(what)) }
     }
@@ -156,11 +155,11 @@ impl<'a, R: Read> Records<'a, R> {
             // A chunk whose kind is damaged may look like any other record.
             _ if self.chunk_at(0, take)? => return Ok(Outcome::Next(0)),
             op::HEADER..=op::MESSAGE_INDEX | op::METADATA | op::DATA_END => {}
-            // What nobody writes, or only behind the data.
+            // Kinds that no writer uses, or that belong behind the data.
             0..0x80 if opcode != op::ATTACHMENT => {
                 return Ok(Outcome::Damaged(format!("a record of kind {opcode}"), end));
             }
-            // Attachments, and what others add.
+            // Attachments, and private records of other tools.
             _ if self.is_passable(end)? => return Ok(Outcome::Next(end)),
             _ => return Ok(Outcome::Damaged("a record that nothing follows".to_owned(), end)),
         }
@@ -173,7 +172,7 @@ impl<'a, R: Read> Records<'a, R> {
         if self.summary.is_some() {
             return self.summary_record(opcode, end, take);
         }
-        // A chunk tells its own length; that of any other record has to lead to the next one.
+        // A chunk stores its own length; any other record must be followed by a record.
         if opcode != op::CHUNK && opcode != op::FOOTER && !self.is_record_behind(end)? {
             return Ok(Outcome::Damaged("a record that nothing follows".to_owned(), end));
         }
@@ -199,7 +198,7 @@ impl<'a, R: Read> Records<'a, R> {
                     Ok(Outcome::Damaged(what, end))
                 }
             },
-            // A file with chunks has all of its messages in them, under a checksum.
+            // A file with chunks has all its messages in them, under a checksum.
             op::SCHEMA | op::CHANNEL | op::MESSAGE if self.has_chunks => {
                 damaged("a message outside of the chunks")
             }
@@ -221,14 +220,14 @@ impl<'a, R: Read> Records<'a, R> {
                 self.summary = Some(Vec::new());
                 Ok(Outcome::Next(end))
             }
-            // A file that is not finished properly may have it here.
+            // A file that was not finished properly may have its footer here.
             op::FOOTER if body.len() as u64 == FOOTER => self.end(end),
             op::FOOTER => damaged("an end of the file"),
             _ => Ok(Outcome::Next(end)),
         }
     }
 
-    /// Gathers a record of the summary; at the footer, hands the summary over if its checksum matches.
+    /// Collects a record of the summary. At the footer, hands the summary over if its checksum matches.
     fn summary_record(&mut self, opcode: u8, end: u64, take: &mut impl Take) -> Result<Outcome, ReadError> {
         let offset = self.window.offset;
         let record = self.window.peek(end as usize).map_err(|error| failed(self.source, error))?;
@@ -261,7 +260,7 @@ impl<'a, R: Read> Records<'a, R> {
         self.end(end)
     }
 
-    /// The file is whole if its last magic bytes are behind the footer.
+    /// Checks the last magic bytes behind the footer: with them the file is complete.
     fn end(&mut self, length: u64) -> Result<Outcome, ReadError> {
         let whole = length as usize + mcap::MAGIC.len();
         let there = self.peek(whole)?;
@@ -269,7 +268,7 @@ impl<'a, R: Read> Records<'a, R> {
         Ok(Outcome::End)
     }
 
-    /// Whether a sound chunk stands `ahead` bytes further on, whatever its frame says; if so, hands it over and passes it.
+    /// Returns true if a sound chunk begins `ahead` bytes further on, whatever its frame claims; then hands the chunk over and advances past it.
     fn chunk_at(&mut self, ahead: usize, take: &mut impl Take) -> Result<bool, ReadError> {
         let begin = ahead + FRAME;
         let offset = self.window.offset + ahead as u64;
@@ -287,11 +286,11 @@ impl<'a, R: Read> Records<'a, R> {
         }
     }
 
-    /// Looks for the next sound chunk; if there is one, hands it over and passes it. Else the stream is at its end, or behind the longest
-    /// stretch that is searched.
+    /// Searches the next sound chunk. If there is one, hands it over, advances past it and returns true. Else the stream is at its end, or past the longest
+    /// stretch that the search covers.
     fn find_chunk(&mut self, take: &mut impl Take) -> Result<bool, ReadError> {
         let begin = self.window.offset;
-        // The first byte belongs to what could not be read.
+        // The first byte belongs to the unreadable record.
         while self.consume(1)? && self.window.offset - begin <= 2 * MAX_RECORD {
             let bytes = self.peek(STRETCH)?;
             let is_last = bytes.len() < STRETCH;
@@ -308,14 +307,13 @@ impl<'a, R: Read> Records<'a, R> {
         Ok(false)
     }
 
-    /// Whether a record of `end` bytes that is not read can be passed over: the next one is seen behind it, or, where that is too far off,
-    /// the file is long enough.
+    /// True if the reader can skip a record of `end` bytes: another record follows it, or, if its end is too far away to look, the file is long enough.
     fn is_passable(&mut self, end: u64) -> Result<bool, ReadError> {
         let rest = self.source.size.map(|size| size.saturating_sub(self.window.offset));
         Ok(self.is_record_behind(end)? || (end > MAX_RECORD && rest.is_some_and(|rest| end < rest)))
     }
 
-    /// Whether a record seems to begin `length` bytes further on.
+    /// True if a record seems to begin `length` bytes further on.
     fn is_record_behind(&mut self, length: u64) -> Result<bool, ReadError> {
         if length > MAX_RECORD + FRAME as u64 {
             return Ok(false);
@@ -328,7 +326,7 @@ impl<'a, R: Read> Records<'a, R> {
         }))
     }
 
-    /// Passes over the rest; whether it ends with the magic bytes.
+    /// Skips the rest of the file; true if it ends with the magic bytes.
     fn ends_with_magic(&mut self) -> Result<bool, ReadError> {
         loop {
             let bytes = self.peek(STRETCH)?;
@@ -337,14 +335,14 @@ impl<'a, R: Read> Records<'a, R> {
                 return Ok(is_magic(&bytes[tail..]));
             }
             if self.window.offset > self.source.size.unwrap_or(0) {
-                // A stream without a known end is not read to it.
+                // The end of a stream is unknown, and the reader does not search for it.
                 return Ok(false);
             }
             self.consume((STRETCH - mcap::MAGIC.len()) as u64)?;
         }
     }
 
-    /// Opcode and length of the record `ahead` bytes further on; none at the end of the file.
+    /// Opcode and length of the record `ahead` bytes further on; `None` at the end of the file.
     fn frame(&mut self, ahead: usize) -> Result<Option<(u8, u64)>, ReadError> {
         let bytes = self.peek(ahead + FRAME)?;
         Ok(bytes.get(ahead..).and_then(<[u8]>::first_chunk::<FRAME>).map(|frame| {
@@ -362,13 +360,13 @@ impl<'a, R: Read> Records<'a, R> {
     }
 }
 
-/// Whether `bytes` are the magic bytes of a MCAP, but for one damaged bit.
+/// True if `bytes` are the magic bytes of MCAP with at most one damaged bit.
 pub(crate) fn is_magic(bytes: &[u8]) -> bool {
     let wrong = bytes.iter().zip(mcap::MAGIC).map(|(a, b)| (a ^ b).count_ones()).sum::<u32>();
     bytes.len() == mcap::MAGIC.len() && wrong <= 1
 }
 
-/// Whether the index of a chunk has the length that it says: a channel (2 bytes), a length (4), that many bytes.
+/// True if the index of a chunk has the length that it claims: a channel (2 bytes), a length (4), that many bytes.
 fn is_message_index(body: &[u8]) -> bool {
     let length = body.get(2..).and_then(<[u8]>::first_chunk::<4>).map(|length| u32::from_le_bytes(*length));
     length.is_some_and(|length| length as usize + 6 == body.len())
@@ -378,7 +376,7 @@ fn failed(source: &Source, error: io::Error) -> ReadError {
     ReadError::Io { file: source.file.to_path_buf(), source: error }
 }
 
-/// The error for a MCAP that contradicts itself.
+/// The error for an MCAP file that contradicts itself.
 pub(crate) fn damaged(source: &Source, offset: u64, what: &str) -> ReadError {
     ReadError::Damaged { file: source.file.to_path_buf(), offset, what: what.to_string() }
 }

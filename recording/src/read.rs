@@ -1,4 +1,4 @@
-//! Reading a recording of any kind: what it is is told from its content.
+//! Reading a recording of any kind; the content determines the kind.
 
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -12,31 +12,30 @@ use crate::open::{self, Kind, open};
 use crate::recording::Recording;
 use crate::{bag_folder, csv_reader, lerobot, mat_reader, mcap_reader, npz_reader, parquet_reader};
 
-/// What somebody else's recording is told by beside its content.
+/// Options that complete the content of a foreign recording.
 #[derive(Debug, Clone, Default)]
 pub struct ImportOptions {
-    /// What the columns are, where that is not told by their names.
+    /// Meaning of the columns, unless their names suffice.
     pub mapping: Option<Mapping>,
-    /// What to take from a bag.
+    /// Selection from a bag.
     pub bag: BagOptions,
 }
 
-/// Reads a recording; what kind of file it is is told by its content, not by its name. `joints` is the number of joints it must have, where
-/// the arm is known.
+/// Reads a recording. Its content, not its name, determines the kind of file. `joints` is the required number of joints, if the arm is known.
 ///
-/// Required are a time and the position of every joint; of all else any may be missing, for a while or throughout, and is NaN there. Rows
-/// without time or positions are left out, late ones put in order, repeated ones dropped; each of these is a note. Columns outside the contract
-/// are kept in [`Recording::others`]; text in them becomes NaN and a note.
+/// A time and the position of every joint are required. Any other quantity may be missing, for a while or throughout, and is NaN there. The reader drops rows
+/// without time or positions and repeated rows, and sorts late ones; it notes each of these. Columns outside the contract go to [`Recording::others`]; text in
+/// them becomes NaN and a note.
 ///
-/// - CSV and its relatives: any separator, decimal points or commas, comments, units below the names, lists in cells, ISO times. Columns with other
-///   names than ours are taken by what their names say, which is in [`Recording::guessed`] and a note.
-/// - MCAP: see [`crate::McapWriter`]; a file without its end is read up to there.
+/// - CSV and its relatives: any separator, decimal points or commas, comments, units below the names, lists in cells, ISO times. The reader guesses the meaning
+///   of columns with other names than the contract's; the guess is in [`Recording::guessed`] and a note.
+/// - MCAP: see [`crate::McapWriter`]; a file without its end is read up to that point.
 /// - ROS bags: MCAP, SQLite and ROS 1, files and folders: see [`BagOptions`].
 /// - Parquet, LeRobot data sets, `.npz`, `.mat` of version 5.
 ///
-/// At most [`crate::MAX_NUMBERS`] numbers are read: 2 GiB of memory, for a moment up to twice that; a line of a CSV may
-/// have 1 MiB, a chunk of a MCAP 64 MiB. A Parquet file may have one number for each of its bits, and in any case 64 MiB of them. A bag's joint states and
-/// poses may have 2 GiB. What a file claims of its sizes is compared with the file before room is made for it.
+/// The reader accepts at most [`crate::MAX_NUMBERS`] numbers: 2 GiB of memory, for a moment up to twice that; a line of a CSV may have 1 MiB, a chunk of an
+/// MCAP 64 MiB. A Parquet file may have one number for each of its bits, and in any case 64 MiB of them. A bag's joint states and poses may have 2 GiB. The
+/// reader compares sizes claimed in a file with the file before it allocates memory.
 ///
 /// # Errors
 /// See [`ReadError`]; each names the place, the value and the remedy.
@@ -44,8 +43,8 @@ pub fn read(path: &Path, joints: Option<usize>) -> Result<Recording, ReadError> 
     read_as(&Source { joints, ..Source::of(path) }, &ImportOptions::default())
 }
 
-/// Reads a recording of any length in at most about `rows` rows: where it has more, of each stretch of time the least and the greatest
-/// value of every column, in two rows. What is drawn against time loses no peak; rows are no samples any more. See [`read`].
+/// Reads a recording of any length in at most about `rows` rows. A longer recording is divided into stretches of time; two rows keep the least and the greatest
+/// value of every column in each stretch. A plot against time keeps every peak; the rows are no longer samples. See [`read`].
 ///
 /// # Errors
 /// See [`ReadError`].
@@ -53,7 +52,7 @@ pub fn read_overview(path: &Path, joints: Option<usize>, rows: usize) -> Result<
     read_as(&Source { joints, overview: Some(rows), ..Source::of(path) }, &ImportOptions::default())
 }
 
-/// Reads somebody else's recording as `options` say. See [`read`].
+/// Reads a foreign recording with `options`. See [`read`].
 ///
 /// # Errors
 /// See [`ReadError`]; each names the place, the value and the remedy.
@@ -77,7 +76,7 @@ pub fn read_from(input: impl Read, origin: &Path, joints: Option<usize>) -> Resu
     dispatch(input, &Source { joints, ..Source::of(origin) })
 }
 
-/// Chooses the reader of what `source` names: a file or a folder.
+/// Selects the reader for `source`, a file or a folder.
 fn read_as(source: &Source, options: &ImportOptions) -> Result<Recording, ReadError> {
     let mut recording = read_named(source, options)?;
     if let Some(mapping) = &options.mapping {
@@ -86,7 +85,7 @@ fn read_as(source: &Source, options: &ImportOptions) -> Result<Recording, ReadEr
     Ok(recording)
 }
 
-/// The recording with the columns as they are named and scaled.
+/// The recording with its columns named and scaled.
 fn read_named(source: &Source, options: &ImportOptions) -> Result<Recording, ReadError> {
     let path = source.file;
     let mapping = options.mapping.as_ref();
@@ -105,7 +104,7 @@ fn read_named(source: &Source, options: &ImportOptions) -> Result<Recording, Rea
         Kind::Mcap => named_again(source, options, |source| {
             match dispatch(Cursor::new(head).chain(file), source) {
                 Err(ReadError::NoTopic { .. }) => from_bag(&options.bag, source),
-                // Of a bag, too, only what is damaged is lost.
+                // A damaged bag, too, loses only its damaged parts.
                 Err(error @ ReadError::Damaged { .. }) => from_bag(&options.bag, source).map_err(|_| error),
                 other => other,
             }
@@ -126,29 +125,29 @@ fn read_named(source: &Source, options: &ImportOptions) -> Result<Recording, Rea
     }
 }
 
-/// What `read` makes of `source`, a file whose format names the columns; where there is a mapping, it names and scales these columns again.
+/// Reads `source`, whose format names the columns, with `read`; a mapping names and scales these columns again.
 fn named_again(
     source: &Source,
     options: &ImportOptions,
     read: impl FnOnce(&Source) -> Result<Recording, ReadError>,
 ) -> Result<Recording, ReadError> {
     let Some(mapping) = &options.mapping else { return read(source) };
-    // The mapping says how many joints there are, and needs all rows.
+    // The mapping determines the number of joints, and needs all rows.
     let recording = read(&Source { joints: None, overview: None, ..*source })?;
     Foreign::of(recording).into_recording(source, Some(mapping))
 }
 
-/// Whether a compressed file says that a bag is in it.
+/// True if the name of a compressed file ends like that of a bag.
 fn is_named_as_bag(path: &Path) -> bool {
     path.file_stem().is_some_and(|stem| stem.to_string_lossy().ends_with(".mcap"))
 }
 
-/// All bytes of what `source` names.
+/// All bytes of `source`.
 fn all_of(source: &Source) -> Result<Vec<u8>, ReadError> {
     open::bytes(source.file, source.limit.saturating_mul(8))
 }
 
-/// Chooses the reader of a stream by its first bytes.
+/// Selects the reader of a stream by its first bytes.
 pub(crate) fn dispatch(input: impl Read, source: &Source) -> Result<Recording, ReadError> {
     dispatch_mapped(input, source, None)
 }
@@ -214,14 +213,14 @@ mod tests {
 
     #[test]
     fn an_estimate_somewhat_above_the_limit_refuses_nothing() {
-        // The first rows are shorter than the others: the estimate is too high.
+        // The first rows are shorter than the others, so that the estimate is too high.
         let text =
             csv(1000) + &(1000..2000).map(|k| format!("{k},1.5000,2.5000,3.5000\n")).collect::<String>();
         let recording = dispatch(text.as_bytes(), &source(8000, Some(text.len() as u64)));
         assert_eq!(recording.expect("it fits").len(), 2000);
     }
 
-    /// However small the disk: the error says how many rows are kept, and exactly these are there.
+    /// At any disk size the error states the number of kept rows, and the file has exactly these.
     #[test]
     fn a_mcap_on_a_full_disk_is_read_up_to_its_last_chunk() {
         let layout = Layout::new(["t", "q1"]).expect("a layout");

@@ -7,18 +7,18 @@ use thiserror::Error;
 use crate::names::{Group, ORIENTATION, Role, TOOL, role};
 use crate::sources::{Quantity, Sources};
 
-/// What was measured on one arm over one stretch of time. All columns have one value per sample; `t` increases, and it and
-/// the positions are finite. Every other value may be NaN, which says that it is missing there: for a while, or throughout for
-/// a joint of a group that other joints have (as long as it came from [`crate::read`], [`crate::read_from`] or [`Recording::new`]).
+/// Measurements of one arm over one stretch of time. All columns have one value per sample; `t` increases, and it and the positions are finite. Any other value
+/// may be NaN, which marks it as missing: for a while, or throughout for a joint that lacks a quantity of other joints. This holds for a recording from
+/// [`crate::read`], [`crate::read_from`] or [`Recording::new`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Recording {
     /// The file it was read from, for messages.
     pub origin: PathBuf,
     /// Names of the joints in the order of the columns, where the file has names; else empty.
     pub joint_names: Vec<String>,
-    /// The mapping that was guessed from the names of the columns, as a mapping file; where one had to be.
+    /// The mapping that the reader guessed from the column names, as a mapping file; `None` if it did not guess.
     pub guessed: Option<String>,
-    /// What its columns were made of, where they were mapped or guessed.
+    /// The sources of its columns, if they were mapped or guessed.
     pub sources: Option<Sources>,
     /// Time, s.
     pub t: Vec<f64>,
@@ -38,29 +38,28 @@ pub struct Recording {
     pub orientation: Option<[Vec<f64>; 4]>,
     /// Columns outside the contract, in the order of the file: kept, not used. May hold NaN.
     pub others: Vec<(String, Vec<f64>)>,
-    /// What the recorder wrote about the run (MCAP only): scenario, hashes, versions; sorted by key.
+    /// The recorder's notes on the run (MCAP only): scenario, hashes, versions; sorted by key.
     pub metadata: Vec<(String, String)>,
     /// Marks and faults (MCAP only), in the order of the file.
     pub events: Vec<Event>,
-    /// The file ends before its end was written (the recorder was killed, or the disk was full): what
-    /// is here is complete up to that point.
+    /// The file breaks off before its end (the recorder was killed, or the disk was full); the samples are complete up to that point.
     pub truncated: bool,
-    /// What the reader met and put up with, one sentence each; to be shown to the user.
+    /// Irregularities that the reader tolerated, one sentence each; to be shown to the user.
     pub notes: Vec<String>,
 }
 
-/// Something that happened during a recording.
+/// An event during a recording.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Event {
-    /// When, s, on the clock of the recording.
+    /// Time, s, on the clock of the recording.
     pub t: f64,
-    /// What kind, e.g. `mark`, `fault`, `swap`.
+    /// Kind, e.g. `mark`, `fault`, `swap`.
     pub kind: String,
-    /// What happened, for people.
+    /// Description for people.
     pub text: String,
 }
 
-/// A recording lacks columns that somebody needs.
+/// The recording lacks columns that a caller needs.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{}: no column {columns}; record {what}", origin.display())]
 pub struct Absent {
@@ -68,7 +67,7 @@ pub struct Absent {
     pub origin: PathBuf,
     /// The missing columns.
     pub columns: String,
-    /// What they hold.
+    /// Their content.
     pub what: &'static str,
 }
 
@@ -83,12 +82,12 @@ impl Recording {
         self.t.len()
     }
 
-    /// No samples at all: never so for a recording that was read.
+    /// True without samples; never so for a recording from a file.
     pub fn is_empty(&self) -> bool {
         self.t.is_empty()
     }
 
-    /// From the first sample to the last, s.
+    /// Time from the first sample to the last, s.
     pub fn duration(&self) -> f64 {
         match (self.t.first(), self.t.last()) {
             (Some(first), Some(last)) => last - first,
@@ -158,7 +157,7 @@ impl Recording {
 
     /// A column by its name in the contract, or by its own name if it is another.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
-        // A quantity of a joint without a position stands among the others under its own name.
+        // A joint quantity without a position is among `others`, under its own name.
         let other = || self.others.iter().find(|(known, _)| known == name).map(|(_, values)| values);
         self.of_role(role(name).unwrap_or(Role::Other)).or_else(other).map(Vec::as_slice)
     }
@@ -217,7 +216,7 @@ impl Recording {
 }
 
 impl Sources {
-    /// Of `recording`: what it was read from, or its own columns where these have our names already.
+    /// The sources of `recording`: those of its file, or its own columns if these have the contract's names.
     pub fn of(recording: &Recording) -> Self {
         recording.sources.clone().unwrap_or_else(|| Self::own(recording))
     }

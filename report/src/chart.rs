@@ -5,23 +5,23 @@ use serde::Serialize;
 /// A chart. See [`Chart::trace`] and [`Chart::xy`] for the two kinds.
 #[derive(Debug, Clone)]
 pub struct Chart {
-    /// What the chart shows; stands above it.
+    /// Title above the chart.
     pub title: String,
-    /// The axis across.
+    /// The horizontal axis.
     pub x: Axis,
-    /// The axis upwards.
+    /// The vertical axis.
     pub y: Axis,
-    /// What is drawn, the first at the bottom.
+    /// The series, the first at the bottom.
     pub series: Vec<Series>,
     /// Lines and bands behind the series.
     pub marks: Vec<Mark>,
-    /// Whether the points may lie in any order in the plane, or y is a function of x.
+    /// True if the points lie in any order in the plane, false if y is a function of x.
     pub plane: bool,
     /// Whether one unit is equally long on both axes (planes only).
     pub equal_axes: bool,
-    /// Charts of the same group share cursor, zoom across and hidden series; empty for none. Their x must be the same quantity.
+    /// Charts of the same group share cursor, horizontal zoom and hidden series; empty for none. Their x must be the same quantity.
     pub group: String,
-    /// Values of y that are in view even where the data stays away from them, such as zero or a limit.
+    /// Values of y that stay in view even if the data is far from them, such as zero or a limit.
     pub in_view: Vec<f64>,
     /// A remark below the chart; may be empty.
     pub note: String,
@@ -36,11 +36,11 @@ pub struct Axis {
     pub label: String,
     /// Its unit, shown in brackets; may be empty.
     pub unit: String,
-    /// How values are spread along it.
+    /// Spacing of the values along it.
     pub scale: Scale,
 }
 
-/// How values are spread along an axis.
+/// Spacing of the values along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scale {
@@ -58,19 +58,19 @@ pub enum Scale {
 pub struct Series {
     /// The name in the legend.
     pub name: String,
-    /// The name whose colour it takes; empty for its own. The same name has the same colour in the whole document.
+    /// The name of the series whose colour this one takes; empty for its own. The same name has the same colour in the whole document.
     pub like: String,
-    /// The values across; where there are more of one than of the other, the surplus is not drawn and the chart says so.
+    /// The horizontal values. If one list of x and y is longer, the surplus is not drawn and the chart says so.
     pub x: Vec<f64>,
-    /// The values upwards; NaN and infinity are gaps.
+    /// The vertical values; NaN and infinity are gaps.
     pub y: Vec<f64>,
-    /// How it is drawn.
+    /// Drawing style.
     pub style: Style,
     /// Whether its line is dashed.
     pub dashed: bool,
 }
 
-/// How a series is drawn.
+/// Drawing style of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Style {
@@ -84,36 +84,36 @@ pub enum Style {
     Bars,
 }
 
-/// Something behind the series that helps to read them. Labels may be empty.
+/// A reference mark behind the series. Labels may be empty.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mark {
-    /// A line upwards.
+    /// A vertical line.
     At {
-        /// Where it stands.
+        /// Its position.
         x: f64,
-        /// What happens there.
+        /// The event at this x.
         label: String,
     },
-    /// A band upwards.
+    /// A vertical band.
     Span {
         /// Its left edge.
         from: f64,
         /// Its right edge.
         to: f64,
-        /// What it stands for.
+        /// Its meaning.
         label: String,
     },
-    /// A line across.
+    /// A horizontal line.
     Level {
-        /// Where it lies.
+        /// Its position.
         y: f64,
-        /// What it stands for.
+        /// Its meaning.
         label: String,
     },
 }
 
 impl Chart {
-    /// A chart of y as a function of x. Points are put in order of x; one x has one y.
+    /// A chart of y as a function of x. The chart sorts the points by x; one x has one y.
     #[must_use]
     pub fn trace(title: impl Into<String>, x: Axis, y: Axis) -> Self {
         Self {
@@ -159,7 +159,7 @@ impl Chart {
         self
     }
 
-    /// Joins the charts of the same group: cursor, zoom across, hidden series.
+    /// Joins the charts of the same group: cursor, horizontal zoom, hidden series.
     #[must_use]
     pub fn group(mut self, group: impl Into<String>) -> Self {
         self.group = group.into();
@@ -227,7 +227,7 @@ impl Series {
         }
     }
 
-    /// Values that hold until the next one.
+    /// A staircase: each value holds until the next one.
     #[must_use]
     pub fn step(name: impl Into<String>, x: &[f64], y: &[f64]) -> Self {
         Self { style: Style::Step, ..Self::line(name, x, y) }
@@ -268,7 +268,7 @@ impl Series {
         self
     }
 
-    /// The name that its colour belongs to.
+    /// The name that selects its colour.
     pub(crate) fn colour_name(&self) -> &str {
         if self.like.is_empty() { &self.name } else { &self.like }
     }

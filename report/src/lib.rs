@@ -1,24 +1,24 @@
 //! Reports: one HTML file that needs no network.
 //!
-//! This crate draws documents and knows nothing of what they are about. Charts are drawn by uPlot, which travels inside
-//! the file (`vendor/uplot`); the page asks no server for anything and forbids itself to.
+//! This crate draws documents and knows nothing of their subject. uPlot draws the charts; its code is part of the file (`vendor/uplot`). The page contacts no
+//! server, and its own policy forbids it to.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
 //! - [`Document`]: title, overview (what a reader sees first), [`Section`]s, footer; written with [`Document::write`].
-//! - [`Block`]: what stands in an overview or a section: text, list, verdict, figures, table, chart, drawing, film, columns, code, details.
+//! - [`Block`]: an element of an overview or a section: text, list, verdict, figures, table, chart, drawing, film, columns, code, details.
 //! - [`Verdict`]: ok, warn, fail or info; shown as a word and a sign, never as a colour alone.
 //! - [`Figure`]: a key number with its name, unit and remark, drawn as a tile.
 //! - [`Table`] of [`Column`]s and [`Cell`]s: units in the heading, decimals aligned, the [`Best`] marked.
-//! - [`Chart`] of [`Series`] over two [`Axis`]es, with [`Mark`]s; [`Scale`] and [`Style`] say how they are drawn.
+//! - [`Chart`] of [`Series`] over two [`Axis`]es, with [`Mark`]s; [`Scale`] and [`Style`] define how they are drawn.
 //! - [`Drawing`]: a figure of panels drawn once, as SVG, with a caption; each panel is a [`Chart`].
 //! - [`Film`] of [`Scene`]s with [`Moving`] parts: a figure that is played over time, and a still on paper.
-//! - [`thin`]: fewer points, every peak kept; done by itself so that a report stays below about 5 MB.
-//! - [`text`]: how a number is written, for every table of the project, on paper and in the terminal.
+//! - [`thin`]: fewer points, every peak kept; applied automatically so that a report stays below about 5 MB.
+//! - [`text`]: number formats for every table of the project, in pages and in the terminal.
 //! - [`units`]: values in the unit in which a person reads them.
-//! - [`paste`]: paths as a shell reads them back.
-//! - [`visible`] and [`one_line`]: text without characters that a reader could not see, for pages, figures and the terminal.
-//! - [`ReportError`]: why a report could not be written.
+//! - [`paste`]: paths quoted for a shell.
+//! - [`visible`] and [`one_line`]: text without invisible characters, for pages, figures and the terminal.
+//! - [`ReportError`]: reason why a report could not be written.
 //!
 //! ```
 //! use freeplay_report::{Axis, Cell, Chart, Column, Document, Section, Series, Table, Verdict};

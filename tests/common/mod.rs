@@ -15,24 +15,24 @@ use tempfile::TempDir;
 /// The binary under test.
 pub const FREEPLAY: &str = env!("CARGO_BIN_EXE_freeplay");
 
-/// Where runs have their shared memory, and so where they could leave some.
+/// Folder of the runs' shared memory, where a run could leave files.
 const SHM: &str = "/dev/shm";
 
-/// How long a call may take before it counts as hung, unless its processes are at work: long enough for a machine that does much else.
+/// A call counts as hung after this time unless its processes are busy; long enough for a loaded machine.
 const LONGEST: Duration = Duration::from_secs(300);
 
-/// How many times that long a call may be at work.
+/// A busy call may take this many times as long.
 const MOST_WORK: u32 = 10;
 
-/// Looks in a row that find no process of a call at work, after which it counts as hung.
+/// A call counts as hung after so many checks in a row without a busy process.
 const IDLE_LOOKS: u32 = 100;
 
-/// How often something that is waited for is looked at.
+/// Polling interval.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// A call of the binary to be made.
+/// A call of the binary, before it starts.
 pub struct Call {
-    /// Where it runs.
+    /// Its working folder.
     pub folder: TempDir,
     /// The folder for its shared memory.
     pub shm: TempDir,
@@ -66,13 +66,13 @@ impl Call {
         Self::new(fresh_folder(), &all)
     }
 
-    /// Sets an environment variable of the call and of what it starts.
+    /// Sets an environment variable of the call and its child processes.
     pub fn env(mut self, name: &str, value: impl AsRef<std::ffi::OsStr>) -> Self {
         self.command.env(name, value);
         self
     }
 
-    /// Lets it have the shared memory of an earlier call.
+    /// Uses the shared memory of an earlier call.
     pub fn sharing(mut self, shm: TempDir) -> Self {
         self.command.env("FREEPLAY_SHM", shm.path());
         self.shm = shm;
@@ -91,9 +91,9 @@ impl Call {
     }
 }
 
-/// A call under way; killed when this is dropped.
+/// A running call; dropping it kills the call.
 pub struct Started {
-    /// Where it runs.
+    /// Its working folder.
     pub folder: TempDir,
     /// The folder for its shared memory.
     pub shm: TempDir,
@@ -111,7 +111,7 @@ impl Started {
         self.folder.path().join("out")
     }
 
-    /// Waits until `what`, called `name`, is there; fails if this call ends before.
+    /// Waits until `what`, called `name`, returns a value; fails if this call ends before.
     pub fn until<T>(&self, name: &str, mut what: impl FnMut() -> Option<T>) -> T {
         until(name, || {
             let (found, lives) = (what(), runs(self.pid()));
@@ -148,14 +148,14 @@ impl Started {
         send_signal(self.pid(), name);
     }
 
-    /// Whether a process of the call runs, or waits for a core or the disk. An analyst has an environment of its own; who started it waits for it.
+    /// True if a process of the call runs, or waits for a core or the disk. An analyst has an environment of its own, and its parent waits for it.
     fn is_at_work(&self) -> bool {
         let mut members = processes_with(&format!("FREEPLAY_SHM={}", self.shm.path().display()));
         members.extend(members.clone().into_iter().flat_map(children_of));
         members.into_iter().any(is_busy)
     }
 
-    /// How it ended; fails if it does not.
+    /// Waits for the end of the call; fails if it hangs.
     pub fn wait(mut self) -> Ran {
         let start = Instant::now();
         let mut idle = 0;
@@ -176,7 +176,7 @@ impl Started {
     }
 }
 
-/// Waits until `what`, called `name`, is there.
+/// Waits until `what`, called `name`, returns a value.
 pub fn until<T>(name: &str, mut what: impl FnMut() -> Option<T>) -> T {
     let start = Instant::now();
     loop {
@@ -203,7 +203,7 @@ pub fn children_of(pid: u32) -> Vec<u32> {
     ids.split_whitespace().filter_map(|id| id.parse().ok()).collect()
 }
 
-/// Whether a thread of the process `pid` runs, or waits for a core or the disk.
+/// True if a thread of the process `pid` runs, or waits for a core or the disk.
 pub fn is_busy(pid: u32) -> bool {
     let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
     threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("stat")).ok()).any(|stat| {
@@ -212,7 +212,7 @@ pub fn is_busy(pid: u32) -> bool {
     })
 }
 
-/// Whether the process `pid` runs: a zombie does not.
+/// True if the process `pid` exists and is no zombie.
 pub fn runs(pid: u32) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     // The state follows the name, which is in brackets.
@@ -224,15 +224,15 @@ fn text_of(folder: &Path, name: &str) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// What one call of the binary left.
+/// A finished call of the binary with its results.
 pub struct Ran {
     /// Its folder; removed when this is dropped.
     pub folder: TempDir,
-    /// Where its shared memory was.
+    /// Folder of its shared memory.
     pub shm: TempDir,
     /// Its process id.
     pub pid: u32,
-    /// What it printed and how it ended.
+    /// Its output and exit status.
     pub output: Output,
 }
 
@@ -283,12 +283,12 @@ impl Ran {
         self.folder.path().join("out")
     }
 
-    /// All there is to say after a failure.
+    /// Everything that helps to understand a failure.
     pub fn dump(&self) -> String {
         format!("exit {:?}\nstdout:\n{}\nstderr:\n{}", self.output.status, self.stdout(), self.stderr())
     }
 
-    /// Fails with all there is to say unless the exit code is `code` and nothing is left in shared memory.
+    /// Fails with [`Ran::dump`] unless the exit code is `code` and shared memory is empty.
     pub fn expect(self, code: i32) -> Self {
         assert_eq!(self.output.status.code(), Some(code), "{}", self.dump());
         let left = self.left_in_shared_memory();
@@ -296,14 +296,14 @@ impl Ran {
         self
     }
 
-    /// What its runs have left in shared memory: in their own folder, and as segments, whose names begin with the run's
-    /// id and so with the id of the process that made the run.
+    /// Files that the runs of this call left in shared memory: in their own folder, and as segments, whose names begin with the run's id and so with the id of
+    /// the process that made the run.
     pub fn left_in_shared_memory(&self) -> Vec<PathBuf> {
         left_in_shared_memory(self.shm.path(), self.pid)
     }
 }
 
-/// What runs made by the process `pid` with their folder in `shm` have in shared memory.
+/// Files in shared memory of the runs that the process `pid` made, with their folder in `shm`.
 pub fn left_in_shared_memory(shm: &Path, pid: u32) -> Vec<PathBuf> {
     let entries = |folder: &Path| -> Vec<PathBuf> {
         let found = std::fs::read_dir(folder).expect("a folder");
@@ -316,7 +316,7 @@ pub fn left_in_shared_memory(shm: &Path, pid: u32) -> Vec<PathBuf> {
     entries(shm).into_iter().chain(segments).collect()
 }
 
-/// A folder that is removed when it is dropped.
+/// A temporary folder; dropping it removes it.
 pub fn fresh_folder() -> TempDir {
     tempfile::tempdir().expect("a folder")
 }
@@ -339,9 +339,8 @@ pub fn lockstep(duration: f64, arguments: &[&str]) -> Ran {
 /// Set in a process that has shared memory of its own by [`in_own_shared_memory`].
 pub const OWN_SHM_ENV: &str = "FREEPLAY_TEST_OWN_SHM";
 
-/// Plays the rest of the test called `name` in a mount namespace of its own, where `/dev/shm` is empty and nobody else's, so that
-/// what it plants there meets no other run. Returns `true` to the one who is to play it: this process itself where there can be no
-/// such namespace.
+/// Repeats the test called `name` in a mount namespace of its own with an empty `/dev/shm`, so that its files in shared memory meet no other run. Returns
+/// `true` in the process that has to play the test: in the child, or in this process if the system offers no such namespace.
 pub fn in_own_shared_memory(name: &str) -> bool {
     if std::env::var_os(OWN_SHM_ENV).is_some() {
         return true;
@@ -372,8 +371,8 @@ pub fn processes_with(variable: &str) -> Vec<u32> {
     entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok()).filter(has_it).collect()
 }
 
-/// Fails unless every recording in the folder `out` opens, and was closed if it is to be `closed`. One that has no tick yet has
-/// nothing to be read, and says so. Returns how many there are.
+/// Fails unless every recording in the folder `out` opens, and is closed if `closed`. A recording without a tick has no samples, and the reader says so.
+/// Returns the number of recordings.
 pub fn assert_recordings_open(out: &Path, closed: bool) -> usize {
     let entries = std::fs::read_dir(out).into_iter().flatten().flatten().map(|entry| entry.path());
     let recordings: Vec<PathBuf> =

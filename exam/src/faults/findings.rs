@@ -1,4 +1,4 @@
-//! What came of each fault, and the verdict on each kind.
+//! Outcome of each injected fault, and the verdict on each kind of fault.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::faults::kinds::{Expected, Injection, Kind, LENGTH};
 use crate::swap_measures::{AROUND, Alone, HELD_COMMAND, deviation, stalls_in};
 
-/// What a deviation may be over that without a fault where a fault is to do no harm.
+/// Largest ratio of the deviation with a fault to that without, for a fault that is to do no harm.
 const HARMLESS: f64 = 1.05;
 /// Code of a braked arm in the column `in_force`.
 const BRAKED: f64 = 3.0;
@@ -22,15 +22,15 @@ const BRAKED: f64 = 3.0;
 pub struct FaultOutcome {
     /// The fault.
     pub injection: Injection,
-    /// Whether the controller was in charge when it set in, and no brakes were closed; else there was nothing to find.
+    /// Whether the controller was active, with open brakes, when the fault set in; else the fault cannot be detected.
     pub was_in_charge: bool,
     /// Whether a journal was in contact when it set in.
     pub in_contact: bool,
-    /// Ticks from the first faulty answer to the one in which something else than the controller's answers was in force.
+    /// Ticks from the first faulty answer to the one in which something other than the controller's answers was in force.
     pub detected_after: Option<u64>,
-    /// Ticks from the first answer that did not pass to the one whose successor had the standby's command in force; 0: no tick was lost.
+    /// Ticks from the first rejected answer to the one whose successor had the standby's command in force; 0: no tick was lost.
     pub taken_over_after: Option<u64>,
-    /// Why the answer did not pass.
+    /// Reason of the rejection.
     pub reason: Option<&'static str>,
     /// Faulty answers that were in force.
     pub faulty_in_force: u64,
@@ -38,16 +38,16 @@ pub struct FaultOutcome {
     pub held: u64,
     /// Whether the brakes closed.
     pub braked: bool,
-    /// Who was in charge next.
+    /// Name of the next active controller.
     pub next_in_charge: String,
-    /// Whether the controller was in charge again before the next fault.
+    /// Whether the controller was active again before the next fault.
     pub back: bool,
-    /// Stalls of the machine around the fault, until the standby was in force; where the standby has to contradict it, from as long before
-    /// as it takes to be believed again. Such a fault says more of the machine than of who was examined.
+    /// Stalls of the machine around the fault, until the standby was in force. If the standby has to contradict the controller, the count begins earlier, by
+    /// the time after which the standby is trusted again. A stalled fault measures the machine more than the controller.
     pub stalls: u64,
     /// Greatest deviation of the tool until then, mm.
     pub deviation_peak_mm: f64,
-    /// Over the greatest of the two controllers alone in the same ticks.
+    /// Ratio to the greatest deviation of the two controllers alone in the same ticks.
     pub deviation_ratio: f64,
 }
 
@@ -56,7 +56,7 @@ fn column<'a>(recording: &'a Recording, name: &str) -> Result<&'a [f64], Failure
 }
 
 impl FaultOutcome {
-    /// Of `injection`, from the recording of its run with these `stalls` of the machine: the `window` ticks from it on, beside the controllers
+    /// Evaluates `injection` from the recording of its run with these `stalls` of the machine, over `window` ticks, against the runs of the controllers
     /// `alone`.
     ///
     /// # Errors
@@ -85,12 +85,12 @@ impl FaultOutcome {
         let held = |code| in_force[begin..end].iter().filter(|&&what| what == code).count() as u64;
         let next = refused.and_then(|tick| in_charge.get(tick + 1)).map_or(0, |&slot| slot as usize);
         let name = |slot: usize| names.get(slot).cloned().unwrap_or_default();
-        // A standby that was stalled is no witness until it has agreed for a while; one that is says nothing.
+        // A stalled standby cannot contradict the controller until it has agreed with it for a while.
         let is_compared = injection.kind.expected() == Expected::Compared;
         let (before, unrefused) = if is_compared { (u64::from(PROBATION), faulty) } else { (AROUND, begin) };
         let over = refused.map_or(unrefused, |tick| tick + taken_over.unwrap_or(0)) as u64;
         let around = injection.tick.saturating_sub(before)..over + AROUND + 1;
-        // What the examined one lacks once it is spoiled is the fault's.
+        // Missing answers of the examined controller after the fault set in belong to the fault.
         let is_machines = |stall: &&Stall| stall.slot != Some(0) || stall.first < injection.tick;
         Ok(Self {
             injection,
@@ -113,14 +113,14 @@ impl FaultOutcome {
         })
     }
 
-    /// Whether the controller was late for another reason than the fault: it was not in charge when that set in, or lacked an answer where
-    /// none is taken away.
+    /// True if the controller was late for another reason than the fault: it was not active when the fault set in, or an answer was missing although the fault
+    /// removes none.
     pub fn is_late(&self, expected: Expected) -> bool {
         let loses_none = matches!(expected, Expected::Compared | Expected::Harmless);
         !self.was_in_charge || (loses_none && self.reason == Some(Rejection::Missing.name()))
     }
 
-    /// What was in force while it lasted.
+    /// The commands in force during the fault.
     fn applied(&self) -> &'static str {
         match (self.braked, self.held, self.detected_after, self.faulty_in_force) {
             (true, ..) => "brakes",
@@ -131,7 +131,7 @@ impl FaultOutcome {
         }
     }
 
-    /// Whether this is what should come of it.
+    /// True if the outcome meets the expectation.
     fn holds(&self, expected: Expected) -> bool {
         match expected {
             Expected::Detected { ticks } => self.detected_after.is_some_and(|after| after <= ticks),
@@ -149,7 +149,7 @@ fn reason(code: f64) -> &'static str {
         .map_or("?", Rejection::name)
 }
 
-/// What came of the faults of one run, and of the run itself.
+/// Outcomes of the faults of one run, and the state of the run itself.
 pub struct RunFindings {
     findings: Vec<FaultOutcome>,
     bad_applied: u64,
@@ -159,7 +159,7 @@ pub struct RunFindings {
 }
 
 impl RunFindings {
-    /// Of a run with its `findings`; `swept` runs in shared memory were found dead after it.
+    /// Evaluates a run with its `findings`; after it, `swept` dead runs were removed from shared memory.
     ///
     /// # Errors
     /// A recording that lacks what a run records.
@@ -191,55 +191,55 @@ impl RunFindings {
 pub struct Verdict {
     /// The kind.
     pub kind: Kind,
-    /// Whether all was as it should be.
+    /// Whether the outcomes meet the expectations.
     pub holds: bool,
     /// Faults injected.
     pub count: usize,
     /// Of these, while a journal was in contact.
     pub in_contact: usize,
-    /// Of these, while the controller was in charge and no stall of the machine had a part in it: the figures from here on are of these, as far
-    /// as they say how a fault was met.
+    /// Of these, faults with the controller active and without a stall of the machine. The following figures that rate the reaction to a fault count only
+    /// these.
     pub judged: usize,
     /// Faults that fell on a stall of the machine.
     pub stalled: usize,
     /// Of these, detected.
     pub detected: usize,
-    /// Faults after which the standby's answer to the very tick that lacked one was in force.
+    /// Faults after which the standby's answer to the same tick was in force.
     pub taken_over_at_once: usize,
-    /// Faults after which the standby was in charge within two ticks more.
+    /// Faults after which the standby was active within two more ticks.
     pub taken_over_soon: usize,
-    /// Ticks until the slowest was detected.
+    /// Ticks until the slowest detection.
     pub slowest: Option<u64>,
-    /// Faults that were not met as they should be.
+    /// Faults with an outcome other than expected.
     pub not_as_expected: usize,
-    /// What was in force, and how often.
+    /// Commands in force during the faults, with counts.
     pub applied: BTreeMap<&'static str, usize>,
-    /// Why answers did not pass, and how often.
+    /// Reasons of rejection, with counts.
     pub reasons: BTreeMap<&'static str, usize>,
-    /// Who was in charge next, and how often.
+    /// Next active controllers, with counts.
     pub next_in_charge: BTreeMap<String, usize>,
     /// Most ticks for which a command was held.
     pub most_held: u64,
-    /// Faults after which the controller was in charge again.
+    /// Faults after which the controller was active again.
     pub back: usize,
-    /// Greatest deviation of the tool over that without a fault.
+    /// Greatest ratio of the tool's deviation to that without a fault.
     pub deviation_ratio: f64,
     /// Greatest deviation of the tool, mm.
     pub deviation_peak_mm: f64,
-    /// Values beyond a limit, or none at all, that were in force.
+    /// Commands in force with values beyond a limit, or NaN.
     pub bad_applied: u64,
     /// Ticks at which the plant itself woke up more than a period late.
     pub plant_late: u64,
     /// Ticks missing in the recordings.
     pub unrecorded: u64,
-    /// Runs left in shared memory by killed processes, which were swept.
+    /// Runs of killed processes that were removed from shared memory.
     pub swept: usize,
     /// All faults.
     pub findings: Vec<FaultOutcome>,
 }
 
 impl Verdict {
-    /// On `kind`, without any fault yet.
+    /// The verdict on `kind` before any fault.
     pub fn new(kind: Kind) -> Self {
         Self {
             kind,
@@ -268,7 +268,7 @@ impl Verdict {
         }
     }
 
-    /// Adds what came of a run.
+    /// Adds the outcomes of a run.
     pub fn add(&mut self, run: RunFindings) {
         self.bad_applied += run.bad_applied;
         self.plant_late += run.plant_late;
@@ -300,8 +300,7 @@ impl Verdict {
         }
     }
 
-    /// Closes it: where no fault could be judged, nothing is shown. In real time the machine, too, makes answers late: a sound controller
-    /// is then allowed to be relieved.
+    /// Closes the verdict: it fails if no fault could be judged. In real time the machine, too, delays answers, so that a sound controller may be replaced.
     pub fn with_pace(mut self, pace: Pacing) -> Self {
         let tolerated = pace == Pacing::Realtime && self.kind.expected() == Expected::Harmless;
         self.holds = self.bad_applied == 0 && self.judged > 0 && (self.not_as_expected == 0 || tolerated);

@@ -1,8 +1,7 @@
-//! The paper's network trained on the runs, beside what needs no learning.
+//! The paper's network trained on the runs, compared with predictions that need no training.
 //!
 //! 4 hidden layers of 10 sigmoid units, tapped delays of two samples, Levenberg–Marquardt with MATLAB's rule, 50/20/30 % for
-//! training, validation and test. Judged one sample ahead on measured deviations (open loop) and in free run (closed loop).
-//! The baselines answer for the same windows.
+//! The scores are one sample ahead on measured deviations (open loop) and in free run (closed loop). The baselines predict the same windows.
 
 use std::ops::ControlFlow;
 
@@ -23,13 +22,13 @@ use super::free_run::{free_runs, starts};
 /// The paper's hidden layers.
 pub const HIDDEN: [usize; 4] = [10; 4];
 
-/// How the windows are distributed.
+/// Distribution of the windows over the parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cut {
     /// At random, as MATLAB does unless told otherwise: the test lies between training samples.
     Random,
-    /// In blocks of time: the test comes after what was learnt from.
+    /// In blocks of time: the test block comes after the training blocks.
     Block,
 }
 
@@ -52,16 +51,16 @@ pub struct Experiment {
     pub path: PathKind,
     /// Time of a lap, s.
     pub period: f64,
-    /// What it learns from.
+    /// Training data.
     pub pool: TrainingRuns,
-    /// How the windows are distributed.
+    /// Distribution of the windows.
     pub cut: Cut,
 }
 
-/// Scores of one way to predict: for each part, the axes x, y and z in mm.
+/// Scores of one predictor: for each part, the axes x, y and z in mm.
 pub type Scores = Parts<Vec<Score>>;
 
-/// A way to predict that needs no network.
+/// A predictor that needs no network.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Baseline {
     /// Its name.
@@ -72,7 +71,7 @@ pub struct Baseline {
     pub closed: Scores,
 }
 
-/// One training with what it came to.
+/// One training with its results.
 #[derive(Clone, Debug, Serialize)]
 pub struct Trial {
     /// Seed of split and start weights.
@@ -98,7 +97,7 @@ pub struct Study {
     pub weights: usize,
     /// The trainings.
     pub trials: Vec<Trial>,
-    /// What the first of them predicts, for figures.
+    /// Predictions of the first training, for figures.
     #[serde(skip)]
     pub shown: Prediction,
 }
@@ -112,14 +111,14 @@ pub struct Prediction {
     pub truth: [Vec<f64>; 3],
     /// Predicted deviation of each axis, mm.
     pub predicted: [Vec<f64>; 3],
-    /// Whether the sample was only tested on.
+    /// Whether the sample belongs to the test windows.
     pub tested: Vec<bool>,
 }
 
 /// Trains on `data` with the seeds 1 to `seeds`, for at most `epochs` epochs.
 ///
 /// # Errors
-/// Data that can't be learnt from.
+/// Data that the network can't be trained on.
 pub fn study(setting: Experiment, data: &Dataset, seeds: u64, epochs: usize) -> Result<Study, Failure> {
     let all = windows(&data.series, layout().memory(), 1).map_err(Failure::internal)?;
     let mut study =
@@ -162,7 +161,7 @@ pub fn study(setting: Experiment, data: &Dataset, seeds: u64, epochs: usize) -> 
     Ok(study)
 }
 
-/// Scores of a free run: over the whole record where the split is random, else over each block anew.
+/// Scores of a free run: over the whole record if the split is random, else over each block anew.
 fn closed(
     cut: Cut,
     data: &Dataset,
@@ -180,7 +179,7 @@ fn closed(
     })
 }
 
-/// A way to predict the targets of windows, row-major.
+/// A predictor of the targets of windows, row-major.
 type Predict<'a> = &'a dyn Fn(&[Window]) -> Result<Vec<f64>, Failure>;
 
 /// Persistence, ridge ARX, quasi-static, and the previous lap where there is one.
@@ -216,7 +215,7 @@ fn all_baselines(cut: Cut, data: &Dataset, split: &Split, all: &[Window]) -> Res
         },
     ];
     if let Some(lap) = lap.filter(|lap| split.test.iter().all(|window| window.target >= *lap)) {
-        // Earlier parts have no lap before them: they are given persistence, and nothing is judged by them.
+        // The earlier parts lack a previous lap: they get the persistence forecast, and no verdict uses them.
         found.push(open_and_closed("previous lap", &|windows| {
             Ok(baselines::previous_lap(series, windows, lap)
                 .unwrap_or_else(|_| baselines::persistence(series, windows)))
@@ -230,7 +229,7 @@ fn targets_of(physics: &[Vec<f64>], windows: &[Window]) -> Vec<f64> {
     windows.iter().flat_map(|window| &physics[window.run][3 * window.target..][..3]).copied().collect()
 }
 
-/// What `narx` predicts for the last run of the data.
+/// Predictions of `narx` for the last run of the data.
 fn shown(narx: &Narx, data: &Dataset, all: &[Window], split: &Split) -> Result<Prediction, Failure> {
     let last = data.series.runs().len() - 1;
     let windows: Vec<Window> = all.iter().filter(|window| window.run == last).copied().collect();
@@ -277,7 +276,7 @@ impl Trial {
 }
 
 impl Study {
-    /// Median over the trainings of a number.
+    /// Median of a number over the trainings.
     pub fn median(&self, number: impl Fn(&Trial) -> f64) -> f64 {
         median(self.trials.iter().map(number))
     }

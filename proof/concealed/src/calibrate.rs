@@ -1,8 +1,8 @@
-//! How strong an effect is: its trace in the recording, against noise and tolerances.
+//! Strength of an effect: its trace in the recording, compared with noise and tolerances.
 //!
-//! The same machine, with the same tolerances and motion, runs with and without the effect. In both the data sheet is compared with what
-//! the sensors would show without noise: torque minus inverse dynamics and nominal friction, tool minus forward kinematics. The
-//! trace of the effect is the difference of the two; the floor is what is there without it, tolerances and noise together.
+//! The same machine, with the same tolerances and motion, runs with and without the effect. In both runs the data sheet is compared with noise-free sensors:
+//! torque minus inverse dynamics and nominal friction, tool minus forward kinematics. The trace of the effect is the difference of the two; the floor is the
+//! residual without it, tolerances and noise together.
 
 use freeplay_arm::{Arm, Workspace, crba, forward_kinematics, rnea};
 use nalgebra::DMatrix;
@@ -15,30 +15,30 @@ use crate::sensors::{Chain, Clean};
 const GRID: f64 = 4e-3;
 /// Half the distance of central differences, s.
 const HALF: f64 = 2e-3;
-/// Points to either side that a mean is taken over: what is faster than some 20 Hz is no part of a trace.
+/// Points to either side of a moving average: a trace has no content above some 20 Hz.
 const EITHER_SIDE: usize = 3;
-/// A joint slower than this share of its largest speed stands.
+/// A joint slower than this share of its largest speed counts as standing.
 const STANDS: f64 = 2e-3;
-/// The levers of joints on the tool are no shorter than this in a guess, m.
+/// Least lever of a joint on the tool in an initial guess, m.
 const LEAST_LEVER: f64 = 0.05;
 
-/// What differs between data sheet and machine along a motion, without noise.
+/// Residual of the data sheet against the machine along a motion, without noise.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Residual {
-    /// By joint; NaN where the joint stands.
+    /// By joint; NaN while the joint stands.
     torque: Vec<Vec<f64>>,
-    /// What was faster, by joint, root mean square.
+    /// Root mean square of the faster content, by joint.
     rough: Vec<f64>,
     tool: Vec<[f64; 3]>,
 }
 
 impl Residual {
-    /// Whether a joint shakes by more than the floor, faster than any motion: a servo that has lost its damping.
+    /// True if a joint shakes by more than the floor, faster than any motion: a servo that has lost its damping.
     pub fn shakes(&self, floor: &Floor) -> bool {
         self.rough.iter().zip(&floor.torque).any(|(rough, floor)| rough > floor)
     }
 
-    /// How far the tool is from where it is in `without`, m, point by point.
+    /// Tool position minus that in `without`, m, point by point.
     pub fn tool_shift(&self, without: &Residual) -> impl Iterator<Item = [f64; 3]> {
         self.tool.iter().zip(&without.tool).map(|(a, b)| [0, 1, 2].map(|i| a[i] - b[i]))
     }
@@ -53,7 +53,7 @@ impl Residual {
     }
 }
 
-/// What is there without an effect, and the size of the motion; all root mean squares unless said otherwise.
+/// Residuals without an effect, and the size of the motion; all root mean squares unless stated otherwise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Floor {
     /// Torque: tolerances and noise, N·m or N, by joint.
@@ -66,23 +66,23 @@ pub struct Floor {
     pub acceleration: Vec<f64>,
     /// Model torque without friction, N·m or N.
     pub load: Vec<f64>,
-    /// Share of the time, 0 to ½, in which the model torque without friction has the sign that it has less often.
+    /// Share of the time, 0 to ½, in which the model torque without friction has its less frequent sign.
     pub reversal: Vec<f64>,
-    /// Largest amount of torque with friction.
+    /// Largest absolute torque, friction included.
     pub peak: Vec<f64>,
     /// Nominal friction.
     pub friction: Vec<f64>,
-    /// Deviation of the position from its mean, rad or m.
+    /// Standard deviation of the position, rad or m.
     pub way: Vec<f64>,
     /// Mean position, rad or m.
     pub middle: Vec<f64>,
     /// Movement of the tool per movement of the joint, m.
     pub lever: Vec<f64>,
-    /// Inertia felt in the mean position, kg·m² or kg.
+    /// Effective inertia in the mean position, kg·m² or kg.
     pub felt: Vec<f64>,
 }
 
-/// How strong an effect is.
+/// Strength of an effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strength {
     /// Root mean square of the effect's trace over that of the floor, in the channel where this is largest.
@@ -91,7 +91,7 @@ pub struct Strength {
     pub channel: String,
 }
 
-/// Sums while walking along a motion.
+/// Workspace for a walk along a motion.
 struct Walk<'a> {
     nominal: &'a Arm,
     ws: Workspace,
@@ -117,7 +117,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// What the sensors show at `t`, and the model's torque without friction.
+    /// Evaluates the sensors and the model's torque without friction at `t`.
     fn look(&mut self, clean: &Clean<'_>, t: f64) {
         let n = self.q.len();
         let (mut before, mut after) = (vec![0.0; n], vec![0.0; n]);
@@ -150,7 +150,7 @@ fn grid(duration: f64) -> impl Iterator<Item = f64> {
     (1..(duration / GRID) as usize).map(|k| k as f64 * GRID)
 }
 
-/// What differs between data sheet and machine over the first `duration` s.
+/// Residual of the data sheet against the machine over the first `duration` s.
 pub(crate) fn residual(
     nominal: &Arm,
     plan: &Plan,
@@ -176,7 +176,7 @@ pub(crate) fn residual(
     residual
 }
 
-/// The mean of each point's neighbours that are numbers; NaN where the point is none.
+/// The mean of each point's finite neighbours; NaN if the point itself is NaN.
 fn smoothed(values: &[f64]) -> Vec<f64> {
     let mean = |at: usize| {
         let window = &values[at.saturating_sub(EITHER_SIDE)..(at + EITHER_SIDE + 1).min(values.len())];
@@ -187,7 +187,7 @@ fn smoothed(values: &[f64]) -> Vec<f64> {
     (0..values.len()).map(mean).collect()
 }
 
-/// Root mean square of those that are numbers; zero if none is.
+/// Root mean square of the finite values; zero if there are none.
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0_u32);
     for value in values.filter(|value| !value.is_nan()) {
@@ -253,7 +253,7 @@ pub(crate) fn floor(
     (floor, without)
 }
 
-/// Lever of each joint on the tool and inertia that it feels, in posture `q`.
+/// Lever of each joint on the tool and its effective inertia, in posture `q`.
 fn geometry(nominal: &Arm, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let n = nominal.dof();
     let mut ws = Workspace::new(nominal);
@@ -265,7 +265,7 @@ fn geometry(nominal: &Arm, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (lever, (0..n).map(|i| m[(i, i)]).collect())
 }
 
-/// How strong an effect is that turns the residual `without` into `with`; in the tool alone if `tool_only`.
+/// Strength of an effect that turns the residual `without` into `with`; in the tool alone if `tool_only`.
 pub(crate) fn strength(with: &Residual, without: &Residual, floor: &Floor, tool_only: bool) -> Strength {
     let tool = with.tool_shift(without).map(|shift| length(&shift));
     let mut best = Strength { signal_to_floor: rms(tool) / floor.tool, channel: "tool".to_owned() };

@@ -1,8 +1,8 @@
-//! Whether a recording can tell an effect from a simpler one at all, and which effects are the same thing by other names.
+//! Decides if a recording can distinguish an effect from a simpler one at all, and which effects are equivalent.
 //!
-//! A gap that is never crossed is an offset; a joint that is always bent the same way is one too; a journal that always rests on one
-//! side is a longer link; a journal that its film leaves at the wall is a dry one; friction that is high at low speed shows nowhere if
-//! the speed is passed at once. Such cases would be no question but a riddle: they are made anew with another motion or machine.
+//! A gap that is never crossed is an offset; a joint that is always bent the same way is one too. A journal that always rests on one side is a longer link. An
+//! oil film that leaves its journal at the wall makes a dry bearing. Friction at low speed is invisible if the joint passes that speed at once. Such a case has
+//! no answer: it is made anew with another motion or machine.
 
 use std::f64::consts::TAU;
 
@@ -18,23 +18,23 @@ use crate::physics::{Effect, Physics};
 const EACH_SIDE: f64 = 0.08;
 /// Least number of crossings of a gap.
 const CROSSINGS: usize = 3;
-/// Most crossings in a second: a gear that clatters faster than any motion turns round is a servo that has lost its damping.
+/// Most crossings in a second: a gear that clatters faster than any motion reverses belongs to a servo that has lost its damping.
 const CLATTER: f64 = 5.0;
-/// Least share of the time that a joint moves slowly enough for a bump at low speed.
+/// Least share of the time in slow motion, for an effect at low speed.
 const SLOW: f64 = 0.04;
-/// Rows of a trace from one look at a gap or a speed to the next.
+/// Rows of a trace from one check of a gap or a speed to the next.
 const LOOK: usize = 8;
-/// Least deviation of a deflection from its mean, as a share of its root mean square.
+/// Least standard deviation of a deflection, as a share of its root mean square.
 const VARIED: f64 = 0.3;
-/// Share of the clearance from which on a journal is at its wall, and the least share of the time that it is not.
+/// A journal beyond this share of the clearance is at its wall; and the least share of the time that it floats.
 const AT_WALL: f64 = 0.9;
 const AFLOAT: f64 = 0.1;
-/// Least range of a joint in periods of what depends on its position.
+/// Least range of a joint in periods of a position-dependent effect.
 const PERIODS: f64 = 1.0;
-/// Range of a joint over the deviation of its position, about.
+/// Approximate ratio of a joint's range to the standard deviation of its position.
 const RANGE: f64 = 3.4;
 
-/// An effect by another name that explains a recording as well.
+/// An equivalent effect: another name that explains a recording as well.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Equivalent {
     /// Kinds that together are the same.
@@ -45,7 +45,7 @@ pub struct Equivalent {
     pub why: &'static str,
 }
 
-/// Whether the motion shows what is particular about the effect; `with` and `without` are the residuals, `trace` the machine's with it.
+/// True if the motion shows the particular features of the effect; `with` and `without` are the residuals, `trace` is that of the machine with the effect.
 pub(crate) fn is_distinct(
     effect: &Effect,
     trace: &Trace,
@@ -54,7 +54,7 @@ pub(crate) fn is_distinct(
     floor: &Floor,
 ) -> bool {
     let Some(joint) = effect.joint else { return true };
-    // A gap knocks each time that it is crossed: that is no shaking yet.
+    // A gap knocks at each crossing; that does not count as shaking.
     let springs = matches!(effect.physics, Physics::JointElasticity { .. } | Physics::LinkFlexure { .. });
     if springs && with.shakes(floor) {
         return false;
@@ -79,8 +79,8 @@ pub(crate) fn is_distinct(
     }
 }
 
-/// Whether the motion without any effect lets one of `kind` be told at `joint`: a gap needs a load that turns round, what depends on
-/// position needs way. Cheaper than to try.
+/// True if the motion without any effect could show one of `kind` at `joint`: a gap needs a load that reverses, a position-dependent effect needs range. This
+/// check is cheaper than a trial run.
 pub(crate) fn can_be_distinct(kind: &str, joint: usize, floor: &Floor) -> bool {
     match kind {
         "backlash" => floor.reversal[joint] >= 1.5 * EACH_SIDE,
@@ -89,12 +89,12 @@ pub(crate) fn can_be_distinct(kind: &str, joint: usize, floor: &Floor) -> bool {
     }
 }
 
-/// How far the motor leads its link, rad, along a trace.
+/// Lead of the motor over its link, rad, along a trace.
 fn leads(trace: &Trace, joint: usize) -> Vec<f64> {
     (0..trace.len()).step_by(LOOK).map(|row| trace.motor(row)[joint] - trace.link(row)[joint]).collect()
 }
 
-/// Whether a gap is crossed to and fro, and no servo clatters in it; `leads` are `step` s apart.
+/// True if a gap is crossed in both directions and no servo clatters in it; `leads` are `step` s apart.
 fn is_crossed(leads: &[f64], gap: f64, step: f64) -> bool {
     let side = |lead: &f64| i8::from(*lead > 0.4 * gap) - i8::from(*lead < -0.4 * gap);
     let sides: Vec<i8> = leads.iter().map(side).filter(|side| *side != 0).collect();
@@ -105,7 +105,7 @@ fn is_crossed(leads: &[f64], gap: f64, step: f64) -> bool {
     share(1) >= EACH_SIDE && share(-1) >= EACH_SIDE && crossings >= CROSSINGS && crossings as f64 <= most
 }
 
-/// Whether the motor of `joint` moves at less than twice `velocity`, without standing, for more than an instant at each turn.
+/// True if the motor of `joint` moves at less than twice `velocity`, without standing, for more than an instant at each reversal.
 fn moves_slowly(trace: &Trace, joint: usize, velocity: f64) -> bool {
     let step = LOOK as f64 * trace.step;
     let places: Vec<f64> = (0..trace.len()).step_by(LOOK).map(|row| trace.motor(row)[joint]).collect();
@@ -114,7 +114,7 @@ fn moves_slowly(trace: &Trace, joint: usize, velocity: f64) -> bool {
     slow as f64 >= SLOW * places.len() as f64
 }
 
-/// Whether a film of oil keeps its journal, which moves the tool as it moves itself, from the wall at `clearance` for long enough.
+/// True if a film of oil keeps its journal away from the wall at `clearance` for long enough; the tool moves with the journal.
 fn floats(shifts: impl Iterator<Item = [f64; 3]>, clearance: f64) -> bool {
     let at_wall = |shift: [f64; 3]| shift.iter().map(|x| x * x).sum::<f64>().sqrt() > AT_WALL * clearance;
     let (mut afloat, mut all) = (0, 0);
@@ -185,15 +185,15 @@ pub(crate) fn equivalents(effect: &Effect, arm: &Arm) -> Vec<Equivalent> {
     }
 }
 
-/// Whether the first joint turns about the direction of gravity.
+/// True if the first joint turns about the direction of gravity.
 fn turns_upright(arm: &Arm) -> bool {
     let joint = &arm.joints()[0];
     let axis = joint.placement.rotation * joint.axis.into_inner();
     joint.kind == JointKind::Revolute && is_along(&axis, arm.gravity())
 }
 
-/// The other links that may be longer in the same direction in place of the link that `joint` moves: those that are parted from it only
-/// by joints that turn about that direction, or slide.
+/// The other links whose length has the same direction as that of the link moved by `joint`, so that any of them may be the longer one: all joints between them
+/// turn about that direction, or slide.
 fn as_long(arm: &Arm, joint: usize) -> Vec<usize> {
     let joints = arm.joints();
     let keeps = |joint: &Joint, way: &Vector3<f64>| {
@@ -223,12 +223,12 @@ fn way(arm: &Arm, joint: usize) -> Vector3<f64> {
     arm.joints().get(joint + 1).map_or(arm.tool(), |next| &next.placement).translation.vector
 }
 
-/// Whether `axis` has the direction of `way`, or the opposite one.
+/// True if `axis` has the direction of `way`, or the opposite one.
 fn is_along(axis: &Vector3<f64>, way: &Vector3<f64>) -> bool {
     axis.cross(way).norm() < 1e-6 * way.norm()
 }
 
-/// Whether the first joint slides in the direction of the next one (of the tool).
+/// True if the first joint slides in the direction of the next one (of the tool).
 fn slides_along_its_way(arm: &Arm) -> bool {
     let joint = &arm.joints()[0];
     joint.kind == JointKind::Prismatic && is_along(joint.axis.as_ref(), &way(arm, 0))
@@ -250,7 +250,7 @@ mod tests {
         assert!(!is_crossed(&[0.0; 100], 1e-3, 0.01));
     }
 
-    /// The forearm of the seven-axis arm turns about its own length; the upper arm's length is nobody else's.
+    /// The forearm of the seven-axis arm turns about its own length; the length of the upper arm has no equivalent.
     #[test]
     fn a_length_is_the_same_across_a_joint_that_turns_about_it() {
         let arm = Machine::Seven.data_sheet().expect("a data sheet");

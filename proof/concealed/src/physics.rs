@@ -1,16 +1,16 @@
 //! One effect: its kind and its parameters in the meaning of the catalogue, SI units.
 //!
-//! Torques are torques at the joint, N·m (N for a slide); `v` is the speed of the motor side, q its position. "Extra" means on
-//! top of the data sheet. How the machine's law differs from the catalogue's on purpose stands at each law in `machine/`.
+//! Torques are torques at the joint, N·m (N for a slide); `v` is the speed of the motor side, q its position. "Extra" means in addition to the data sheet. The
+//! laws in `machine/` state where they deliberately differ from those of the catalogue.
 
 use serde::Serialize;
 
 /// An effect at a joint (index from 0), or of the whole arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Effect {
-    /// Which joint; `None` for an effect of the whole arm.
+    /// The joint; `None` for an effect of the whole arm.
     pub joint: Option<usize>,
-    /// What happens there.
+    /// The kind and its parameters.
     pub physics: Physics,
 }
 
@@ -38,9 +38,9 @@ pub enum Physics {
     StribeckFriction { extra: f64, velocity: f64 },
     /// Extra friction of one size for v > 0 and another for v < 0, N·m, both against the motion.
     AsymmetricFriction { positive: f64, negative: f64 },
-    /// What the torque measurement reads too much, N·m.
+    /// Offset of the torque measurement: reading minus true torque, N·m.
     TorqueOffset { offset: f64 },
-    /// Extra friction in proportion to the torque that the joint hands on.
+    /// Extra friction in proportion to the torque that the joint transmits.
     LoadDependentFriction { coefficient: f64 },
     /// The joint's Coulomb friction as bristles: stiffness N·m/rad, damping N·m·s/rad.
     PreslidingFriction { stiffness: f64, damping: f64 },
@@ -50,11 +50,11 @@ pub enum Physics {
     FrictionDrift { amount: f64, time_constant: f64 },
     /// Friction c v|v|, N·m·s²/rad².
     QuadraticDrag { coefficient: f64 },
-    /// Inertia felt by this joint alone, kg·m².
+    /// Inertia that acts on this joint alone, kg·m².
     RotorInertia { inertia: f64 },
     /// A point mass, kg, at a place in the frame of the last link, m.
     Payload { mass: f64, com: [f64; 3] },
-    /// Mass and inertia of one link, times this.
+    /// Mass and inertia of one link, scaled by this factor.
     LinkMass { scale: f64 },
     /// The base turned by roll about x, then pitch about y, rad.
     BaseTilt { roll: f64, pitch: f64 },
@@ -62,21 +62,21 @@ pub enum Physics {
     JointSpring { stiffness: f64, rest: f64 },
     /// True torque over measured torque.
     TorqueGain { gain: f64 },
-    /// The most that the drive says it gives, N·m.
+    /// Torque limit of the drive, N·m; the measured torque saturates there.
     ActuatorSaturation { limit: f64 },
     /// Torque a sin(Nq + φ) that the drive has to overcome, N·m.
     TorqueRipple { amplitude: f64, periods: f64, phase: f64 },
     /// A geared shaft that turns with v_i + s v_j and has inertia and friction of its own.
     JointCoupling { with: String, inertia: f64, viscous: f64, coulomb: f64, sign: f64 },
-    /// What the encoder reads too much, rad.
+    /// Offset of the encoder: reading minus true position, rad.
     EncoderOffset { offset: f64 },
-    /// What the encoder reads too much, a sin(q + φ), rad.
+    /// Error of the encoder: reading minus true position, a sin(q + φ), rad.
     EncoderEccentricity { amplitude: f64, phase: f64 },
     /// The link moved by the joint is longer by this, m, along the way to the next joint or to the tool.
     LinkLength { offset: f64 },
     /// The link moved by the joint bends: force over deflection at its far end, N/m.
     LinkFlexure { stiffness: f64 },
-    /// The torques, or the tool, are late against the encoders, s.
+    /// Delay of the torques, or of the tool, behind the encoders, s.
     TimeDelay { delay: f64, channel: &'static str },
     /// The torque of a joint is filtered, Hz.
     SensorLowpass { cutoff: f64 },
@@ -113,7 +113,7 @@ impl Physics {
         serde_json::to_value(self).map(|mut value| value["parameters"].take()).unwrap_or_default()
     }
 
-    /// The same effect with a trace about `factor` times as large.
+    /// The same effect, scaled so that its trace is about `factor` times as large.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Physics {
         let mut scaled = self.clone();
@@ -161,7 +161,7 @@ impl Physics {
                 [inertia, viscous, coulomb].into_iter().for_each(|x| *x *= factor);
             }
             Physics::ExternalForce { force, .. } => force.iter_mut().for_each(|x| *x *= factor),
-            // A softer mount rocks more, with the square of its frequency.
+            // A softer mount rocks more: the amplitude grows with the inverse square of the frequency.
             Physics::MountResonance { frequency, .. } => *frequency /= factor.sqrt(),
         }
         if let Physics::CableStickSlip { stiffness, .. } = &mut scaled {

@@ -1,7 +1,7 @@
-//! Set-up faults: a recording that is not read as its model means it.
+//! Set-up faults: recordings whose conventions differ from those of their model.
 //!
-//! They change nothing of the machine. What is changed is what stands in the file (units, signs, order, zeros, clocks), or, for gravity
-//! and for another arm, what stands on the data sheet.
+//! They leave the machine as it is. A fault changes the content of the file (units, signs, order, zeros, clocks), or, for gravity and for another arm, the data
+//! sheet.
 
 use freeplay_arm::{
     Arm, ArmFile, JointKind, Workspace, forward_kinematics, gravity_torque, parse_toml, rnea, to_toml,
@@ -35,13 +35,13 @@ pub const SETUP: [&str; 14] = [
     "another_arm",
 ];
 
-/// A posture or a torque that changes by less than this share of its own deviation shows nothing of a fault.
+/// A recording shows a fault if a posture or a torque changes by more than this share of its own standard deviation.
 const SHOWS: f64 = 0.6;
-/// The arm speaks in a torque of whose deviation it makes this share: a tenth of the variance.
+/// A torque depends visibly on the rigid arm if that makes this share of its standard deviation: a tenth of the variance.
 const MIN_RIGID_SHARE: f64 = 0.3;
-/// A tool that moves by less than this does not either, m.
+/// A recording also shows a fault if the tool moves by more than this, m.
 const SHOWS_AT_TOOL: f64 = 0.03;
-/// Draws of a fault before the recording counts as one that can't show it.
+/// Attempts to draw a fault before the recording counts as unable to show it.
 const DRAWS: usize = 40;
 
 /// One fault of the set-up.
@@ -49,15 +49,15 @@ const DRAWS: usize = 40;
 pub struct SetupFault {
     /// One of [`SETUP`].
     pub kind: &'static str,
-    /// The joints (from 0) that it is about; none for the whole recording.
+    /// The joints (from 0) with the fault; empty for a fault of the whole recording.
     pub joints: Vec<usize>,
-    /// Its numbers: what the meaning of the kind says, SI.
+    /// Its parameters in SI units; their meaning depends on the kind.
     pub values: Vec<f64>,
     /// Whether a torque flips with its joint; which channels are late or still.
     pub detail: String,
 }
 
-/// What of the recordings is kept, and of the data sheet.
+/// Parts of the recordings and of the data sheet that stay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kept {
     /// The torques.
@@ -68,10 +68,10 @@ pub struct Kept {
     pub friction: bool,
 }
 
-/// `made` with what is `kept`, and with a fault of each of `kinds`, drawn from `seed`; `None` where its motion shows none of a kind.
+/// `made` with the `kept` parts, and with a fault of each of `kinds`, drawn from `seed`; `None` if its motion shows no fault of some kind.
 ///
 /// # Errors
-/// The data sheet of the case, which is one of this program's own.
+/// A data sheet that does not parse; the sheets are this program's own.
 pub fn with_setup_faults(
     made: &Made,
     kinds: &[&'static str],
@@ -87,11 +87,11 @@ pub fn with_setup_faults(
     for samples in [&mut made.recording, &mut made.second] {
         keep(samples, kept);
     }
-    // Torques without gravity show nothing of its direction.
+    // Torques without gravity contain no information on its direction.
     if kinds.contains(&"gravity_direction") && kinds.contains(&"gravity_compensated") {
         return Ok(None);
     }
-    // Where gravity is taken out, a fault has to show in what remains.
+    // If the torques lack gravity, the remaining torque has to show the fault.
     let (mut weightless, mut remaining) = (sheet.clone(), made.recording.clone());
     if kinds.contains(&"gravity_compensated") {
         compensate(&sheet, &mut remaining);
@@ -113,7 +113,7 @@ pub fn with_setup_faults(
         let Some(fault) = drawn else { return Ok(None) };
         faults.push(fault);
     }
-    // What needs the true positions comes before they are changed.
+    // Faults that need the true positions are applied before others change them.
     let order = |fault: &SetupFault| SETUP.iter().rev().position(|kind| *kind == fault.kind);
     faults.sort_by_key(order);
     for fault in &faults {
@@ -145,7 +145,7 @@ fn keep(samples: &mut Samples, kept: Kept) {
     samples.columns.retain(|_| *each.next().unwrap_or(&true));
 }
 
-/// A fault of `kind`; `None` where the arm or the recording has no room for it.
+/// A fault of `kind`; `None` if the arm or the recording does not admit one.
 fn draw(kind: &str, sheet: &Arm, samples: &Samples, rng: &mut ChaCha8Rng) -> Option<SetupFault> {
     let n = sheet.dof();
     let all: Vec<usize> = (0..n).collect();
@@ -208,7 +208,7 @@ fn draw(kind: &str, sheet: &Arm, samples: &Samples, rng: &mut ChaCha8Rng) -> Opt
                 (true, false) => "tau",
                 _ => "tool",
             };
-            // Delays of less than 48 ms are effects of the catalogue; these are longer, whatever the fit is off by.
+            // Delays of less than 48 ms are effects of the catalogue; these are longer by more than the error of any fit.
             fault(vec![], vec![sign(rng) * log_uniform(rng, 0.06, 0.4)], late)
         }
         "frozen_channel" => fault(vec![joint], vec![], if torque { pick(rng, &["tau", "q"]) } else { "q" }),
@@ -217,7 +217,7 @@ fn draw(kind: &str, sheet: &Arm, samples: &Samples, rng: &mut ChaCha8Rng) -> Opt
     }
 }
 
-/// Which joints have another torque unit, and what is recorded per N·m (N).
+/// The joints with another torque unit, and the recorded value per N·m (N).
 fn scales(n: usize, joint: usize, rng: &mut ChaCha8Rng) -> (Vec<usize>, Vec<f64>) {
     let all: Vec<usize> = (0..n).collect();
     match pick(rng, &[0, 1, 2, 3, 4]) {
@@ -227,7 +227,7 @@ fn scales(n: usize, joint: usize, rng: &mut ChaCha8Rng) -> (Vec<usize>, Vec<f64>
         1 => (all, (0..n).map(|_| 1.0 / log_uniform(rng, 3.0, 15.0)).collect()),
         // The motor's side of the gears.
         2 => (all, (0..n).map(|_| 1.0 / pick(rng, &[50.0, 80.0, 100.0, 101.0, 121.0, 160.0])).collect()),
-        // Feedback that is not divided, of the large drives.
+        // Large drives: feedback that is not divided.
         3 => {
             let some: Vec<usize> = (0..n.div_ceil(2)).collect();
             let factors = vec![4.0; some.len()];
@@ -259,17 +259,17 @@ fn read(samples: &Samples, prefix: &str, joints: usize) -> Option<Vec<Vec<f64>>>
     (0..joints).map(one).collect()
 }
 
-/// Rows at which torques are worked out.
+/// Rows at which the torques are computed.
 struct Rows {
     at: Vec<usize>,
     /// Rows on each side over which positions are differentiated.
     reach: usize,
-    /// The time that these take, s.
+    /// Time that these rows cover, s.
     width: f64,
 }
 
 impl Rows {
-    /// One of fifty; 0.05 s on each side smooth what encoders round.
+    /// Takes one row in fifty; 0.05 s on each side smooth the encoder quantisation.
     fn new(t: &[f64]) -> Self {
         let step = (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64;
         let reach = (0.05 / step).round().max(1.0) as usize;
@@ -281,7 +281,7 @@ impl Rows {
         self.at.iter().map(|&row| column[row]).collect()
     }
 
-    /// Torques of the rigid arm of `sheet` along the positions `q`, and where its tool is.
+    /// Torques of the rigid arm of `sheet` along the positions `q`, and its tool positions.
     fn rigid(&self, sheet: &Arm, q: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let n = sheet.dof();
         let mut ws = Workspace::new(sheet);
@@ -307,8 +307,8 @@ fn deviation(column: &[f64]) -> f64 {
     (column.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / column.len().max(1) as f64).sqrt()
 }
 
-/// Whether an analyst could see `fault` in `samples`: it changes a recorded torque, against that of the rigid arm of `sheet`, or the recorded place of the
-/// tool, by enough.
+/// True if an analyst could detect `fault` in `samples`: it changes a recorded torque, relative to that of the rigid arm of `sheet`, or the recorded tool
+/// position, by enough.
 fn shows(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
     let n = sheet.dof();
     let (Some(q), torque) = (read(samples, "q", n), read(samples, "tau", n)) else { return false };
@@ -319,7 +319,7 @@ fn shows(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
     let (rigid, tool) = rows.rigid(sheet, &q);
     let changed = |a: &[f64], b: &[f64]| deviation(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>());
     let moves = |joint: usize| deviation(&q[joint]) > 0.05;
-    // The torque of a joint shows something of the arm, not of its friction alone.
+    // Requires that the joint's torque depends on the arm, not on its friction alone.
     let speaks = |joint: usize| {
         let torque = torque.as_ref().map(|torque| rows.of(&torque[joint]));
         torque.is_some_and(|torque| deviation(&rigid[joint]) > MIN_RIGID_SHARE * deviation(&torque))
@@ -412,7 +412,7 @@ fn apply(fault: &SetupFault, sheet: &Arm, samples: &mut Samples) {
     }
 }
 
-/// Positions of `joint` as a controller shows them that knows one turn only, which ends where this joint passes.
+/// Wraps the positions of `joint` to one turn, whose ends lie where this joint passes; some controllers report positions like this.
 fn wrap(samples: &mut Samples, joint: usize) {
     let Some(q) = column(samples, &format!("q{}", joint + 1)) else { return };
     let (least, most) =
@@ -446,7 +446,7 @@ fn compensate(sheet: &Arm, samples: &mut Samples) {
     }
 }
 
-/// The columns of a group as they were `delay` s before.
+/// Delays the columns of a group by `delay` s.
 fn late(samples: &mut Samples, group: &str, delay: f64) {
     let Samples { t, names, columns } = samples;
     for (name, column) in names.iter().zip(columns) {
@@ -470,8 +470,8 @@ fn another(sheet: &Arm) -> Option<Arm> {
     others.filter_map(|machine| machine.data_sheet().ok()).find(|other| other.dof() == sheet.dof())
 }
 
-/// Whether the torques are, to the last digit, those of another fault: the zero of the first joint and a base turned about its axis; on a single axis,
-/// the sign of the torque and of the position; the signs of two joints that hang in a plane.
+/// True if the torques equal those of another fault to the last digit: the zero of the first joint and a base turned about its axis; on a single axis, the
+/// signs of torque and position; the signs of two joints that hang in a plane.
 fn is_another_kind(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
     if has(samples, "x") {
         return false;
@@ -490,8 +490,8 @@ fn is_another_kind(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
     }
 }
 
-/// Whether the arm holds the same torques in a mirror, with all signs turned: of two joints in a plane that hang straight down at their zeros, one
-/// counted the other way is the other one counted the other way.
+/// True if reversing all signs leaves the torques of the arm unchanged, as in a mirror. With two joints in a plane that hang straight down at their zeros,
+/// reversing one joint then equals reversing the other.
 fn is_mirrored(sheet: &Arm, samples: &Samples) -> bool {
     let Some(q) = read(samples, "q", sheet.dof()) else { return false };
     let turned: Vec<Vec<f64>> = q.iter().map(|column| column.iter().map(|x| -x).collect()).collect();
@@ -502,7 +502,7 @@ fn is_mirrored(sheet: &Arm, samples: &Samples) -> bool {
     all().all(|(held, mirrored)| (held + mirrored).abs() <= 1e-6 * size)
 }
 
-/// The data sheet that stands beside the recording. Gravity of the machine is that of the data sheet; the file says another one.
+/// The data sheet beside the recording. The machine has the gravity of its data sheet; the file states another one.
 fn on_sheet(fault: &SetupFault, sheet: Arm) -> Result<Arm, GenerateError> {
     match fault.kind {
         "gravity_direction" => Ok(sheet.with_gravity(Vector3::from_column_slice(&fault.values))),

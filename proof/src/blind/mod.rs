@@ -1,12 +1,12 @@
 //! `freeplay blind`: the proof on concealed effects.
 //!
-//! Freeze, seed, generate, seal, analyse once, commit to the answers, reveal, score. Generator and analysts are processes of their
-//! own; the truth is in the memory of their parent alone until the answers are committed to.
+//! Freeze, seed, generate, seal, analyse once, commit to the answers, reveal, score. Generator and analysts are separate processes; only the memory of their
+//! parent holds the truth until the answers are committed.
 //!
-//! Modules in the order of the protocol: `hash` and `canonical` (what is frozen), `sweep` (what is asked for), `source`, `generator`, `names` and `arrange` (the
-//! sealed folder), `analysis` and `lures` (who is asked, and held off what), `analyst` and `answer` (who answers what), `sandbox`, `namespaces` and `channels`
-//! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls`, `nearest` and `leak` (what it is worth), `receipt`, `strict`, `overlap`, `verify`, `verification`, `gathered`, `merge` and `history`
-//! (what stays), `terminal_summary`, `document` and `matrix` (what a person sees).
+//! Modules in the order of the protocol: `hash` and `canonical` (the freeze), `sweep` (the requested cases), `source`, `generator`, `names` and `arrange` (the
+//! sealed folder), `analysis` and `lures` (start of the analysts and checks of their isolation), `analyst` and `answer` (the answers), `sandbox`, `namespaces`
+//! and `channels` (the isolation), `truth`, `score`, `interval`, `tally`, `confusion`, `controls`, `nearest` and `leak` (the score), `receipt`, `strict`,
+//! `overlap`, `verify`, `verification`, `gathered`, `merge` and `history` (the records), `terminal_summary`, `document` and `matrix` (the display).
 
 mod analysis;
 mod analyst;
@@ -123,7 +123,7 @@ pub struct BlindArgs {
     format: Format,
 }
 
-/// Which part of a set.
+/// Selects one part of a set.
 #[derive(Clone, Copy, Debug)]
 struct Shard(usize, usize);
 
@@ -147,7 +147,7 @@ impl BlindArgs {
     /// The folder of the results.
     fn claim(&self) -> Result<OutputFolder, Failure> {
         if let [folder, _] = self.score.as_slice() {
-            // The receipt in it is what is scored.
+            // The folder holds the receipt to be scored.
             return claim(Some(folder), &[], self.force);
         }
         let time = receipt::now().replace(':', "-");
@@ -161,7 +161,7 @@ impl BlindArgs {
     }
 }
 
-/// Does what `args` ask for.
+/// Carries out the action of `args`.
 ///
 /// # Errors
 /// Bad input; a folder that can't be written; a process that can't be started.
@@ -169,7 +169,7 @@ pub fn blind(args: &BlindArgs) -> Result<Exit, Failure> {
     if !args.verify.is_empty() {
         return verification::verify(&args.verify, args.history.as_deref(), args.format);
     }
-    // Before what takes minutes.
+    // Checked first, since the rest takes minutes.
     args.history.as_deref().map_or(Ok(()), check_target)?;
     private()?;
     if let Some(folder) = &args.analyse {
@@ -203,7 +203,7 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
     present(args, folder, &receipt.parts, &judged, &score)
 }
 
-/// Merges, scores and publishes as [`publish`] does; the cases go from the receipts to the new one without being held in memory.
+/// Merges, scores and publishes as [`publish`] does. The cases stream from the receipts to the new one without being held in memory.
 fn publish_merged(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
     let Merged { parts, judged, cases } = merge::merged(&args.merge, folder)?;
     let score = Score::of(&judged);
@@ -232,9 +232,9 @@ fn present(
     Ok(Exit::Done)
 }
 
-/// Answers for the sealed `folder` of someone else.
+/// Runs the analysts on the sealed `folder` of someone else.
 fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
-    // The folder of somebody else is not made here.
+    // The folder must exist: this command does not create it.
     freeplay_storage::list(folder)?;
     let _claimed = claim(Some(folder), &["receipt.json"], args.force)?;
     let mut receipt = protocol::answered(args, folder)?;
@@ -247,8 +247,8 @@ fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Keeps what this process knows from its children and from others of the same user: no open file is inherited by whom it starts, and its
-/// memory can't be read without privilege.
+/// Hides the memory of this process from its children and from other processes of the same user: children inherit no open file, and reading the memory takes
+/// privilege.
 fn private() -> Result<(), Failure> {
     close_fds::set_fds_cloexec(3, &[]);
     set_dumpable_behavior(DumpableBehavior::NotDumpable).map_err(Failure::internal)

@@ -1,4 +1,4 @@
-//! The receipt: all that was done, in order, with the hashes that bind it.
+//! The receipt: a log of the whole protocol in order, with the hashes that bind it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,15 +21,15 @@ use super::{hash, strict};
 
 /// The schema of a [`Receipt`].
 pub const SCHEMA: &str = "freeplay.receipt/2";
-/// The schema before, whose hashes left out fields.
+/// The earlier schema, whose hashes left out fields.
 const EARLIER: &str = "freeplay.receipt/1";
-/// What a person should give for a receipt.
+/// The file that the user should give as a receipt.
 const WANTED: &str = "give a receipt.json that freeplay blind left";
 
-/// The most that is read of a receipt, bytes: some 100,000 cases of one joint or 10,000 of six, which take twenty times that in memory while they are checked.
+/// Largest receipt that the program reads, bytes: some 100,000 cases of one joint or 10,000 of six. Checking a receipt takes twenty times this in memory.
 const LIMIT: u64 = 512 << 20;
 
-/// What was done, from freeze to score.
+/// Log of a blind test, from freeze to score.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Receipt {
     /// [`SCHEMA`].
@@ -47,29 +47,29 @@ pub struct Receipt {
 /// One protocol.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Part {
-    /// What was frozen.
+    /// The frozen program.
     pub program: Program,
-    /// What was drawn; `None` for a folder that someone else sealed.
+    /// The draw; `None` for a folder that someone else sealed.
     pub draw: Option<Draw>,
     /// SHA-256 of the files of each case.
     pub sealed: Sealed,
-    /// The commitment to the truth of each case; of a folder that someone else sealed, those that came with it.
+    /// The commitment to the truth of each case; a folder that someone else sealed has its own commitments.
     pub commitments: BTreeMap<String, String>,
-    /// What was drawn and could not be made.
+    /// Drawn cases that could not be made.
     pub not_made: Vec<String>,
-    /// How many analysts worked behind what, in words.
+    /// Number of analysts by kind of isolation, in words.
     pub isolation: BTreeMap<String, usize>,
     /// SHA-256 of all answers.
     pub answers: String,
     /// Time of the generation and of the analysis, s.
     pub seconds: [f64; 2],
-    /// Processor and kernel, as this machine says.
+    /// Processor and kernel, as reported by this machine.
     pub machine: String,
     /// The stages with their chain.
     pub stages: Vec<Stage>,
 }
 
-/// What was frozen before anything was drawn.
+/// The program as frozen before the draw.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Program {
     /// Version of Freeplay.
@@ -91,23 +91,23 @@ impl Program {
     }
 }
 
-/// What was drawn.
+/// The draw of the cases.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Draw {
     /// The seed.
     pub seed: u64,
-    /// Where it came from: the operating system after the freeze, or the command line.
+    /// Its source: the operating system after the freeze, or the command line.
     pub seed_from: String,
-    /// The key that the names of the folders follow from; always from the operating system.
+    /// The key from which the names of the folders follow; always from the operating system.
     pub names: String,
-    /// How many cases of which sort, over all shards.
+    /// Number of cases of each sort, over all shards.
     pub quota: Quota,
-    /// Which shard, and of how many.
+    /// Number of the shard, and count of shards.
     pub shard: [usize; 2],
-    /// What is swept, where kinds and places were not drawn at random.
+    /// The swept parameters, if kinds and places were not drawn at random.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub matrix: Option<Matrix>,
-    /// Who made the recordings, where it was not this program; hashed at the freeze.
+    /// The generator, if it was not this program; hashed at the freeze.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub generator: Option<Other>,
 }
@@ -117,11 +117,11 @@ pub struct Draw {
 pub struct Record {
     /// The salt of its commitment; empty before the reveal.
     pub salt: String,
-    /// What it conceals; null before the reveal.
+    /// Its concealed truth; null before the reveal.
     pub truth: Value,
     /// The answer.
     pub answer: Answer,
-    /// How that compares; `None` before the reveal.
+    /// Its score; `None` before the reveal.
     pub outcome: Option<Outcome>,
 }
 
@@ -130,16 +130,16 @@ pub struct Record {
 pub struct Stage {
     /// Its name.
     pub name: String,
-    /// When it was completed.
+    /// Time of its completion.
     pub at: String,
-    /// SHA-256 of what it brought.
+    /// SHA-256 of its result.
     pub brought: String,
-    /// SHA-256 over the chain before, name, time and what it brought.
+    /// SHA-256 over the previous chain hash, name, time and result.
     pub chain: String,
 }
 
 impl Part {
-    /// Appends a stage to the chain; its hash.
+    /// Appends a stage to the chain; returns its hash.
     fn complete(&mut self, name: &str, brought: &Value) -> String {
         let before = self.chain();
         let (at, brought) = (now(), hash::of_json(name, brought));
@@ -148,7 +148,7 @@ impl Part {
         chain
     }
 
-    /// What each stage has to have brought, by name, given the cases of this part.
+    /// The required result of each stage, by name, given the cases of this part.
     pub fn brought(&self, cases: &BTreeMap<String, Record>) -> BTreeMap<&'static str, Value> {
         let truths: BTreeMap<_, _> =
             self.records(cases).map(|(name, record)| (name, (&record.salt, &record.truth))).collect();
@@ -161,13 +161,13 @@ impl Part {
         ])
     }
 
-    /// Completes the stage `name` with what it has to have brought; its hash.
+    /// Completes the stage `name` with its required result; returns its hash.
     pub fn finish(&mut self, name: &str, cases: &BTreeMap<String, Record>) -> String {
         let brought = self.brought(cases).remove(name).unwrap_or_default();
         self.complete(name, &brought)
     }
 
-    /// Whether the truth of its cases was revealed.
+    /// True if the truth of the cases was revealed.
     pub fn is_open(&self) -> bool {
         self.stages.iter().any(|stage| stage.name == "reveal")
     }
@@ -177,7 +177,7 @@ impl Part {
         self.stages.last().map_or("", |stage| stage.chain.as_str())
     }
 
-    /// The hash of the chain at the seal. A witness notes it down to check the receipt later.
+    /// The chain's hash at the seal. A witness records it to check the receipt later.
     pub fn seal_hash(&self) -> &str {
         let seal = self.stages.iter().find(|stage| stage.name == "seal");
         seal.map_or("", |stage| stage.chain.as_str())
@@ -188,11 +188,11 @@ impl Part {
         &'a self,
         cases: &'a BTreeMap<String, Record>,
     ) -> impl Iterator<Item = (&'a String, &'a Record)> {
-        // By the part's own names: the parts of a large set are many, and none should walk over the cases of all the others.
+        // The loop walks over the part's own names: a large set has many parts, and none should walk over the cases of the others.
         self.sealed.keys().filter_map(|name| cases.get_key_value(name))
     }
 
-    /// SHA-256 of the answers of this part.
+    /// SHA-256 of the answers in this part.
     pub fn hash_of_answers(&self, cases: &BTreeMap<String, Record>) -> String {
         let answers: BTreeMap<_, _> =
             self.records(cases).map(|(name, record)| (name, &record.answer)).collect();
@@ -212,11 +212,11 @@ pub fn now() -> String {
     format!("{date}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
-/// What a file holds that should be a receipt.
+/// Content of a file that should be a receipt.
 pub enum Form {
     /// A receipt, whose hashes may or may not hold.
     Receipt(Box<Receipt>),
-    /// None, and why.
+    /// No receipt, and why.
     Wrong(String),
 }
 
@@ -234,10 +234,10 @@ fn text(path: &Path) -> Result<String, Failure> {
 }
 
 impl Form {
-    /// The form of the file `path`. Every field has to be there, once, and no other.
+    /// The form of the file `path`. Every field must appear exactly once; further fields are errors.
     ///
     /// # Errors
-    /// A file that can't be read, is no JSON, or was written by the schema before.
+    /// A file that can't be read, is no JSON, or follows the earlier schema.
     pub fn of(path: &Path) -> Result<Self, Failure> {
         let shown = path.display();
         let value = match strict::parse(&text(path)?) {
@@ -283,7 +283,7 @@ impl Receipt {
     /// Reads the receipt `path`.
     ///
     /// # Errors
-    /// As [`Form::of`]; a file that is no receipt.
+    /// As [`Form::of`]; a file that is not a receipt.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         match Form::of(path)? {
             Form::Receipt(receipt) => Ok(*receipt),
@@ -294,7 +294,7 @@ impl Receipt {
     /// SHA-256 of all fields but `sha256`.
     ///
     /// # Errors
-    /// A receipt that is no JSON.
+    /// A receipt that cannot be written as JSON.
     pub fn hash(&self) -> Result<String, Failure> {
         let mut value = serde_json::to_value(self).map_err(Failure::internal)?;
         if let Some(fields) = value.as_object_mut() {
@@ -313,10 +313,10 @@ impl Receipt {
         freeplay_terminal::files::write(path, &(text + "\n"))
     }
 
-    /// The cases, judged.
+    /// The judged cases.
     ///
     /// # Errors
-    /// A truth that is none.
+    /// A truth that does not parse.
     pub fn judged(&self) -> Result<Vec<Judged>, Failure> {
         let judged = self.cases.iter().map(|(name, record)| {
             let truth: Truth = serde_json::from_value(record.truth.clone()).map_err(|error| {
