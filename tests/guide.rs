@@ -1,10 +1,11 @@
-//! The guide does what it says: every console block of its pages is run, in the order of the page, with the files that the page shows.
+//! The guide is correct: the test runs every console block of its pages, in the order of the page, with the files that the page shows.
 //!
-//! The README is played in the same way. Blocks ` ```console slow ` take minutes, so that ignored tests play them with the README; commands in
-//! ` ```sh ` blocks name files of the reader, so that a test only checks that they are understood.
+//! The README is tested in the same way. Blocks ` ```console slow ` take minutes; ignored tests run them, with the README. Commands in ` ```sh ` blocks name
+//! files of the reader, so that a test only checks that the command line is valid.
 //!
-//! A block ` ```console ` holds commands behind `$ `; ` ```console python ` takes a Python with iceoryx2 and is left out, with a word, where
-//! there is none, ` ```console mujoco ` one with mujoco, numpy and scipy, ` ```console fmpy ` one with FMPy, ` ```console pythonfmu ` one with pythonfmu3 and a shared library; a block with `file=NAME` is a file that the reader writes.
+//! A block ` ```console ` has commands behind `$ `. A block ` ```console python ` needs a Python with iceoryx2 and is skipped, with a message, on a machine
+//! without it; likewise ` ```console mujoco ` one with mujoco, numpy and scipy, ` ```console fmpy ` one with FMPy, ` ```console pythonfmu ` one with pythonfmu3
+//! and a shared library. A block with `file=NAME` is a file that the reader writes.
 
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
@@ -17,7 +18,7 @@ fn root() -> PathBuf {
     std::path::absolute(Path::new(env!("CARGO_MANIFEST_DIR")).join("..")).expect("a path")
 }
 
-/// A fenced block of a page: what stands behind its fence, and its lines.
+/// A fenced block of a page: the words behind its fence, and its lines.
 struct Block {
     kind: String,
     text: String,
@@ -44,7 +45,7 @@ fn blocks(page: &str) -> Vec<Block> {
     blocks
 }
 
-/// What blocks need of Python, by the word behind `console`.
+/// Python packages that blocks need, by the word behind `console`.
 const NEEDS: [(&str, &str); 4] = [
     ("python", "import tomllib, iceoryx2"),
     ("mujoco", "import mujoco, numpy, scipy"),
@@ -64,27 +65,27 @@ fn python_with(word: &str) -> Option<String> {
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// The Python that takes part, if there is one.
+/// The Python for controllers, if there is one.
 fn python() -> Option<String> {
     python_with("python")
 }
 
-/// Plays the page called `name` of the guide without its slow commands; the number of commands run.
+/// Runs the page called `name` of the guide without its slow commands; returns the number of commands.
 fn play(name: &str) -> usize {
     play_file(&format!("docs/guide/{name}"), false)
 }
 
-/// A command of the README as it runs without cargo.
+/// A command of the README without its call of cargo.
 fn without_cargo(line: &str) -> String {
     line.replace("cargo run --release --", "freeplay")
 }
 
-/// Plays the page `name`, with its slow commands or without; the number of commands run.
+/// Runs the page `name`, with its slow commands or without; returns the number of commands.
 fn play_file(name: &str, with_slow: bool) -> usize {
     let page = std::fs::read_to_string(root().join(name)).expect("the page");
     let binaries = Path::new(FREEPLAY).parent().expect("a folder").to_owned();
     let mut folder = fresh_folder();
-    // The project's folder as the reader has it, but for what the page writes into it.
+    // The reader's folder of the project, except for the files that the page writes.
     symlink(root().join("scenarios"), folder.path().join("scenarios")).expect("linked");
     std::fs::create_dir_all(folder.path().join("target")).expect("made");
     symlink(&binaries, folder.path().join("target/release")).expect("linked");
@@ -120,7 +121,7 @@ fn play_file(name: &str, with_slow: bool) -> usize {
             }
             let mut command = Command::new("sh");
             command.args(["-c", &without_cargo(line)]).env("PATH", &path).env_remove("CARGO_MANIFEST_DIR");
-            // As if the wheel were installed.
+            // Acts as if the wheel were installed.
             command.env("PYTHONPATH", root().join("python"));
             let ran = Call::of(folder, command).run();
             println!("{name}: {line}: exit code {:?}", ran.output.status.code());
@@ -215,7 +216,7 @@ fn the_readme() {
     assert_eq!(play_file("README.md", true), 4);
 }
 
-/// Behind a fence a name is invisible where the page is rendered, so the text before the block says it; of two blocks in a row before the first.
+/// A rendered page does not show the name behind a fence, so that the text before the block has to state it; of two blocks in a row, the text before the first.
 #[test]
 fn pages_name_the_files_that_the_reader_writes() {
     let guide = std::fs::read_dir(root().join("docs/guide")).expect("a folder").flatten();
@@ -246,7 +247,7 @@ fn pages_name_the_files_that_the_reader_writes() {
     assert!(count >= 10, "{count} files");
 }
 
-/// Commands with files of the reader: the command line is understood, the file is missing.
+/// Commands with files of the reader: the command line is valid, the file is missing.
 #[test]
 fn commands_with_files_of_the_reader_are_understood() {
     let guide = std::fs::read_dir(root().join("docs/guide")).expect("a folder").flatten();
@@ -266,7 +267,7 @@ fn commands_with_files_of_the_reader_are_understood() {
     assert!(count >= 6, "{count} commands");
 }
 
-/// A stranger reads these: short pages, each found from an index.
+/// Pages for strangers are short, and an index lists each.
 #[test]
 fn documents_are_short_and_found() {
     let text = |name: &str| std::fs::read_to_string(root().join(name)).expect("the page");
@@ -283,7 +284,7 @@ fn documents_are_short_and_found() {
     }
 }
 
-/// The table of sealed sets is the one that its command writes.
+/// The table of sealed sets is the output of its command.
 #[test]
 fn the_table_of_sealed_sets_is_drawn() {
     let python = std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
@@ -306,7 +307,8 @@ fn every_page_is_in_the_index() {
     }
 }
 
-/// A reader who stays in one folder: no command of the README and the guide writes to where an earlier page has written, nor is a file of the reader overwritten.
+/// For a reader who stays in one folder: no command of the README and the guide writes to a place that an earlier page has used, and none overwrites a file of
+/// the reader.
 #[test]
 fn pages_write_to_places_of_their_own() {
     let guide = std::fs::read_dir(root().join("docs/guide")).expect("a folder").flatten();
@@ -326,7 +328,7 @@ fn pages_write_to_places_of_their_own() {
     assert!(owners.len() > 40, "{} places", owners.len());
 }
 
-/// The reader types in the project's folder: nothing is to be written into a folder of its sources, be it in a console, in Python or in a sentence.
+/// The reader types in the project's folder: no page writes into a folder of its sources, be it in a console, in Python or in a sentence.
 #[test]
 fn pages_write_to_no_folder_of_the_project() {
     let entries = std::fs::read_dir(root()).expect("the project").flatten();

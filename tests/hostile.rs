@@ -1,8 +1,8 @@
-//! A hostile controller under the real binary: whatever it says, no joint is beyond its speed limit for more than a few ticks, what stops the
-//! arm is told with joint, value, limit and tick, and what it says of time is not believed where it cannot be.
+//! A hostile controller with the real binary: whatever it sends, no joint exceeds its speed limit for more than a few ticks, the message about a stop of the
+//! arm names joint, value, limit and tick, and the plant ignores impossible times from the controller.
 //!
-//! The controller is `tests/controllers/hostile.rs`. Every strategy is tried with a few seeds here; with a hundred by
-//! `cargo test -p freeplay --test command hostile:: -- --ignored --nocapture`.
+//! The controller is `tests/controllers/hostile.rs`. The test plays every strategy with a few seeds; with a hundred by `cargo test -p freeplay --test command
+//! hostile:: -- --ignored --nocapture`.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -12,7 +12,7 @@ use crate::common::{Call, FREEPLAY, Ran, fresh_folder};
 use freeplay_recording::Recording;
 use serde_json::{Value, json};
 
-/// Share of a speed limit up to which a speed counts as within it, and ticks for which it may be beyond.
+/// A speed counts as within its limit up to this share of it; and the number of ticks for which it may be beyond.
 const MARGIN: f64 = 1.05;
 const MOST_TICKS: usize = 5;
 /// The strategies of the hostile controller.
@@ -34,7 +34,7 @@ fn under(fault: &str, arguments: &[&str]) -> Call {
     Call::new(fresh_folder(), &all).env("FREEPLAY_FAULT", fault)
 }
 
-/// Greatest speed of any joint over its limit, and most ticks in a row for which one was beyond [`MARGIN`].
+/// Greatest ratio of a joint's speed to its limit, and most ticks in a row beyond [`MARGIN`].
 fn speeds(recording: &Recording) -> (f64, usize) {
     let arm = freeplay_arm::paper_arm().arm;
     let (mut greatest, mut most) = (0.0_f64, 0);
@@ -53,7 +53,7 @@ fn speeds(recording: &Recording) -> (f64, usize) {
     (greatest, most)
 }
 
-/// Fails unless a stop, if there was one, is told with all that belongs to it, on the screen as in the summary.
+/// Fails unless a stop, if there was one, is reported completely, on the screen and in the summary.
 fn assert_stop_is_told(ran: &Ran, run: &Value) {
     let stopped = &run["stopped"];
     let Some(tick) = stopped["tick"].as_u64() else {
@@ -74,7 +74,7 @@ fn assert_stop_is_told(ran: &Ran, run: &Value) {
     assert!(report.contains("did not finish under control"));
 }
 
-/// Plays `strategy` in `mode` with `seed`, on an arm that depends on the seed; the greatest share of a speed limit, and what stopped it.
+/// Plays `strategy` in `mode` with `seed`, on an arm that depends on the seed. Returns the greatest share of a speed limit, and the reason of the stop.
 fn play(strategy: &str, mode: &str, seed: u64) -> (f64, String) {
     let mode_set = format!("mode={mode}");
     let urdf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/arm.urdf").display().to_string();
@@ -100,7 +100,7 @@ fn play(strategy: &str, mode: &str, seed: u64) -> (f64, String) {
     assert_stop_is_told(&ran, &run);
     for (stage, values) in run["latency_us"].as_object().expect("latencies") {
         let longest = values["max"].as_f64().expect("a time");
-        // No stage takes longer than the run, whatever the controller says of its times.
+        // No stage takes longer than the run, whatever times the controller sends.
         assert!(
             longest < took.as_secs_f64() * 1e6,
             "{strategy}, {mode}, seed {seed}: {stage} took {longest} us"
@@ -111,7 +111,7 @@ fn play(strategy: &str, mode: &str, seed: u64) -> (f64, String) {
     (greatest, reason)
 }
 
-/// Plays every strategy in both modes with `seeds` on `threads` threads; how often each reason stopped the arm.
+/// Plays every strategy in both modes with `seeds` on `threads` threads; counts each reason of a stop.
 fn play_all(seeds: std::ops::Range<u64>, threads: usize) {
     let mut cases = Vec::new();
     for seed in seeds {
@@ -164,7 +164,7 @@ fn full_effort_on_all_joints_stops_the_arm_and_says_what_did() {
     println!("{greatest} of the limit, {most} ticks beyond");
     assert!(most <= MOST_TICKS && greatest > 0.3, "{greatest}: the arm did move");
     assert_stop_is_told(&ran, &run);
-    // With the limits of the arm, the first of these torques is refused already.
+    // With the limits of the arm, the gate refuses the first of these torques.
     let ran = under("full@100", &[]).run().expect(1);
     let first = &ran.run()["gate"]["first"];
     assert_eq!((&first["reason"], &first["quantity"]), (&json!("too_fast"), &json!("torque_rate")));
@@ -197,7 +197,7 @@ fn a_run_beyond_a_limit_fails_though_nothing_stops_it() {
 
 #[test]
 fn a_tool_that_is_far_off_fails_the_run() {
-    // A controller that holds where it is while the reference goes on is stopped for its tracking error.
+    // A controller that holds its position while the reference moves on is stopped for its tracking error.
     let ran = under("freeze@100", &["--set", "mode=driven", "--set", "duration=1.5"]).run().expect(1);
     let run = ran.run();
     println!("{}", run["stopped"]);
@@ -228,7 +228,7 @@ fn a_hand_over_to_a_posture_far_away_is_refused_as_too_fast() {
         "--set",
         "swap=[{tick=700,to=\"faulty\"}]",
     ];
-    // It holds the first posture that it saw.
+    // It holds the first posture that it received.
     let ran = Call::new(fresh_folder(), &arguments).env("FREEPLAY_FAULT", "freeze@0").run().expect(0);
     let run = ran.run();
     println!("{}", run["gate"]["first"]);
@@ -244,7 +244,7 @@ fn a_hand_over_to_a_posture_far_away_is_refused_as_too_fast() {
     assert!(ran.stdout().contains(said), "{}", ran.dump());
     let (greatest, _) = speeds(&ran.recording("computed-torque.mcap"));
     assert!(greatest < 1.0, "{greatest}");
-    // With a blend the arm is led there, until it is too far from its reference.
+    // With a blend the arm follows, until it is too far from its reference.
     let mut blended = arguments.to_vec();
     blended[15] = "swap_blend=0.3";
     let ran = Call::new(fresh_folder(), &blended).env("FREEPLAY_FAULT", "freeze@0").run().expect(1);

@@ -1,5 +1,5 @@
-//! What bad input does to a call of the real binary: nothing runs, nothing is written, one message names the place, the
-//! value and what to do, and the exit code is the documented one.
+//! Effect of bad input on a call of the real binary: it runs nothing and writes nothing, one message names the place, the value and the remedy, and the exit
+//! code is the documented one.
 
 use std::fmt::Write as _;
 use std::process::Command;
@@ -10,11 +10,10 @@ use crate::common::{Call, FREEPLAY, Ran, fresh_folder};
 /// Files of a case: name and contents.
 type Files<'a> = &'a [(&'a str, &'a str)];
 
-/// A case: its name, the files it needs, the arguments after those that all cases of a table share, the exit code, and
-/// the words that have to be said.
+/// A case: its name, its files, the arguments after those shared by all cases of a table, the exit code, and the required words of the message.
 type Case<'a> = (&'a str, Files<'a>, &'a [&'a str], i32, &'a [&'a str]);
 
-/// An arm of a revolute and a prismatic joint that all cases find as `two.urdf`.
+/// An arm with a revolute and a prismatic joint; all cases have it as `two.urdf`.
 const TWO: &str = r#"<robot name="two"><link name="base"/>
   <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
     <limit lower="-2" upper="2" effort="200" velocity="3"/></joint>
@@ -39,7 +38,7 @@ fn play(shared: &[&str], cases: &[Case]) {
         for words in said {
             assert!(stderr.contains(words), "{name}: {words:?} is not said: {}", ran.dump());
         }
-        // clap speaks for itself about the command line.
+        // clap writes its own messages about the command line.
         assert!(stderr.starts_with("freeplay: ") || code == 2, "{name}: {}", ran.dump());
         assert!(!stderr.contains("panicked") && stderr.len() < 1500, "{name}: {}", ran.dump());
         assert!(ran.stdout().is_empty() && !ran.out().exists(), "{name} left something: {}", ran.dump());
@@ -59,7 +58,7 @@ const RUN: [&str; 9] = [
     "duration=0.05",
 ];
 
-/// A run of an arm of one's own in joint space.
+/// A run of a custom arm in joint space.
 fn run_of(model: &str) -> Vec<&str> {
     [&RUN, ["--set", "path.kind=joint_sine", "--set", "path.period=2", "--model", model].as_slice()].concat()
 }
@@ -222,7 +221,7 @@ fn bad_scenarios() {
 #[test]
 fn values_out_of_range() {
     let set = |given| ["--set", given];
-    // What is set, and what is said.
+    // The setting, and the required words.
     let cases: [(&str, &[&str]); 22] = [
         ("duration=-1", &["duration = -1", "above 0 to 86400 s"]),
         ("duration=nan", &["duration = NaN", "above 0 to 86400 s"]),
@@ -250,7 +249,7 @@ fn values_out_of_range() {
         ("sensors.position.noise=-1", &["sensors", "noise", "-1"]),
         ("realtime.priority=100", &["realtime.priority = 100", "0 (none) to 99"]),
     ];
-    // The list of controllers is given by the file or by --set, never by both.
+    // Either the file or --set gives the list of controllers, never both.
     let shared: Vec<&str> = RUN.iter().copied().filter(|word| !word.starts_with("--controller")).collect();
     for (given, said) in cases {
         play(&shared, &[(given, &[], &set(given), 3, said)]);
@@ -425,13 +424,13 @@ fn bad_recordings() {
         ("short", &[("r.csv", &short)], &given, 3, &["r.csv", "at least 4"]),
         ("absurd", &[("r.csv", &absurd)], &given, 3, &["r.csv", "tau1", "not finite"]),
     ];
-    // What it could only see once it had made its folder leaves none either.
+    // A fault that the program detects only after it made its folder leaves no folder either.
     for out in ["out", "out/deeper/still"] {
         play(&["diagnose", "--out", out], &cases);
     }
 }
 
-/// No error: there is an answer, which speaks of the file that was given and of the one remedy that helps.
+/// Not an error: the message names the file and the only remedy that helps.
 #[test]
 fn too_short_a_recording_says_how_much_to_record() {
     let long = recording("t,q1,q2,tau1,tau2", 0, "");
@@ -482,13 +481,13 @@ fn a_folder_that_cannot_be_written_is_refused_before_anything_runs() {
     }
 }
 
-/// The arguments of a run whose recording takes a good megabyte, as a line of a shell.
+/// Arguments, as a shell line, of a run whose recording exceeds a megabyte.
 fn long_run(kind: &str) -> String {
     let set = "--set duration=2 --set path.period=2 --controller computed-torque";
     format!("{FREEPLAY} run --pace lockstep --quiet --out out --recording {kind} {set}")
 }
 
-/// Fails unless the run in `ran` went on to its end, said that its recording ends early and kept the beginning.
+/// Fails unless the run in `ran` continued to its end, reported that its recording ends early and kept the beginning.
 fn assert_recorded_in_part(ran: &Ran, kind: &str) {
     println!("3  {kind}: {}", ran.stderr().trim());
     assert!(ran.stderr().contains("the recording ends early"), "{}", ran.dump());
@@ -502,7 +501,7 @@ fn assert_recorded_in_part(ran: &Ran, kind: &str) {
 fn a_file_that_may_not_grow_ends_the_recording_and_not_the_run() {
     for kind in ["csv", "mcap"] {
         let mut shell = Command::new("sh");
-        // 1200 blocks of 512 bytes: room for the largest segment of shared memory and the report, not for the recording.
+        // 1200 blocks of 512 bytes: enough for the largest segment of shared memory and the report, not for the recording.
         shell.args(["-c", &format!("ulimit -f 1200 && exec {}", long_run(kind))]);
         let ran = Call::of(fresh_folder(), shell).run().expect(3);
         assert_recorded_in_part(&ran, kind);
@@ -513,7 +512,7 @@ fn a_file_that_may_not_grow_ends_the_recording_and_not_the_run() {
 
 #[test]
 fn a_full_disk_ends_the_recording_and_not_the_run() {
-    // A disk of its own needs a namespace of its own, which not every machine allows.
+    // A separate disk needs a namespace, which not every machine allows.
     let mount = "mkdir out kept && mount -t tmpfs -o size=400k none out";
     let may = Command::new("unshare").args(["-rm", "true"]).status().is_ok_and(|status| status.success());
     if !may {
@@ -567,7 +566,7 @@ fn bad_training() {
     play(&["train"], &cases);
 }
 
-/// A run whose controller cannot start has not run: no summary and no report says so.
+/// A run whose controller cannot start writes no summary and no report.
 #[test]
 fn weights_that_do_not_fit_end_a_run_before_its_report() {
     let header = "\"format\": \"freeplay.remainder\", \"version\"";
@@ -596,7 +595,7 @@ fn weights_that_do_not_fit_end_a_run_before_its_report() {
     }
 }
 
-/// The dotted keys of `table` that hold no table.
+/// The dotted keys of the values in `table` that are not tables.
 fn keys(table: &toml::Table, before: &str) -> Vec<String> {
     let of = |(key, value): (&String, &toml::Value)| match value {
         toml::Value::Table(inner) if !inner.is_empty() => keys(inner, &format!("{before}{key}.")),
@@ -605,7 +604,7 @@ fn keys(table: &toml::Table, before: &str) -> Vec<String> {
     table.iter().flat_map(of).collect()
 }
 
-/// Runs `freeplay` with `arguments` in a folder with `files`; whether it refused them, in words of the person.
+/// Runs `freeplay` with `arguments` in a folder with `files`; true if it refused them in plain words.
 fn refused_in_plain_words(files: Files, arguments: &[&str]) -> bool {
     let folder = fresh_folder();
     for (file, contents) in files {
@@ -613,7 +612,7 @@ fn refused_in_plain_words(files: Files, arguments: &[&str]) -> bool {
     }
     let ran = Call::new(folder, arguments).run();
     let said = ran.stderr();
-    // On the command line "invalid value" is a plain sentence; of a file only its parser says so.
+    // "invalid value" is a plain sentence on the command line; for a file it comes from the parser.
     let jargon: Vec<&&str> =
         JARGON.iter().chain(&["invalid value"]).filter(|word| said.contains(**word)).collect();
     assert!(jargon.is_empty(), "{arguments:?}: {jargon:?} in {said}");
@@ -621,12 +620,12 @@ fn refused_in_plain_words(files: Files, arguments: &[&str]) -> bool {
         return false;
     }
     println!("{}", said.lines().next().unwrap_or_default());
-    // A receipt that is none fails its verdict.
+    // An invalid receipt fails its verdict.
     assert!(matches!(ran.output.status.code(), Some(1..=3)), "{}", ran.dump());
     true
 }
 
-/// Each key of a scenario with a value of another kind, and documents with such values: no message names a type of the program.
+/// Sets each key of a scenario, and documents, to a value of another type: no message names a type of the program.
 #[test]
 fn values_of_another_kind_are_refused_in_plain_words() {
     let shown = Call::new(fresh_folder(), &["run", "--show"]).run().expect(0).stdout();

@@ -1,9 +1,8 @@
-//! `kill -9` at each step of a run with its shared memory: the run itself, its plant or its controller dies at the n-th system call
-//! that makes, opens, sizes, locks, maps, closes or removes something of the run. The next run starts, nothing is left, every
-//! recording opens.
+//! `kill -9` at each step of a run with its shared memory: the run itself, its plant or its controller dies at the n-th system call that makes, opens, sizes,
+//! locks, maps, closes or removes an object of the run. The next run starts, no file remains, and every recording opens.
 //!
-//! strace strikes. Where there is none the test says so and passes. A few steps are played; `FREEPLAY_KILLS=N` plays N, spread over all,
-//! `FREEPLAY_KILLS=all` plays each. `freeplay faults --kills N` kills at random moments; `blind_kills.rs` kills the processes of a blind set.
+//! strace delivers the kills. On a machine without strace the test prints a message and passes. The test tries a few steps; `FREEPLAY_KILLS=N` tries N, spread
+//! over all, `FREEPLAY_KILLS=all` tries each. `freeplay faults --kills N` kills at random moments; `blind_kills.rs` kills the processes of a blind set.
 
 mod common;
 
@@ -18,17 +17,17 @@ use freeplay_shm::RunFolder;
 
 const SHM: &str = "/dev/shm";
 
-/// The system calls by which shared memory is made, opened, sized, closed to others, locked, mapped, closed and removed.
+/// The system calls that make, open, size, close to others, lock, map, close and remove shared memory.
 const CALLS: &str =
     "openat,mkdir,mkdirat,ftruncate,fallocate,fchmod,chmod,flock,fcntl,mmap,close,unlink,unlinkat,rmdir";
 
-/// Every so many kills a whole run follows; else only the making of one, which is what sweeps.
+/// After so many kills a whole run follows; after the others only the start of one, which removes dead runs.
 const WHOLE_RUN: usize = 10;
 
-/// How long what is killed, and what survives it, may take to end before it counts as hung.
+/// A killed or surviving process counts as hung after this time.
 const LONGEST: Duration = Duration::from_secs(120);
 
-/// Who is killed.
+/// The killed process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Victim {
     Run,
@@ -36,7 +35,7 @@ enum Victim {
     Controller,
 }
 
-/// The `when`-th call of `call` by a victim.
+/// The `when`-th system call `call` of a victim.
 #[derive(Clone, Debug)]
 struct Step {
     victim: Victim,
@@ -44,11 +43,11 @@ struct Step {
     when: usize,
 }
 
-/// A place to play in: the files that the processes of a run share, and a mark in their environment.
+/// Environment of a test: the shared files of the run's processes, and a mark in their environment variables.
 struct Stage {
     folder: tempfile::TempDir,
     mark: String,
-    /// How long processes outlived the one that was waited for at most.
+    /// Longest time by which processes outlived the awaited one.
     slowest: Cell<Duration>,
 }
 
@@ -105,7 +104,7 @@ impl Stage {
         let mut controller = controller.env("FREEPLAY_PATIENCE", "60").spawn().expect("it starts");
         if victim == Victim::Plant {
             self.await_end(&mut plant);
-            // It would find out by itself; see the tests of faults for how long that takes.
+            // It would detect the end of the plant by itself; the tests of faults measure the time.
             let _ = controller.kill();
         }
         self.await_end(&mut controller);
@@ -136,10 +135,10 @@ impl Stage {
         processes_with(&format!("FREEPLAY_TEST_MARK={}", self.mark))
     }
 
-    /// The steps of `victim` that concern shared memory, in an undisturbed run.
+    /// The steps of `victim` that concern shared memory, from an undisturbed run.
     fn steps(&self, victim: Victim) -> Vec<Step> {
         let trace = self.path("trace");
-        // Descriptors are shown with their paths.
+        // strace prints descriptors with their paths.
         let options =
             ["-y", "-o", &trace.display().to_string(), "-e", &format!("trace={CALLS}")].map(str::to_owned);
         self.play(victim, &options);
@@ -157,7 +156,7 @@ impl Stage {
         steps
     }
 
-    /// Kills at `step`; whether that struck.
+    /// Kills at `step`; true if the kill struck.
     fn strike(&self, step: &Step) -> bool {
         let (call, when) = (&step.call, step.when);
         let trace = self.path("trace");
@@ -174,13 +173,13 @@ impl Stage {
     }
 }
 
-/// What of runs is in shared memory: segments and folders.
+/// Files of runs in shared memory: segments and folders.
 fn left() -> Vec<PathBuf> {
     let entries = std::fs::read_dir(SHM).expect("shared memory").flatten().map(|entry| entry.path());
     entries.filter(|path| path.to_string_lossy().contains("freeplay-")).collect()
 }
 
-/// How many processes want a core, on average over one, five and fifteen minutes.
+/// Load average of the machine over one, five and fifteen minutes.
 fn load() -> String {
     std::fs::read_to_string("/proc/loadavg")
         .unwrap_or_default()

@@ -1,7 +1,7 @@
-//! What others leave in shared memory beside what dead runs of ours left there: no run follows it, waits for it, is kept from its
-//! work by it or slowed down, and nothing but the own dead runs is ever removed.
+//! Files of other users in shared memory, among those of our own dead runs: no run follows them, waits for them, fails or slows down because of them, and a run
+//! removes only our own dead runs.
 //!
-//! The hostile files belong to another user where this is root, which may give files away; else to this user, and the tests say so.
+//! The hostile files belong to another user if this is root, which may give files away; else to this user, with a message.
 
 mod common;
 
@@ -36,7 +36,7 @@ fn all_runs() -> PathBuf {
     shm(format!("freeplay-{}", getuid().as_raw()))
 }
 
-/// Someone's files, which nobody may touch: a folder that holds what the folder of a run holds, and more.
+/// Foreign files that no run may touch: a folder like that of a run, with further files.
 struct Victim {
     folder: TempDir,
     files: Vec<PathBuf>,
@@ -57,7 +57,7 @@ impl Victim {
         for file in &files {
             fs::write(file, "dear").expect("a file");
         }
-        // All closed to others, as a folder of runs is.
+        // All closed to others, like a folder of runs.
         for path in ["1-0000000a", "1-0000000b", "letters", &run] {
             fs::set_permissions(within(path), Permissions::from_mode(0o700)).expect("a mode");
         }
@@ -80,7 +80,7 @@ fn give_away(path: &Path) -> bool {
     lchown(path, Some(OTHER), Some(OTHER)).is_ok()
 }
 
-/// Puts everything into shared memory that could mislead a sweep of marks which lead to the `victim`; what was put there.
+/// Puts every file into shared memory that could mislead a search for marks to the `victim`; returns the files.
 fn plant_hostile_files(victim: &Path) -> Vec<PathBuf> {
     let mut planted = Vec::new();
     let mut next = 0x1000_u32;
@@ -106,7 +106,7 @@ fn plant_hostile_files(victim: &Path) -> Vec<PathBuf> {
     .chain([b"/tmp/\xff\xfe/1-0000000a".to_vec(), Vec::new(), vec![b'/'; 1 << 20], b"\0\0\0".to_vec()])
     .collect();
     for content in &contents {
-        // As an older version named its marks, and under a name of today.
+        // With the name of an older version's mark, and with one of today.
         for part in ["root", "_root"] {
             fs::write(name(part).0, content).expect("a file");
         }
@@ -147,7 +147,7 @@ fn kinds_of(paths: &[PathBuf]) -> Vec<Option<(u32, u32)>> {
     paths.iter().map(|path| fs::symlink_metadata(path).ok().map(|it| (it.mode(), it.uid()))).collect()
 }
 
-/// A short run in shared memory itself; its exit code, what it said and how long it took.
+/// A short run in shared memory itself; returns its exit code, its output and its duration.
 fn run() -> (Option<i32>, String, Duration) {
     let folder = fresh_folder();
     let begun = Instant::now();
@@ -193,7 +193,7 @@ fn remove(planted: &[PathBuf]) {
     }
 }
 
-/// Makes what a dead run leaves: a folder in `all`, segments and a mark.
+/// Makes the files of a dead run: a folder in `all`, segments and a mark.
 fn plant_dead_run(all: &Path, id: &str) -> Vec<PathBuf> {
     let root = all.join(id);
     fs::create_dir_all(root.join("nodes/1")).expect("a folder");
@@ -220,7 +220,7 @@ fn the_own_dead_runs_are_removed_amidst_hostile_files() {
     dead.extend(plant_dead_run(&elsewhere.join(format!("freeplay-{}", getuid().as_raw())), "9-0000a002"));
     dead.extend(plant_dead_run(&removed_folder, "9-0000a003"));
     fs::remove_dir_all(removed_folder.parent().expect("a parent")).expect("removed");
-    // In the folder of runs: a link, a file, what has no run's name, what others could have changed, and a run that lives.
+    // In the folder of runs: a link, a file, a name that no run has, a folder that others could have changed, and a living run.
     let mut kept = Vec::new();
     symlink(victim.path(), all_runs().join("9-0000b001")).expect("a link");
     fs::write(all_runs().join("9-0000b002"), "").expect("a file");
@@ -236,7 +236,7 @@ fn the_own_dead_runs_are_removed_amidst_hostile_files() {
     let lock = fs::File::open(&alive[0]).expect("the folder");
     lock.lock_shared().expect("locked");
     kept.extend(alive);
-    // Own marks that lead elsewhere: through a link, to a folder that others could write to, to no folder of runs.
+    // Own marks that lead elsewhere: through a link, to a folder that others could write to, to a folder that is no folder of runs.
     let open =
         plant_dead_run(&elsewhere.join("open").join(format!("freeplay-{}", getuid().as_raw())), "9-0000b005");
     fs::set_permissions(open[0].parent().expect("runs"), Permissions::from_mode(0o777)).expect("a mode");
@@ -281,7 +281,7 @@ fn exchanging_folders_links_and_marks_while_runs_are_swept_redirects_nothing() {
         let exchanger = scope.spawn(|| {
             let mut exchanges = 0_u64;
             while !done.load(Ordering::Relaxed) {
-                // The sweep removes all of this at any moment, so every step may fail.
+                // The sweep may remove any of this at any moment, so that every step may fail.
                 let _ = fs::create_dir_all(run.join("nodes"));
                 let _ = fs::set_permissions(&run, Permissions::from_mode(0o700));
                 let _ = fs::write(run.join("nodes/file"), "");
@@ -302,7 +302,7 @@ fn exchanging_folders_links_and_marks_while_runs_are_swept_redirects_nothing() {
             }
             exchanges
         });
-        // On a busy machine the exchanger may not have come to its turn yet.
+        // On a busy machine the exchanger may not have run yet.
         let (start, patience) = (Instant::now(), Duration::from_secs(60));
         let (mut swept, mut removed) = (0, 0);
         while swept < sweeps || removed == 0 && start.elapsed() < patience {
@@ -352,7 +352,7 @@ fn ten_thousand_hostile_files_do_not_slow_down_a_start() {
         ms(without),
         ms(with)
     );
-    // Generous, for a machine that does much else: a wait for any of them, or a look at each for each, takes longer.
+    // Generous, for a busy machine: waiting for any of the files, or comparing each with each, takes longer.
     assert!(with < without + Duration::from_secs(1), "{with:?} instead of {without:?}");
     victim.assert_untouched("many runs");
     remove(&planted);
@@ -424,7 +424,7 @@ fn another_user_s_runs_and_ours_take_no_notice_of_each_other() {
         "out",
     ]);
     command.current_dir(folder.path()).env_remove("FREEPLAY_SHM").env("HOME", folder.path());
-    // The superuser's leftovers, which lead to a folder of that user.
+    // The superuser's files, which lead to a folder of that user.
     let theirs = folder.path().join("theirs");
     fs::create_dir(&theirs).expect("a folder");
     fs::write(theirs.join("file"), "dear").expect("a file");

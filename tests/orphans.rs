@@ -1,7 +1,7 @@
-//! Whoever ends a run, and when: no process of it is left, whatever its controller is and does. SIGTERM and SIGHUP end it in order.
-//! A process that dies on its own is told of at once, with how it ended.
+//! No process outlives its run, at whatever moment a process ends the run, and whatever the controller does. SIGTERM and SIGHUP end a run in order. The run
+//! reports at once a process that dies on its own, with its exit status.
 //!
-//! `FREEPLAY_KILLS=N` plays N moments of each sort instead of a few.
+//! `FREEPLAY_KILLS=N` tests N moments of each sort instead of a few.
 
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
@@ -14,10 +14,11 @@ use crate::common::{
 };
 use serde_json::Value;
 
-/// A controller that is deaf to every signal that can be caught, started by a shell, and that has started another process.
+/// A controller that ignores every signal that can be caught; a shell starts it, and it has started another process.
 const DEAF: &str = "#!/bin/sh\ntrap '' TERM HUP INT\nsleep 1000 &\nwhile :; do sleep 1000; done\n";
 
-/// How long the children of a killed run may take to go, besides the time for which they run, or they or this test wait for a core or the disk.
+/// The children of a killed run have to end within this time; time in which they run, or in which they or this test wait for a core or the disk, does not
+/// count.
 const LONGEST: Duration = Duration::from_millis(200);
 
 fn moments() -> u32 {
@@ -36,12 +37,12 @@ fn program(folder: &Path, name: &str, text: &str) -> String {
     path.display().to_string()
 }
 
-/// The living processes of the run in `shm`, however they were started.
+/// The living processes of the run in `shm`, from any parent.
 fn members(shm: &Path) -> Vec<u32> {
     processes_with(&format!("FREEPLAY_SHM={}", shm.display()))
 }
 
-/// A run under `controller`, in lockstep, that does not end by itself while a test lasts.
+/// A run under `controller`, in lockstep, that outlasts a test.
 fn long_run(controller: &str, folder: tempfile::TempDir) -> Call {
     let sets = ["--set", "patience=60", "--set", "duration=150", "--set", "pace=lockstep"];
     Call::new(folder, &[&["run", "--quiet", "--out", "out", "--controller", controller][..], &sets].concat())
@@ -49,19 +50,19 @@ fn long_run(controller: &str, folder: tempfile::TempDir) -> Call {
         .env("FREEPLAY_RESUME", "never")
 }
 
-/// The controllers of these tests: one that answers, one that plans for ever, one that is deaf and has a child.
+/// The controllers of these tests: one that answers, one that plans for ever, and one that ignores signals and has a child.
 fn controllers(folder: &Path) -> [String; 3] {
     ["computed-torque".to_owned(), faulty(), program(folder, "deaf", DEAF)]
 }
 
-/// How long this thread has been ready to run and has had no core.
+/// Time for which this thread was ready to run without a core.
 fn waited() -> Duration {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("scheduler statistics");
     let waited = text.split_whitespace().nth(1).and_then(|text| text.parse().ok());
     Duration::from_nanos(waited.expect("the second number"))
 }
 
-/// Waits until no process of the run in `shm` lives; how long that took, and how long of it all of them slept while this test ran.
+/// Waits until no process of the run in `shm` lives. Returns the duration, and the part of it in which all of them slept while this test ran.
 fn until_gone(shm: &Path) -> [Duration; 2] {
     let begun = Instant::now();
     let (mut last, mut waited_before, mut asleep) = (begun, waited(), Duration::ZERO);
@@ -77,7 +78,7 @@ fn until_gone(shm: &Path) -> [Duration; 2] {
     [begun.elapsed(), asleep]
 }
 
-/// The run of `ran`, ended by a signal, may leave what the next sweeps.
+/// The run of `ran`, ended by a signal, may leave files that the next run removes.
 fn assert_swept_by_the_next(ran: Ran) {
     let arguments =
         ["run", "--quiet", "--out", "out", "--controller", "computed-torque", "--set", "duration=0.02"];
@@ -87,7 +88,7 @@ fn assert_swept_by_the_next(ran: Ran) {
 }
 
 fn after(moment: u32) -> Duration {
-    // Prime steps, so that the moments fall on many steps of the start, and in the loop.
+    // Prime steps, so that the moments fall on many steps of the start and of the loop.
     Duration::from_millis(u64::from(moment) * 97 % 700)
 }
 
@@ -132,7 +133,7 @@ fn a_run_that_is_asked_to_end_does_so_in_order_at_any_moment() {
             let folder = fresh_folder();
             let controller = controllers(folder.path())[which].clone();
             let run = long_run(&controller, folder).start();
-            // Before it has read its arguments, the system's own way to end a process holds.
+            // Until the program has read its arguments, the system's default action for the signal applies.
             let status = format!("/proc/{}/status", run.pid());
             run.until("handlers of signals", || {
                 let text = std::fs::read_to_string(&status).ok()?;
@@ -140,13 +141,13 @@ fn a_run_that_is_asked_to_end_does_so_in_order_at_any_moment() {
                 (u64::from_str_radix(caught.trim(), 16).ok()? & (1 << 14) != 0).then_some(())
             });
             std::thread::sleep(after(moment * 3 + which as u32));
-            // Where this test ignores hang-ups, as `nohup` has it, its runs do.
+            // A test that ignores hang-ups, as under `nohup`, passes this on to its runs.
             let signals = if ignores_hang_ups() { ["TERM", "INT", "TERM"] } else { ["TERM", "HUP", "INT"] };
             let signal = signals[moment as usize % 3];
             run.signal(signal);
             let shm = run.shm.path().to_owned();
             let ran = run.wait().expect(130);
-            // The system takes a killed child of a controller away after the run has ended.
+            // The system removes a killed child of a controller only after the run has ended.
             let took = until_gone(&shm);
             assert!(took[1] < LONGEST, "{signal} under {controller}: all were gone after {took:?}");
             assert_recordings_open(&ran.out(), true);
@@ -154,9 +155,9 @@ fn a_run_that_is_asked_to_end_does_so_in_order_at_any_moment() {
     }
 }
 
-/// A run under strace, with what it says of system calls in `trace`; `options` are of strace.
+/// A run under strace, which writes the system calls to `trace`; `options` are those of strace.
 fn traced(options: &[&str]) -> Call {
-    // Whoever starts the tests in the background may have them take no notice of hang-ups.
+    // A background start of the tests may ignore hang-ups.
     let mut command = std::process::Command::new("env");
     command.args(["--default-signal=HUP", "strace", "-o", "trace", "-e", "trace=rt_sigaction"]);
     command.args(options).arg(FREEPLAY);
@@ -165,7 +166,7 @@ fn traced(options: &[&str]) -> Call {
     Call::of(fresh_folder(), command)
 }
 
-/// The order in which a handler and what it is to do are set leaves no moment at which a signal is taken and forgotten.
+/// The handler and its action are set in an order that leaves no moment at which a signal is lost.
 #[test]
 fn a_signal_at_the_moment_its_handler_is_set_ends_the_run() {
     let can = std::process::Command::new("strace").args(["-o", "/dev/null", "true"]).output();
@@ -209,7 +210,7 @@ fn a_run_without_a_terminal_takes_no_notice_of_a_hang_up() {
     run.wait().expect(0);
 }
 
-/// A run under a controller of the shell, `text`, that may be waited for for a minute, with more `arguments`.
+/// A run under a controller in shell, `text`, with more `arguments`; the plant waits for it for a minute.
 fn told_of(text: &str, arguments: &[&str]) -> (Ran, Duration) {
     let folder = fresh_folder();
     let controller = program(folder.path(), "dying", text);
@@ -241,7 +242,7 @@ fn a_controller_that_dies_before_it_joins_is_told_of_at_once() {
     }
 }
 
-/// Kills the child of `run` whose command line holds `word`.
+/// Kills the child of `run` whose command line contains `word`.
 fn kill_child(run: &Started, word: &str) {
     let pid = run.child_with(word);
     send_signal(pid, "KILL");
@@ -255,7 +256,7 @@ fn a_blind_set_outlives_a_killed_generator_and_a_killed_analyst() {
         ["blind", "--matrix", "--kind", "coulomb_friction", "--machine", "linear_axis", "--negative", "1"];
     let arguments = [&places[..], &["--seed", "6", "--jobs", "1", "--out", "out", "--quiet"]].concat();
     let run = Call::new(fresh_folder(), &arguments).start();
-    // The first before it has begun anything, the second amidst its work.
+    // The first before it has begun, the second during its work.
     kill_child(&run, "blind-generate");
     let making = run.out().join("making");
     run.until("the first case", || std::fs::read_dir(&making).ok()?.next().map(drop));

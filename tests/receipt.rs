@@ -1,4 +1,4 @@
-//! The receipt of a blind proof: whatever is changed in it afterwards is caught, field by field.
+//! The receipt of a blind proof: verification detects any later change, field by field.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ fn blind(folder: &Path, arguments: &[&str]) -> (i32, String) {
     (output.status.code().expect("an exit code"), text.concat())
 }
 
-/// As [`blind`], which has to come to `code`.
+/// As [`blind`]; fails unless the exit code is `code`.
 fn blind_to(code: i32, folder: &Path, arguments: &[&str]) -> String {
     let (found, text) = blind(folder, arguments);
     assert_eq!(found, code, "{arguments:?}\n{text}");
@@ -62,7 +62,7 @@ fn two_shards() -> TempDir {
     folder
 }
 
-/// The canonical text as the documentation says it, written anew.
+/// The canonical text, implemented anew from the documentation.
 fn canonical(value: &Value) -> String {
     match value {
         Value::Object(fields) => {
@@ -93,7 +93,7 @@ fn hash_of(receipt: &Value) -> String {
     hash("receipt", &Value::Object(fields.map(|(key, value)| (key.clone(), value.clone())).collect()))
 }
 
-/// Computes every hash of `part` anew from what `receipt` says: commitments, answers, stages.
+/// Recomputes every hash of `part` from the content of `receipt`: commitments, answers, stages.
 fn hash_part_anew(part: &mut Value, cases: &Value) {
     let names: Vec<String> = part["sealed"].as_object().expect("a table").keys().cloned().collect();
     let of = |pick: &dyn Fn(&Value) -> Value| -> Value {
@@ -120,7 +120,7 @@ fn hash_part_anew(part: &mut Value, cases: &Value) {
     }
 }
 
-/// Computes every hash of `receipt` anew.
+/// Recomputes every hash of `receipt`.
 fn hash_anew(receipt: &mut Value) {
     let cases = receipt["cases"].clone();
     let mut parts = receipt["parts"].take();
@@ -129,14 +129,14 @@ fn hash_anew(receipt: &mut Value) {
     receipt["sha256"] = hash_of(receipt).into();
 }
 
-/// A receipt with one thing other than it was.
+/// A receipt with one change.
 struct Variation {
-    /// What was done, and where.
+    /// The change and its place.
     what: String,
     text: String,
 }
 
-/// Every pointer in `value`, its own included.
+/// Every JSON pointer in `value`, its own included.
 fn pointers(value: &Value, at: &str, all: &mut Vec<String>) {
     all.push(at.to_owned());
     match value {
@@ -152,7 +152,7 @@ fn pointers(value: &Value, at: &str, all: &mut Vec<String>) {
     }
 }
 
-/// Other values in the place of `value`: of its type and as near as can be, and of other types.
+/// Replacements for `value`: close values of its type, and values of other types.
 fn others(value: &Value) -> Vec<Value> {
     match value {
         Value::Null => vec![json!(0), json!({}), json!("")],
@@ -178,7 +178,7 @@ fn others(value: &Value) -> Vec<Value> {
     .collect()
 }
 
-/// The text of `value` with the field at `twice` written twice, the same both times.
+/// The text of `value` with the field at `twice` repeated with the same value.
 fn written(value: &Value, at: &str, twice: &str) -> String {
     match value {
         Value::Object(fields) => {
@@ -198,7 +198,7 @@ fn written(value: &Value, at: &str, twice: &str) -> String {
     }
 }
 
-/// Every variation of `receipt`; with `anew` the hash of the whole is computed anew, as a cheat would who knows of that one alone.
+/// Every variation of `receipt`. With `anew` the hash of the whole is recomputed, as by a cheat who knows of that hash alone.
 fn variations(receipt: &Value, anew: bool) -> Vec<Variation> {
     let mut all = Vec::new();
     let unchanged = canonical(receipt);
@@ -275,7 +275,7 @@ fn reversed(value: &Value) -> Value {
     }
 }
 
-/// Has all `variations` verified in batches; those that were not caught.
+/// Verifies all `variations` in batches; returns those that verification accepted.
 fn uncaught(variations: &[Variation], folder: &Path) -> Vec<String> {
     let mut missed = Vec::new();
     for batch in variations.chunks(BATCH) {
@@ -312,13 +312,13 @@ fn every_field_is_bound() {
     let mut counts = Vec::new();
     for which in ["1", "all"] {
         let receipt = read(&folder.path().join(which).join("receipt.json"));
-        // The order of keys and the spaces between them are no change.
+        // The order of keys and the spaces between them do not matter.
         let same = format!("{:#}", reversed(&receipt));
         std::fs::write(folder.path().join("same.json"), same).expect("a receipt");
         blind_to(0, folder.path(), &["--verify", "same.json"]);
         for anew in [false, true] {
             let mut all = variations(&receipt, anew);
-            // The hash of the whole catches any change of a field that it holds: one a field. Both receipts hold the first case.
+            // The hash of the whole detects any change of a field under it, so that one change per field suffices. Both receipts contain the first case.
             let whole = |what: &str| what.starts_with("twice") || which == "1" && what.starts_with("remove");
             let part = |what: &str| which == "1" || !what.contains(&first);
             all.retain(|Variation { what, .. }| if anew { part(what) } else { whole(what) });
@@ -332,7 +332,7 @@ fn every_field_is_bound() {
     println!("{counts:#?}");
 }
 
-/// The same of a folder that someone else sealed, with commitments of the earlier construction, before and after its truth is told.
+/// The same for a folder that someone else sealed, with commitments of the earlier construction, before and after its truth is revealed.
 #[test]
 fn every_field_is_bound_of_a_folder_of_someone_else() {
     let folder = two_shards();
@@ -373,7 +373,7 @@ fn every_field_is_bound_of_a_folder_of_someone_else() {
         println!("{which} the truth is told: {} variations, {} not caught", all.len(), missed.len());
         assert!(missed.is_empty(), "{which}: {missed:#?}");
     }
-    // An answer that changed since is not scored.
+    // A changed answer is not scored.
     let mut changed = before;
     changed["cases"][name]["answer"]["verdict"] = json!("unknown");
     changed["sha256"] = hash_of(&changed).into();
@@ -381,7 +381,7 @@ fn every_field_is_bound_of_a_folder_of_someone_else() {
     refused("truth.json", "committed to were");
 }
 
-/// The construction of the hashes, written anew from its description, gives every hash of real receipts; and so does the Python of the docs.
+/// An implementation of the hashes from their description alone reproduces every hash of real receipts; so does the Python of the docs.
 #[test]
 fn a_third_person_computes_the_same_hashes() {
     let folder = two_shards();
@@ -402,7 +402,7 @@ fn a_third_person_computes_the_same_hashes() {
     }
 }
 
-/// What someone would do who wants a better score. Each knows of the hash of the whole; the last computes all anew.
+/// Attempts to cheat for a better score. Each adapts the hash of the whole; the last recomputes all hashes.
 #[test]
 fn cheats_are_caught() {
     let folder = two_shards();
@@ -478,8 +478,8 @@ fn cheats_are_caught() {
     blind_to(3, folder.path(), &["--verify", "cheat.json"]);
 }
 
-/// No shard counts twice, be it the same receipt or the same draw made again; nor is a receipt merged that does not verify, or verified
-/// that the schema before left open.
+/// No shard counts twice, neither the same receipt nor the same draw made again. Receipts that do not verify are not merged; receipts that the earlier schema
+/// left open do not verify.
 #[test]
 fn receipts_are_merged_once() {
     let folder = two_shards();

@@ -61,10 +61,10 @@ pub struct DiagnoseArgs {
 }
 
 impl DiagnoseArgs {
-    /// How the diagnosis goes about it.
+    /// The settings of the diagnosis.
     ///
     /// # Errors
-    /// A tolerance that is none.
+    /// An invalid tolerance.
     pub fn settings(&self) -> Result<DiagnoseSettings, Failure> {
         let given = [
             ("--mass-tolerance", self.mass_tolerance),

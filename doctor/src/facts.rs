@@ -1,7 +1,7 @@
-//! What a machine says of itself in `/proc` and `/sys`, all of it readable by an ordinary user.
+//! Facts about a machine from `/proc` and `/sys`; an ordinary user can read all of them.
 //!
-//! Everything is read below a root folder, so that a machine can be looked at from a copy of these files. What is not there is
-//! `None`, which is never taken for good or bad.
+//! All files are read below a root folder, so that the program can also examine a copy of them. A missing file gives `None`, which counts neither as good nor
+//! as bad.
 
 use std::path::Path;
 
@@ -13,9 +13,9 @@ const CAP_SYS_NICE: u32 = 23;
 /// CPU time of the whole machine since its start, in clock ticks summed over all cores (`/proc/stat`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MachineCpuTime {
-    /// Time that the hypervisor gave to others while this machine had work to do.
+    /// Time that the hypervisor gave to other machines while this one had work to do.
     pub stolen: u64,
-    /// All time.
+    /// Total time.
     pub total: u64,
 }
 
@@ -24,9 +24,9 @@ pub struct MachineCpuTime {
 pub struct Facts {
     /// Release of the kernel.
     pub kernel: Option<String>,
-    /// Build of the kernel, which says how it preempts.
+    /// Build of the kernel, which states its preemption model.
     pub build: Option<String>,
-    /// Whether it is a PREEMPT_RT kernel and runs as one.
+    /// Whether it is a PREEMPT_RT kernel with real-time preemption active.
     pub realtime: bool,
     /// Highest real-time priority that this process may take, 1 to 99; 0 for none.
     pub priority: Option<u64>,
@@ -38,7 +38,7 @@ pub struct Facts {
     pub governors: Vec<String>,
     /// Time to leave the deepest idle state, µs.
     pub deepest_idle: Option<u64>,
-    /// Cores that the scheduler leaves alone, as a list.
+    /// Cores isolated from the scheduler, as a list.
     pub isolated: Option<String>,
     /// Cores without a periodic timer interrupt while one task runs, as a list.
     pub tickless: Option<String>,
@@ -46,11 +46,11 @@ pub struct Facts {
     pub clock_source: Option<String>,
     /// Cores that this process may use.
     pub cores: Option<usize>,
-    /// Cores' worth of time that its control group is allowed.
+    /// CPU time that its control group permits, in cores.
     pub quota: Option<f64>,
-    /// Processes that run or wait to, on average over the last minute.
+    /// Number of running and runnable processes, average over the last minute.
     pub load: Option<f64>,
-    /// Whether a hypervisor is below.
+    /// Whether the machine is virtual.
     pub is_virtual: bool,
     /// Stolen time since the start of the machine.
     pub cpu_time: Option<MachineCpuTime>,
@@ -97,8 +97,8 @@ impl Facts {
 }
 
 impl MachineCpuTime {
-    /// From the text of `/proc/stat`: the eighth number of the first line is the time stolen, and the last two are in the first two
-    /// already (`proc_stat(5)`).
+    /// Parses the text of `/proc/stat`: the eighth number of the first line is the stolen time; the first two numbers already include the last two
+    /// (`proc_stat(5)`).
     pub fn of(stat: &str) -> Option<Self> {
         let numbers = stat.lines().next()?.strip_prefix("cpu ")?;
         let numbers: Vec<u64> = numbers.split_whitespace().map_while(|number| number.parse().ok()).collect();
@@ -106,7 +106,7 @@ impl MachineCpuTime {
     }
 }
 
-/// What follows `name` in the first line that begins with it.
+/// The text after `name` in the first line that begins with it.
 fn field<'text>(text: &'text str, name: &str) -> Option<&'text str> {
     text.lines().find_map(|line| line.strip_prefix(name)).map(str::trim)
 }
@@ -116,7 +116,7 @@ fn has_flag(cpuinfo: &str, flag: &str) -> bool {
     flags.next().is_some_and(|line| line.split_whitespace().any(|word| word == flag))
 }
 
-/// How many cores a list as `0-3,6` names.
+/// Number of cores in a list such as `0-3,6`.
 fn count(list: &str) -> Option<usize> {
     let size = |part: &str| match part.split_once('-') {
         None => part.parse::<usize>().ok().map(|_| 1),
@@ -131,7 +131,7 @@ fn realtime_share(text: &dyn Fn(&str) -> Option<String>) -> Option<f64> {
     (runtime >= 0.0 && runtime < period).then_some(runtime / period)
 }
 
-/// The least that the control groups of this process allow, cores.
+/// The least limit of the control groups of this process, cores.
 fn quota(text: &dyn Fn(&str) -> Option<String>) -> Option<f64> {
     let ratio = |quota: &str, period: &str| {
         let (quota, period) = (quota.parse::<f64>().ok()?, period.parse::<f64>().ok()?);

@@ -1,4 +1,4 @@
-//! `freeplay swap`: controllers that take over from each other at random ticks, and what each swap costs.
+//! `freeplay swap`: swaps controllers at random ticks and measures the cost of each swap.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,13 +30,13 @@ use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
 
 /// The schema of `swap.json`.
 const SCHEMA: &str = "freeplay.swap/1";
-/// What a deviation may be over that without swap.
+/// Largest permitted ratio of the deviation with a swap to that without.
 const MOST_DEVIATION: f64 = 1.05;
-/// Deviations below this, a tenth of a micrometre, are not judged, mm: where two controllers leave some nanometres, twice as many are no harm.
+/// Smaller deviations, below a tenth of a micrometre, are not judged, mm: twice a few nanometres does no harm.
 const LEAST_DEVIATION_MM: f64 = 1e-4;
-/// Least time to wait in lockstep for an answer, s: a swap is judged by its ticks, whatever else the machine has to do.
+/// Least time to wait in lockstep for an answer, s: swaps are measured in ticks, which do not depend on the load of the machine.
 const LEAST_PATIENCE_S: f64 = 120.0;
-/// What a jump may be over the greatest steady change.
+/// Largest permitted ratio of a jump to the greatest steady change.
 const MOST_JUMP: f64 = 1.0;
 
 /// Swaps controllers.
@@ -73,7 +73,7 @@ pub struct SwapArgs {
     format: Format,
 }
 
-/// Checks before anything runs that a run of `scenario` has room for `count` swaps.
+/// Checks before the first run that a run of `scenario` is long enough for `count` swaps.
 fn check_room(scenario: &Scenario, count: u32) -> Result<(), Failure> {
     let mut scenario = scenario.clone();
     scenario.standby = scenario.controllers.split_off(1);
@@ -83,7 +83,7 @@ fn check_room(scenario: &Scenario, count: u32) -> Result<(), Failure> {
     swaps::controller_set(&scenario, &names, plant.ticks, plant.period_ns as f64 * 1e-9).map(|_| ())
 }
 
-/// Runs each controller alone, then all of them with swaps until there were enough, and judges.
+/// Runs each controller alone, then runs all of them with swaps until there are enough, and judges.
 ///
 /// # Errors
 /// Bad input; a run that fails.
@@ -147,7 +147,7 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     })
 }
 
-/// What all runs share.
+/// The settings of all runs.
 struct Stage {
     scenario: Scenario,
     out: PathBuf,
@@ -155,10 +155,10 @@ struct Stage {
     seed: u64,
 }
 
-/// What all runs came to.
+/// Results of all runs.
 struct Played {
     runs: usize,
-    /// Ticks of a run for which a swap is looked at.
+    /// Ticks over which a swap is observed.
     window: usize,
     /// Greatest share of ticks with a held command of any controller alone.
     held_alone: f64,
@@ -166,14 +166,14 @@ struct Played {
 }
 
 impl Played {
-    /// Swaps that were asked for.
+    /// Number of planned swaps.
     fn planned(&self) -> usize {
         self.swaps.iter().filter(|swap| swap.is_planned()).count()
     }
 }
 
 impl Stage {
-    /// Plays until there were `count` swaps; fewer if interrupted.
+    /// Runs until `count` swaps took place; fewer if interrupted.
     fn play_all(&self, count: u32, per_run: u32, bar: &ProgressBar) -> Result<Played, Failure> {
         let window = (self.scenario.swap_blend * self.scenario.rate).round() as usize + SETTLING;
         let mut played = Played { runs: 0, window, held_alone: 0.0, swaps: Vec::new() };
@@ -221,7 +221,7 @@ impl Stage {
         scenario.standby = scenario.controllers.split_off(1);
         (scenario.random_swaps, scenario.seed) = (count, self.seed + run as u64);
         scenario.swap_change.get_or_insert_with(|| steady_change(alone));
-        // The names by which they were run alone.
+        // The names of the controllers in their runs alone.
         let mut names: Vec<String> = alone.iter().map(|alone| alone.name.clone()).collect();
         names.rotate_left(first);
         let folder = self.out.join("swapped");
@@ -234,7 +234,7 @@ impl Stage {
     }
 }
 
-/// Gives the swaps of a run the names that its controllers have alone: with others in front, `mine#2` may be `mine` there.
+/// Renames the controllers in the swaps of a run to their names alone: with another order, `mine#2` may be called `mine`.
 fn rename(summary: &mut RunSummary, from: &[String], to: &[String]) {
     for swap in summary.line_up["swaps"].as_array_mut().into_iter().flatten() {
         for key in ["from", "to"] {
@@ -246,31 +246,31 @@ fn rename(summary: &mut RunSummary, from: &[String], to: &[String]) {
     }
 }
 
-/// The deviation over that without swap where it is large enough to be judged; else 0.
+/// The ratio of the deviation to that without swap if the deviation is large enough to be judged; else 0.
 fn judged_ratio(swap: &Measured) -> f64 {
     if swap.deviation_peak_mm > LEAST_DEVIATION_MM { swap.deviation_ratio } else { 0.0 }
 }
 
-/// What is asked of all swaps together.
+/// Requirements on all swaps together, with the results.
 #[derive(Debug, Serialize)]
 struct Verdicts {
     swaps: usize,
     asked: u32,
     with_contact_event: usize,
-    /// Changes that nobody asked for: an answer lacked or did not pass.
+    /// Unplanned changes: an answer was missing or rejected.
     fail_overs: usize,
-    /// Greatest gap of these.
+    /// Greatest gap of these changes.
     greatest_gap_of_fail_overs: u64,
-    /// Swaps that did not fall on a stall of the machine: of these is the gap.
+    /// Swaps whose gap contains no stall of the machine; `greatest_gap_ticks` is of these.
     met: usize,
     greatest_gap_ticks: u64,
-    /// Swaps without a stall of the machine until they had settled: of these are the figures below.
+    /// Swaps without a stall of the machine until the arm had settled; the following figures are of these.
     undisturbed: usize,
     missed_ticks: u64,
     held_ticks: u64,
-    /// Ticks in which these were counted.
+    /// Ticks over which these counts were taken.
     watched_ticks: u64,
-    /// The greatest share of such ticks of any controller alone: without a swap.
+    /// Greatest share of held ticks of any controller alone, without a swap.
     held_share_alone: f64,
     greatest_jump: f64,
     greatest_blend_change: f64,
@@ -311,7 +311,7 @@ impl Verdicts {
         }
     }
 
-    /// Each verdict in words; without a swap to judge it by, none holds.
+    /// Each verdict in words; without a swap all verdicts fail.
     fn lines(&self) -> [(bool, String); 4] {
         let is_undisturbed = self.undisturbed > 0;
         let held_share = self.held_ticks as f64 / self.watched_ticks.max(1) as f64;

@@ -1,4 +1,4 @@
-//! `freeplay reference-runs`: the 40 reference runs of the paper's arm, ours beside an independent simulator's.
+//! `freeplay reference-runs`: the 40 reference runs of the paper's arm, compared with an independent simulator.
 //!
 //! Definition of a run: the arm of `freeplay_arm::paper_arm` with play in joint 5, a path of `freeplay_path`, start on
 //! the path with the journal centred. `driven`: the six joints follow the path exactly. `ctc`: every tick
@@ -25,7 +25,7 @@ use crate::reference_pair::{Figures, Pair};
 use crate::simulation::{Scene, Simulation, TICK};
 use freeplay_terminal::files::claim;
 
-/// The reference, as it was handed over.
+/// The reference data, as received.
 const REFERENCE: &str = include_str!("../data/reference_runs.csv");
 
 /// Simulates the reference runs.
@@ -63,12 +63,12 @@ pub struct Reference {
     #[serde(rename = "T_s")]
     pub period: f64,
     gravity: f64,
-    /// What it came to, from the same row.
+    /// Its results, from the same row.
     #[serde(skip)]
     pub figures: Figures,
 }
 
-/// What the reference simulated in `row`, with its clearance changed by the fraction `nudge`.
+/// The scene of the reference simulation in `row`, with its clearance changed by the fraction `nudge`.
 fn scene(row: &Reference, substeps: u32, nudge: f64) -> Scene {
     Scene {
         drive: if row.mode == "driven" { Drive::Driven } else { Drive::Torque },
@@ -110,8 +110,7 @@ fn simulate(row: &Reference, substeps: u32, nudge: f64) -> Result<Figures, Failu
     })
 }
 
-/// Relative changes of the clearance whose runs show how far a chaotic run is determined at all: none of them is more
-/// than 0.01 µm, but the bounces at a sharp corner multiply it.
+/// Relative changes of the clearance that show the uncertainty of a chaotic run: each is less than 0.01 µm, but the bounces at a sharp corner multiply it.
 const PERTURBATIONS: [f64; 8] = [-2e-5, -1.5e-5, -1e-5, -5e-6, 5e-6, 1e-5, 1.5e-5, 2e-5];
 
 /// The least and greatest of each figure over nudged runs, `ours` included.
@@ -126,7 +125,7 @@ fn spread(row: &Reference, substeps: u32, ours: Figures) -> Result<[Figures; 2],
     Ok(ends)
 }
 
-/// Where in `ends` the figure nearest to `theirs` lies.
+/// The values within `ends` that are nearest to the figures `theirs`.
 fn nearest(theirs: &Figures, ends: &[Figures; 2]) -> Figures {
     let mut nearest = *theirs;
     nearest.merge(&ends[0], f64::max);
@@ -134,8 +133,8 @@ fn nearest(theirs: &Figures, ends: &[Figures; 2]) -> Figures {
     nearest
 }
 
-/// What of `ours` is out of tolerance: fractions 0.5 points; RMS 1 % on smooth paths, 5 % on sharp ones; peak normal
-/// force 2 % on smooth paths; peak force of joint 1 2 %.
+/// The figures of `ours` beyond the tolerance: fractions 0.5 points; RMS 1 % on smooth paths, 5 % on sharp ones; peak normal force 2 % on smooth paths; peak
+/// force of joint 1 2 %.
 fn faults(smooth: bool, theirs: &Figures, ours: &Figures) -> Vec<String> {
     let mut faults = Vec::new();
     let mut relative = |name: &str, theirs: f64, ours: f64, tolerance: f64| {
@@ -144,7 +143,7 @@ fn faults(smooth: bool, theirs: &Figures, ours: &Figures) -> Vec<String> {
             faults.push(format!("{name} {:+.2} % (tolerance {} %)", error * 100.0, tolerance * 100.0));
         }
     };
-    // Without play the deviation is a tracking error of under a micrometre, below what the path's samples say.
+    // Without play the deviation is a tracking error of less than a micrometre, below the resolution of the samples of the path.
     if theirs.free.is_some() {
         relative("RMS", theirs.norm_rms, ours.norm_rms, if smooth { 0.01 } else { 0.05 });
     }
@@ -167,8 +166,8 @@ fn faults(smooth: bool, theirs: &Figures, ours: &Figures) -> Vec<String> {
     faults
 }
 
-/// Judges one run. Where corners make it chaotic and a single start is out of tolerance, the reference must lie within
-/// tolerance of the spread over clearances within 0.002 %.
+/// Judges one run. If corners make it chaotic and a single start is out of tolerance, the reference must lie within tolerance of the spread over clearances
+/// within 0.002 %.
 fn pair(row: &Reference, substeps: u32, ours: Figures) -> Result<Pair, Failure> {
     let smooth = row.path != PathKind::SquareSharp;
     let theirs = row.figures;
@@ -225,7 +224,7 @@ pub fn read_reference() -> Result<Vec<Reference>, csv::Error> {
         .collect()
 }
 
-/// Simulates the reference runs and shows them beside the reference.
+/// Simulates the reference runs and prints them beside the reference.
 ///
 /// # Errors
 /// A folder that can't be written; a run that can't be simulated.

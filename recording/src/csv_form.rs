@@ -1,8 +1,8 @@
-//! The form of a text file with columns, told from its first lines: what separates cells and decimals, where the header and the data begin.
+//! The form of a text file with columns, detected from its first lines: separator, decimal sign, and the beginnings of header and data.
 
 use crate::cells::{Cell, cell, unquote};
 
-/// Lines at the end of what is looked at by which the separator is told.
+/// Number of lines, at the end of the head, from which the separator is detected.
 const JUDGED: usize = 12;
 /// Separators and decimal signs, the more usual first.
 const FORMS: [(u8, u8); 8] = [
@@ -15,10 +15,10 @@ const FORMS: [(u8, u8); 8] = [
     (b' ', b'.'),
     (b' ', b','),
 ];
-/// What comments begin with.
+/// First characters of comments.
 const MARKS: [char; 2] = ['#', '%'];
 
-/// What a mapping says of the form.
+/// The form as stated in a mapping.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Told {
     pub separator: Option<u8>,
@@ -30,15 +30,15 @@ pub(crate) struct Told {
 /// The form of a text file.
 #[derive(Debug, Clone)]
 pub(crate) struct Form {
-    /// What separates cells; blanks are squeezed.
+    /// Separator of the cells; repeated blanks count as one.
     pub separator: u8,
-    /// What stands before decimals.
+    /// Decimal sign.
     pub decimal: u8,
-    /// The names of the columns as they are written, empty where there is none; `None` for a file without a header.
+    /// The column names as written, empty for a column without a name; `None` for a file without a header.
     pub header: Option<Vec<String>>,
-    /// Where the header stands, or would stand, counted from 1.
+    /// Line of the header, or its place if it is missing, counted from 1.
     pub header_line: u64,
-    /// Where the data begin: byte, and line counted from 1.
+    /// Beginning of the data: byte, and line counted from 1.
     pub data: (usize, u64),
     /// Cells of the first line of data.
     pub first: Vec<String>,
@@ -61,7 +61,7 @@ impl Line {
         split(&self.text, separator)
     }
 
-    /// Cells that hold numbers, moments or lists, and all that hold something.
+    /// Number of cells with numbers, times or lists, and number of non-empty cells.
     fn data_cells(&self, (separator, decimal): (u8, u8)) -> (usize, usize) {
         let cells = self.cells(separator);
         let held = cells.iter().filter(|text| !text.is_empty());
@@ -71,7 +71,7 @@ impl Line {
 }
 
 impl Form {
-    /// The form of a file that begins with `head`, whole lines but for the last; `None` where nothing but blank lines and comments is.
+    /// The form of a file that begins with `head`, complete lines but for the last; `None` if there are only blank lines and comments.
     pub fn of(head: &[u8], told: Told) -> Option<Self> {
         let all = lines(head);
         let lines = all.as_slice();
@@ -103,7 +103,7 @@ impl Form {
     }
 }
 
-/// Separator and decimal sign with which `lines` hold most numbers, told ones as they are told.
+/// The separator and decimal sign with which `lines` have most numbers; a mapping overrides the detection.
 fn chosen(lines: &[Line], told: Told) -> Option<(u8, u8)> {
     lines.first()?;
     let mut forms: Vec<(u8, u8)> = FORMS.to_vec();
@@ -118,7 +118,7 @@ fn chosen(lines: &[Line], told: Told) -> Option<(u8, u8)> {
         let counts = lines.iter().map(|line| line.data_cells(form)).filter(|(data, _)| *data > 0);
         let (data, held) = counts.fold((0, 0), |sum, (data, held)| (sum.0 + data, sum.1 + held));
         let cells: usize = lines.iter().map(|line| line.cells(form.0).len()).sum();
-        // As many cells as can be, nearly all of them numbers; with names alone, as many names as can be.
+        // Prefers many cells, nearly all of them numbers; without numbers, many names.
         let share = data as f64 / held.max(1) as f64;
         (share * data as f64, cells)
     };
@@ -152,13 +152,13 @@ fn names_of(
         });
         return Some(joined.collect());
     }
-    // A sentence above the data is no header: that has a name for every column, or for all but an index.
+    // A sentence above the data is no header: a header has a name for every column, or for all but an index.
     let is_near = names.len() + 1 >= cells && names.len() <= cells + 1;
     let is_fit = if header.is_comment() { names.len() == cells } else { is_near };
     (is_told || cells == 0 || is_fit).then_some(names)
 }
 
-/// The cells of a header; one in a comment may be separated otherwise than the data.
+/// The cells of a header; a header in a comment may have another separator than the data.
 fn cells_of_header(header: &Line, separator: u8, cells: usize) -> Vec<String> {
     if !header.is_comment() {
         return split(&header.text, separator);
@@ -169,7 +169,7 @@ fn cells_of_header(header: &Line, separator: u8, cells: usize) -> Vec<String> {
         return own;
     }
     let others = [b',', b';', b'\t'].map(|other| split(text, other));
-    // Any sentence has blanks.
+    // Every sentence has blanks.
     let words = split(text, b' ');
     let is_time = |name: &String| name == "t" || name.to_lowercase().starts_with("time");
     let words = Some(words).filter(|words| words.iter().any(is_time));
@@ -201,7 +201,7 @@ fn split(line: &str, separator: u8) -> Vec<String> {
     }
     let plain = |text: &String| {
         let plain = unquote(text);
-        // Within quotes a quote is doubled.
+        // A quote inside quotes is doubled.
         if text.contains("\"\"") { plain.replace("\"\"", "\"") } else { plain.to_owned() }
     };
     cells.iter().map(plain).collect()

@@ -1,7 +1,7 @@
 //! Joint states and tool poses of a ROS bag as a recording.
 //!
-//! Sources: ROS interface definitions `sensor_msgs/msg/JointState` and `geometry_msgs/msg/PoseStamped`; their messages as [`crate::messages`] reads
-//! them. Positions are rad or m, velocities rad/s or m/s, efforts N·m or N, as ROS says.
+//! Sources: ROS interface definitions `sensor_msgs/msg/JointState` and `geometry_msgs/msg/PoseStamped`; [`crate::messages`] reads the messages. Units follow
+//! ROS: positions in rad or m, velocities in rad/s or m/s, efforts in N·m or N.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -20,19 +20,19 @@ use crate::recording::Recording;
 use crate::table::Table;
 use crate::tool_track::ToolTrack;
 
-/// What to take from a bag.
+/// Selection from a bag.
 #[derive(Clone, Debug, Default)]
 pub struct BagOptions {
     /// The topic of the joint states; absent: the only one of their type.
     pub topic: Option<String>,
     /// The topic of the tool's poses; absent: the only one of their type, if there is one.
     pub pose_topic: Option<String>,
-    /// The joints by name, or by a part of it that no other has, from base to tool; empty: all, in the order of the messages.
+    /// The joints by name, or by a part of the name that no other joint has, from base to tool; empty: all, in the order of the messages.
     pub joints: Vec<String>,
 }
 
-/// Reads the joint states and, where there are, the tool's poses of the bag at `path`, a file or a folder. Time begins at the first joint
-/// state; poses are interpolated to the times of the joint states, and missing outside of their own.
+/// Reads the joint states and, if present, the tool's poses of the bag at `path`, a file or a folder. Time begins at the first joint state. Poses are
+/// interpolated to the times of the joint states, and missing outside of their own.
 ///
 /// # Errors
 /// See [`ReadError`].
@@ -40,7 +40,7 @@ pub fn import_bag(path: &Path, options: &BagOptions) -> Result<Recording, ReadEr
     from_bag(options, &Source::of(path))
 }
 
-/// [`import_bag`] of the bag that `source` names.
+/// [`import_bag`] for the bag `source`.
 pub(crate) fn from_bag(options: &BagOptions, source: &Source) -> Result<Recording, ReadError> {
     let mut bag = bag_reader::read(source.file, source)?;
     let topic = choose(&bag.states, options.topic.as_deref(), JOINT_STATE, "--topic", source)?;
@@ -67,8 +67,8 @@ pub(crate) fn from_bag(options: &BagOptions, source: &Source) -> Result<Recordin
     states.into_recording(track, bag.truncated, notes, source)
 }
 
-/// The topic asked for, with or without a slash before it; or the only one, or `/joint_states` among several; none if there is none and
-/// none is asked for.
+/// The requested topic, with or without a leading slash; without a request the only one, or `/joint_states` among several; `None` if there is no topic and no
+/// request.
 fn choose(
     topics: &Topics,
     asked: Option<&str>,
@@ -94,7 +94,7 @@ fn choose(
     }
 }
 
-/// When a message was made, ns: its stamp, or when it was logged if it has none.
+/// Time of a message, ns: its stamp, or its log time if it has no stamp.
 fn time_ns(stamp_ns: i64, message: &Message) -> i64 {
     if stamp_ns == 0 { message.log_ns as i64 } else { stamp_ns }
 }
@@ -112,7 +112,7 @@ fn bag_error(topic: &str, number: u64, what: String, source: &Source) -> ReadErr
     ReadError::Bag { place: source.place(Row::Message(number)), topic: topic.to_owned(), what }
 }
 
-/// Decoded joint states: time, number of the message, and the values of the groups that are there.
+/// Decoded joint states: time, number of the message, and the values of the present groups.
 struct States {
     joints: Vec<String>,
     groups: Vec<Group>,
@@ -235,7 +235,7 @@ impl States {
     }
 }
 
-/// Where the joints stand in the names of messages. Most messages have the names of the one before.
+/// Indices of the joints in the names of messages. Most messages have the names of the one before.
 struct Seats<'a> {
     joints: &'a [String],
     names: &'a [String],
@@ -243,7 +243,7 @@ struct Seats<'a> {
 }
 
 impl<'a> Seats<'a> {
-    /// Where each joint stands in `names`, at first; none if one is not there.
+    /// Index of the first occurrence of each joint in `names`; `None` if one is missing.
     fn of(&mut self, names: &'a [String]) -> Option<Rc<[usize]>> {
         if self.names != names {
             let mut place_of = HashMap::new();
@@ -257,7 +257,7 @@ impl<'a> Seats<'a> {
     }
 }
 
-/// The joints asked for by the names that the messages have for them; where none are asked for, those of the messages that hold most.
+/// The requested joints under their names in the messages; without a request, those of the messages with most joints.
 fn chosen_joints(decoded: &[(&Message, JointState)], asked: &[String]) -> Result<Vec<String>, String> {
     let mut sets: BTreeMap<Vec<&String>, (u64, &JointState)> = BTreeMap::new();
     for (_, state) in decoded {

@@ -1,4 +1,4 @@
-//! Joints by their names: which joint of a recording is which joint of an arm.
+//! Pairing the joints of a recording with those of an arm by name.
 
 use thiserror::Error;
 
@@ -7,66 +7,66 @@ use crate::names::{Group, list};
 use crate::recording::Recording;
 use crate::table::JOINTS_KEY;
 
-/// Why the joints of a recording are not paired with those of an arm.
+/// Reason why the joints of a recording cannot be paired with those of an arm.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum JointsError {
-    /// Some joints have their like, others have none.
+    /// Some joints have a counterpart, others have none.
     #[error(
         "{file}: no joint named {missing}; it has {found}, and the arm has {wanted}: give the model of this arm, or name the joints with joints = […] in a mapping or with --joints when importing"
     )]
     NoSuchJoint {
         /// The recording.
         file: String,
-        /// The joints of the arm that it has not.
+        /// The joints of the arm without a counterpart.
         missing: String,
-        /// The joints that it has.
+        /// The joints of the recording.
         found: String,
         /// The joints of the arm.
         wanted: String,
     },
-    /// A joint that was asked for is not there, or not told from another one.
+    /// A requested joint does not exist, or its name fits several joints.
     #[error(
         "{file}: no joint is told by the name {missing}; it has {found}: give each by its name, or by a part that no other has"
     )]
     NotAsked {
         /// The recording.
         file: String,
-        /// What was asked for.
+        /// The requested name.
         missing: String,
-        /// The joints that it has.
+        /// The joints of the recording.
         found: String,
     },
-    /// Joints without names, asked for by names of which there are more or fewer.
+    /// The joints have no names, and the number of requested names differs from theirs.
     #[error(
         "{file}: its joints have no names that could be {missing}; it has {found}: give a name for each of them, in this order, or some of these columns"
     )]
     Nameless {
         /// The recording.
         file: String,
-        /// What was asked for.
+        /// The requested names.
         missing: String,
         /// Columns of the joints.
         found: String,
     },
-    /// A joint that was asked for twice.
+    /// A joint requested twice.
     #[error("{file}: the joint {joint} is asked for as {first} and as {second}; give each joint once")]
     AskedTwice {
         /// The recording.
         file: String,
         /// The joint.
         joint: String,
-        /// What was asked for first.
+        /// The first request.
         first: String,
-        /// What was asked for later.
+        /// The later request.
         second: String,
     },
 }
 
-/// Whether the words of two names are alike.
+/// A comparison of the words of two names.
 type Like = fn(&[String], &[String]) -> bool;
 
-/// The place of each of `wanted` among `found`: by the whole name, else by a part of it that no other has (`shoulder_pan` of
-/// `ur5e_shoulder_pan_joint`, or the other way round). The word "joint" does not count.
+/// Index in `found` of each of `wanted`: by the whole name, else by a part that no other name has (`shoulder_pan` of `ur5e_shoulder_pan_joint`, or the other
+/// way round). The word "joint" does not count.
 pub(crate) fn places(wanted: &[String], found: &[String]) -> Vec<Option<usize>> {
     let wanted_words: Vec<Vec<String>> = wanted.iter().map(|name| essential(name)).collect();
     let found_words: Vec<Vec<String>> = found.iter().map(|name| essential(name)).collect();
@@ -80,7 +80,7 @@ pub(crate) fn places(wanted: &[String], found: &[String]) -> Vec<Option<usize>> 
             let mut candidates =
                 (0..found.len()).filter(free).filter(|&place| is_like(words, &found_words[place]));
             let (Some(only), None) = (candidates.next(), candidates.next()) else { continue };
-            // No other joint that is wanted may be meant by it, too.
+            // The match must be unique among the wanted joints, too.
             let others = wanted_words.iter().enumerate().filter(|(other, _)| taken[*other].is_none());
             if others.filter(|(_, words)| is_like(words, &found_words[only])).count() == 1 {
                 places[index] = Some(only);
@@ -90,22 +90,22 @@ pub(crate) fn places(wanted: &[String], found: &[String]) -> Vec<Option<usize>> 
     places
 }
 
-/// The words of a joint's name but for "joint".
+/// The words of a joint's name without "joint".
 fn essential(name: &str) -> Vec<String> {
     words_of(name).into_iter().filter(|word| word != "joint" && word != "joints").collect()
 }
 
-/// Whether the words `part` stand in `whole`, one after the other.
+/// True if `whole` contains the words of `part` in sequence.
 fn holds(whole: &[String], part: &[String]) -> bool {
     !part.is_empty() && whole.windows(part.len()).any(|window| window == part)
 }
 
 impl Recording {
-    /// The recording with its joints in the order of the joints `wanted` of an arm. They are paired by name where it has names; by number where
-    /// it has none, or none that is like one of the arm's, which a note says. Joints that the arm has not are left out, which a note says, too.
+    /// The recording with its joints in the order of the joints `wanted` of an arm. Pairs them by name if it has names; by number if it has none, or none like
+    /// those of the arm, with a note. Drops joints that the arm lacks, with a note.
     ///
     /// # Errors
-    /// [`JointsError`] if it has some of the joints and not others.
+    /// [`JointsError`] if the recording has only some of the joints.
     pub fn for_joints(mut self, wanted: &[String]) -> Result<Self, JointsError> {
         if self.joint_names.is_empty() {
             self.notes.push("joints are paired by number: the recording has no names of them".to_owned());
@@ -144,11 +144,11 @@ impl Recording {
         Ok(self)
     }
 
-    /// The recording with the joints `asked` alone, in this order, each by its name or a part of it that no other has. Joints without names are told
-    /// by their columns, `q1` and on; or, if as many are asked for as there are, they get these names. A note says which joints are left out.
+    /// The recording with the joints `asked` alone, in this order, each given by its name or a part that no other name has. Joints without names are given by
+    /// their columns, `q1` and on; if the request names all of them, they get these names. A note lists the dropped joints.
     ///
     /// # Errors
-    /// [`JointsError`] for a joint that is not there or is asked for twice.
+    /// [`JointsError`] for a joint that does not exist or is requested twice.
     pub fn only_joints(mut self, asked: &[String]) -> Result<Self, JointsError> {
         let file = self.origin.display().to_string();
         let columns: Vec<String> = (0..self.joints()).map(|joint| Group::Position.column(joint)).collect();
@@ -190,7 +190,7 @@ impl Recording {
         Ok(self)
     }
 
-    /// Takes the joints at `order`, in that order.
+    /// Keeps the joints at the indices `order`, in that order.
     fn reorder(&mut self, order: &[usize]) {
         fn taken<T: Clone>(columns: &[T], order: &[usize]) -> Vec<T> {
             order.iter().map(|&place| columns[place].clone()).collect()
@@ -206,7 +206,7 @@ impl Recording {
         }
     }
 
-    /// Calls the joints `names`, in the metadata, too, where files keep them.
+    /// Names the joints `names`, also in the metadata, where files keep the names.
     fn name_joints(&mut self, names: Vec<String>) {
         let written = names.join(",");
         match self.metadata.iter_mut().find(|(key, _)| key == JOINTS_KEY) {

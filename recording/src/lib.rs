@@ -3,17 +3,15 @@
 //! Units are SI, angles are radians. In the order in which data passes through them:
 //!
 //! - a [`Layout`] is the list of columns that a recorder is going to write;
-//! - a [`RowWriter`] takes one row per tick and writes it as it comes: a [`CsvWriter`] or a
-//!   [`McapWriter`], which also keeps [`Event`]s and metadata and survives being killed;
-//! - a [`Summary`] says what ended up in the file, a [`WriteError`] why it did not;
+//! - a [`RowWriter`] writes one row per tick as it comes: a [`CsvWriter`] or a [`McapWriter`], which also keeps [`Event`]s and metadata and survives a kill;
+//! - a [`Summary`] describes the written file, a [`WriteError`] a failure;
 //! - [`read`] turns a file or a folder of any kind into a [`Recording`]: text with columns, bags, tables of other programs; a [`ReadError`] names the [`Place`] (file
 //!   and [`Row`]), the column, the value and the remedy; a [`ColumnError`] is about the header alone;
-//! - a [`Recording`] holds the columns by their meaning, sorted into [`Group`]s; [`Absent`] is what it
-//!   answers when asked for columns it does not have;
+//! - a [`Recording`] holds the columns by their meaning, sorted into [`Group`]s; [`Absent`] is the error for a missing column;
 //! - [`export`] writes a recording again, as CSV, MCAP or Parquet; [`export_columns`] any columns of numbers as Parquet;
-//! - [`import`] reads somebody else's recording by [`ImportOptions`]: by a [`Mapping`] (a [`MappingError`] says what does not fit), which is guessed from
-//!   the names of the columns where there is none, or, of a bag, by [`BagOptions`]; [`import_csv`] and [`import_bag`] do one of them;
-//! - [`Recording::for_joints`] pairs its joints with those of an arm by name; a [`JointsError`] says which is not there.
+//! - [`import`] reads a foreign recording with [`ImportOptions`]: by a [`Mapping`] (a [`MappingError`] names a misfit) or, for a bag, by [`BagOptions`].
+//!   Without a mapping it guesses one from the names of the columns. [`import_csv`] and [`import_bag`] each do one of these;
+//! - [`Recording::for_joints`] pairs its joints with those of an arm by name; a [`JointsError`] names a missing joint.
 //!
 //! | column | meaning | unit |
 //! | --- | --- | --- |

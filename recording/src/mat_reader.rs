@@ -1,7 +1,7 @@
 //! Reading MATLAB's MAT-files of version 5 (`-v6`, `-v7`), as MATLAB, Octave and SciPy write them.
 //!
-//! Source: MathWorks, "MAT-File Format", Level 5. Elements are read as they are inflated: what is taken into memory is numbers of arrays that
-//! there is room for, and short texts.
+//! Source: MathWorks, "MAT-File Format", Level 5. The reader parses elements while it inflates them; it keeps only the numbers of arrays within the memory
+//! limit, and short texts.
 
 use std::io::Read;
 
@@ -20,9 +20,9 @@ const CELL: u8 = 1;
 const STRUCT: u8 = 2;
 const CHAR: u8 = 4;
 const NUMBERS: std::ops::RangeInclusive<u8> = 6..=15;
-/// Structures in structures that are followed.
+/// Largest depth of nested structures.
 const DEEPEST: usize = 8;
-/// The most bytes of a name, of the sizes of an array, of all names of a structure's fields.
+/// Most bytes of a name, of the sizes of an array, of all field names of a structure.
 const LONGEST: u64 = 1 << 16;
 /// The most texts of a cell array.
 const MOST_TEXTS: usize = 1 << 12;
@@ -53,7 +53,7 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
     columns(found.arrays, found.texts, found.room).ok_or_else(|| unusable(NO_SAMPLES))
 }
 
-/// Why a file can't be read.
+/// Reason why a file can't be read.
 #[derive(Debug, Clone, Copy)]
 enum Fault {
     Damaged,
@@ -72,16 +72,16 @@ impl From<NoRoom> for Fault {
     }
 }
 
-/// What an element begins with.
+/// The head of an element.
 struct Tag {
     kind: u32,
     /// Bytes of data.
     size: u64,
-    /// The data themselves, where they are at most four bytes and stand here.
+    /// The data themselves, if they have at most four bytes and are in the tag.
     within: Option<[u8; 4]>,
 }
 
-/// What is found so far.
+/// The variables read so far.
 struct Found {
     is_big: bool,
     arrays: Vec<Array>,
@@ -94,7 +94,7 @@ impl Found {
         if self.is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
     }
 
-    /// The tag of the next element; none at the end.
+    /// The tag of the next element; `None` at the end.
     fn tag(&self, input: &mut dyn Read) -> Result<Option<Tag>, Fault> {
         let mut bytes = [0; 4];
         // A file that ends within a tag has been cut; some writers leave fewer than eight bytes at the end.
@@ -127,13 +127,13 @@ impl Found {
         Ok((tag.kind, data))
     }
 
-    /// Takes the next variable of the file, inflating it if it is compressed; `false` at the end.
+    /// Reads the next variable of the file, inflating it if it is compressed; `false` at the end.
     fn variable(&mut self, rest: &mut &[u8]) -> Result<bool, Fault> {
         let Some(tag) = self.tag(rest)? else { return Ok(false) };
         if tag.within.is_some() {
             return Ok(true);
         }
-        // A file whose last variable is cut is read up to there.
+        // If the last variable is cut off, the reader stops before it.
         let Some((mut data, behind)) = rest.split_at_checked(tag.size as usize) else { return Ok(false) };
         *rest = behind;
         match tag.kind {
@@ -149,7 +149,7 @@ impl Found {
         Ok(true)
     }
 
-    /// Takes the array that `input` holds, named `name` or as it names itself.
+    /// Reads the array in `input`, named `name` or by its own name.
     fn matrix(&mut self, input: &mut dyn Read, name: Option<&str>, depth: usize) -> Result<(), Fault> {
         let (_, flags) = self.short(input, LONGEST)?;
         let class = *flags.get(if self.is_big { 3 } else { 0 }).ok_or(Fault::Damaged)?;
@@ -164,7 +164,7 @@ impl Found {
         }
     }
 
-    /// Takes the numbers of the array `name` of this `shape`.
+    /// Reads the numbers of the array `name` of this `shape`.
     fn values(&mut self, input: &mut dyn Read, name: String, shape: &[usize]) -> Result<(), Fault> {
         let count = self.room.take(&name, shape)?;
         if count == 0 {
@@ -188,7 +188,7 @@ impl Found {
         Ok(())
     }
 
-    /// Takes the fields of a structure as `name.field`.
+    /// Reads the fields of a structure as `name.field`.
     fn fields(&mut self, input: &mut dyn Read, name: &str, depth: usize) -> Result<(), Fault> {
         let length = (*self.short_numbers(input)?.first().ok_or(Fault::Damaged)? as usize).max(1);
         let (_, names) = self.short(input, LONGEST)?;
@@ -200,7 +200,7 @@ impl Found {
         Ok(())
     }
 
-    /// Lets `take` have the next element of `input` if it is an array, and goes on behind it; whether there was one.
+    /// Passes the next element of `input` to `take` if it is an array, and advances behind it; false if there was no element.
     fn element(
         &mut self,
         input: &mut dyn Read,
@@ -218,7 +218,7 @@ impl Found {
         Ok(true)
     }
 
-    /// Takes a cell array of texts.
+    /// Reads a cell array of texts.
     fn cell(&mut self, input: &mut dyn Read) -> Result<(), Fault> {
         let mut texts = Vec::new();
         let mut take = |found: &mut Self, element: &mut dyn Read| {
@@ -251,13 +251,13 @@ impl Found {
     }
 }
 
-/// Passes over what fills an element of `size` bytes up to a multiple of eight.
+/// Skips the padding of an element of `size` bytes up to a multiple of eight.
 fn pad(input: &mut dyn Read, size: u64) -> Result<(), Fault> {
     std::io::copy(&mut input.take(size.next_multiple_of(8) - size), &mut std::io::sink())?;
     Ok(())
 }
 
-/// Bytes of a number of the type `kind`, and the number in eight of them, the least first.
+/// Bytes of a number of the type `kind`, and its decoder from eight little-endian bytes.
 fn number_of(kind: u32) -> Option<(usize, Number)> {
     Some(match kind {
         1 => (1, |b| f64::from(i8::from_le_bytes([b[0]]))),

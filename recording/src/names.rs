@@ -1,4 +1,4 @@
-//! The column names of a recording: which names the contract knows, and which sets of them make sense.
+//! The column names of a recording: the names of the contract, and the valid sets of them.
 
 use std::collections::HashSet;
 
@@ -24,7 +24,7 @@ impl Group {
     pub const ALL: [Group; 5] =
         [Group::Position, Group::Velocity, Group::Torque, Group::Reference, Group::Link];
 
-    /// What stands before the joint's number in the column's name.
+    /// The part of the column's name before the joint's number.
     pub fn prefix(self) -> &'static str {
         match self {
             Group::Position => "q",
@@ -46,7 +46,7 @@ pub(crate) const TOOL: [&str; 3] = ["x", "y", "z"];
 /// The tool's orientation in the base frame, a unit quaternion.
 pub(crate) const ORIENTATION: [&str; 4] = ["qx", "qy", "qz", "qw"];
 
-/// What a column means.
+/// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Role {
     /// `t`, s.
@@ -61,21 +61,21 @@ pub(crate) enum Role {
     Other,
 }
 
-/// A set of column names that is no recording.
+/// Fault in a set of column names.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ColumnError {
-    /// The recording cannot do without this column.
+    /// A required column is missing.
     #[error("column {column} is missing{hint}; found: {found}")]
     Missing {
         /// The missing column.
         column: String,
-        /// A column that looks like the missing one under another name, and what to do.
+        /// A column that looks like the missing one under another name, and the remedy.
         hint: String,
-        /// The columns that are there, shortened.
+        /// The columns of the file, shortened.
         found: String,
     },
-    /// Another number of joints than the arm has.
+    /// The number of joints differs from that of the arm.
     #[error(
         "expected {expected} joint(s) ({}), found {found} ({}): is this a recording of this arm?",
         span(*expected),
@@ -108,22 +108,22 @@ pub enum ColumnError {
         "column number {number} has no name; name it or remove it (a comma at the end of the header makes one)"
     )]
     Unnamed {
-        /// Its place, counted from 1.
+        /// Its position, counted from 1.
         number: usize,
     },
-    /// A name that would not survive being written and read again.
+    /// A name that writing and reading would change.
     #[error(
         "column number {number} is named {name:?}; remove the control characters and the spaces around the name"
     )]
     Unprintable {
-        /// Its place, counted from 1.
+        /// Its position, counted from 1.
         number: usize,
         /// The name.
         name: String,
     },
 }
 
-/// What `name` means; a joint's number 0 is an error, since it would shift every joint by one.
+/// The meaning of `name`; a joint's number 0 is an error, since it would shift every joint by one.
 pub(crate) fn role(name: &str) -> Result<Role, ColumnError> {
     if name == "t" {
         return Ok(Role::Time);
@@ -143,19 +143,19 @@ pub(crate) fn role(name: &str) -> Result<Role, ColumnError> {
     }
 }
 
-/// The columns of a recording, understood.
+/// The columns of a recording with their meaning.
 #[derive(Debug, Clone)]
 pub(crate) struct Roles {
     /// One per column, in the order of the columns.
     pub roles: Vec<Role>,
     /// Number of joints.
     pub joints: usize,
-    /// Columns that are not used though the contract knows their names, one sentence each.
+    /// Unused columns with names of the contract, one sentence each.
     pub notes: Vec<String>,
 }
 
 impl Roles {
-    /// Understands `names`; `expected` is the number of joints of the arm, where it is known.
+    /// Assigns a meaning to each of `names`; `expected` is the number of joints of the arm, if it is known.
     pub fn new(names: &[String], expected: Option<usize>) -> Result<Self, ColumnError> {
         check_spelling(names)?;
         let mut roles = names.iter().map(|name| role(name)).collect::<Result<Vec<_>, _>>()?;
@@ -172,7 +172,7 @@ impl Roles {
     }
 }
 
-/// Every name is there, printable and unique.
+/// Checks that every name is present, printable and unique.
 fn check_spelling(names: &[String]) -> Result<(), ColumnError> {
     let mut seen = HashSet::new();
     for (i, name) in names.iter().enumerate() {
@@ -199,7 +199,7 @@ fn count_joints(present: &HashSet<Role>, names: &[String]) -> Result<usize, Colu
     }
 }
 
-/// Keeps quantities of joints that have no position as other columns, and says so.
+/// Turns joint quantities without a position into other columns; returns a note for each.
 fn set_aside_without_position(roles: &mut [Role], joints: usize) -> Vec<String> {
     let mut columns = Vec::new();
     for role in roles.iter_mut() {
@@ -216,12 +216,12 @@ fn set_aside_without_position(roles: &mut [Role], joints: usize) -> Vec<String> 
     vec![format!("not used: {}, since the positions end at q{joints}", list(&columns))]
 }
 
-/// The columns of that many positions: `q1…q6`, or `q1`.
+/// The position columns of so many joints: `q1…q6`, or `q1`.
 fn span(joints: usize) -> String {
     if joints == 1 { "q1".into() } else { format!("q1…q{joints}") }
 }
 
-/// `column` is missing: says which of `names` may be meant.
+/// The error for a missing `column`, with the one of `names` that may be meant.
 fn missing(column: &str, names: &[String]) -> ColumnError {
     let similar = names.iter().find(|name| {
         let name = name.to_lowercase();
@@ -235,7 +235,7 @@ fn missing(column: &str, names: &[String]) -> ColumnError {
     ColumnError::Missing { column: column.into(), hint, found: list(names) }
 }
 
-/// The first names of a list, and how many follow.
+/// The first names of a list, and the number of further ones.
 pub(crate) fn list(names: &[String]) -> String {
     const SHOWN: usize = 12;
     if names.is_empty() {
@@ -245,7 +245,7 @@ pub(crate) fn list(names: &[String]) -> String {
     if names.len() > SHOWN { format!("{shown} and {} more", names.len() - SHOWN) } else { shown }
 }
 
-/// A text fit for an error message: at most 40 characters, on one line.
+/// A text shortened for an error message: at most 40 characters, on one line.
 pub(crate) fn shorten(text: &str) -> String {
     const SHOWN: usize = 40;
     let mut short: String = text.chars().take(SHOWN).map(|c| if c.is_control() { '�' } else { c }).collect();

@@ -1,6 +1,6 @@
-//! Rows whose time stamps repeat or come late: put in order, repeats dropped.
+//! Sorting rows whose time stamps come late, and dropping repeats.
 
-/// How many rows were out of order.
+/// Number of rows out of order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Reordered {
     /// Rows with a stamp before that of an earlier row.
@@ -10,7 +10,7 @@ pub(crate) struct Reordered {
 }
 
 impl Reordered {
-    /// What was done, in one sentence.
+    /// The corrections, in one sentence.
     pub fn in_words(self) -> Option<String> {
         let part = |count: u64, what: &str| (count > 0).then(|| format!("{count} {what}"));
         let parts = [part(self.late, "late, put in order"), part(self.repeated, "repeated, dropped")];
@@ -19,8 +19,8 @@ impl Reordered {
     }
 }
 
-/// Sorts the rows of `columns` by the column `time` and drops repeats; `None` where the clock jumps back instead of rows coming late: the times
-/// are steadier in the order of the file, or the `positions` go farther to and fro when sorted, since two motions would be mixed.
+/// Sorts the rows of `columns` by the column `time` and drops repeats. `None` if the clock jumps back instead of rows coming late: then the times are steadier
+/// in the order of the file, or the `positions` travel farther when sorted, since sorting mixes two motions.
 pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -> Option<Reordered> {
     let t = &columns[time];
     if is_clock_back(t) {
@@ -45,7 +45,7 @@ pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -
     if way(&order) > MIXED * way(&file) {
         return None;
     }
-    // Behind the look at the way: two motions with the same stamps are no repeats.
+    // Only after the comparison of the travel: two motions with the same stamps are no repeats.
     order.dedup_by(|later, earlier| t[*later] == t[*earlier]);
     let repeated = (t.len() - order.len()) as u64;
     for column in columns.iter_mut() {
@@ -54,12 +54,12 @@ pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -
     Some(Reordered { late: late as u64, repeated })
 }
 
-/// Whether the times `t` are those of a clock that jumps back, not of rows that come late. A late row leaves a hole where it should be and fills it
-/// when sorted; times of a clock that jumps back are steady before and behind the jump, and mixed when sorted. Where the times behind a jump don't
-/// reach those before it, sorting mixes nothing.
+/// True if the times `t` come from a clock that jumps back, not from late rows. A late row leaves a gap at its place and fills it when sorted. The times of a
+/// clock that jumps back are steady before and behind the jump, and mixed when sorted. If the times behind a jump don't reach those before it, sorting mixes
+/// nothing.
 ///
-/// Steps between times are taken as off the usual step by Laplace's law, in the order of the file and sorted, and the order of the file pays for place and
-/// size of each jump as in the Bayesian information criterion (Schwarz 1978): so stamps that shake by more than a step are no jumps.
+/// The test models the deviation of time steps from the median step by Laplace's distribution, in the order of the file and sorted. The order of the file pays
+/// for place and size of each jump as in the Bayesian information criterion (Schwarz 1978): so stamps that jitter by more than a step are not taken for jumps.
 fn is_clock_back(t: &[f64]) -> bool {
     let runs = t.chunk_by(|before, after| before <= after);
     let mut spans: Vec<[f64; 2]> = runs.map(|run| [run[0], run[run.len() - 1]]).collect();
@@ -80,16 +80,16 @@ fn is_clock_back(t: &[f64]) -> bool {
     }
     let middle = steps.len() / 2;
     let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-    // A gap is no farther off than a step that is missing.
+    // The deviation of a gap is limited to that of a missing step.
     let off = |steps: &[f64]| {
         steps.iter().map(|step| (step - usual).abs().min(usual)).sum::<f64>() / steps.len() as f64
     };
     let (count, gain) = (sorted.len() as f64, (off(&sorted) / off(&file)).ln());
-    // Times that are even to the bit make it infinite, and not a number where sorting leaves them even.
+    // Exactly even times give infinity, and NaN if sorting leaves them even.
     count * gain > 2.0 * jumps * count.ln()
 }
 
-/// Two motions that are mixed row by row go this many times as far as one after the other, at least.
+/// Two motions mixed row by row travel at least this many times as far as one after the other.
 const MIXED: f64 = 2.0;
 
 #[cfg(test)]
@@ -108,8 +108,7 @@ mod tests {
         assert_eq!(mixed, columns(&[0.0, 0.1, 0.2, 0.3, 0.4, 0.5]));
     }
 
-    /// At rest and in motion: a clock that jumps back is not taken for rows that come late, nor the other way round; of stamps that shake, where the jump
-    /// is by many steps.
+    /// At rest and in motion: the test distinguishes a clock that jumps back from late rows; with jittering stamps, if the jump is by many steps.
     #[test]
     fn a_clock_that_jumps_back_is_told_from_rows_that_come_late() {
         let shaking =

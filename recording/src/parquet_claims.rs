@@ -1,5 +1,4 @@
-//! What a Parquet file claims of its sizes, before any of it is decoded: the decoder makes room for whatever length a footer or the header of a
-//! page says.
+//! Checks the sizes claimed in a Parquet file before decoding: the decoder allocates any length that a footer or a page header claims.
 //!
 //! Source: Apache Parquet, `parquet.thrift`.
 
@@ -10,16 +9,16 @@ use parquet::file::reader::ChunkReader;
 use crate::mcap_chunk::MAX_RECORD;
 use crate::thrift::{DEEPEST, I32, LIST, STRUCT, Thrift};
 
-/// Bytes of a number as it is kept.
+/// Bytes of a number in memory.
 const NUMBER: u64 = 8;
-/// Behind the footer: its length, and what the file began with.
+/// The end of the file behind the footer: its length, and the magic bytes.
 const TAIL: u64 = 8;
 /// Types of pages.
 const DATA_PAGE: i32 = 0;
 const DICTIONARY_PAGE: i32 = 2;
 const DATA_PAGE_V2: i32 = 3;
 
-/// A claim that can't be true.
+/// An impossible claim.
 pub(crate) struct Refused(pub String);
 
 impl From<ParquetError> for Refused {
@@ -28,33 +27,33 @@ impl From<ParquetError> for Refused {
     }
 }
 
-/// The numbers that a file may come to. Encodings tell any number of equal numbers in a few bytes; a recording of something that moves has at least one bit for
-/// each of its numbers on the average. A file of any length may come to what a chunk of a MCAP may have.
+/// Largest number of values in a file. Encodings store any number of equal values in a few bytes; a recording of a moving machine has at least one bit per
+/// value on average. A file of any length may have as many as a chunk of an MCAP file.
 #[derive(Debug)]
 pub(crate) struct Claims {
     /// Bytes of the file.
     length: u64,
-    /// Numbers that it may have.
+    /// Permitted number of values.
     most: u64,
-    /// Numbers that it may still have.
+    /// Remaining number of values.
     left: u64,
 }
 
 impl Claims {
-    /// Of a file of `length` bytes, and at most `limit` numbers.
+    /// The limit for a file of `length` bytes, and at most `limit` values.
     pub fn new(length: u64, limit: u64) -> Self {
         let most = length.saturating_mul(8).max(MAX_RECORD / NUMBER).min(limit);
         Self { length, most, left: most }
     }
 
-    /// Takes `count` of the numbers that the file may have.
+    /// Subtracts `count` from the remaining values.
     pub fn take(&mut self, count: u64) -> Result<(), Refused> {
         self.fits(count)?;
         self.left -= count;
         Ok(())
     }
 
-    /// Fails unless the file may have `count` numbers more.
+    /// Fails unless `count` further values are permitted.
     pub fn fits(&self, count: u64) -> Result<(), Refused> {
         if count > self.left { Err(self.too_many(count)) } else { Ok(()) }
     }
@@ -63,7 +62,7 @@ impl Claims {
         Refused(format!("{count} numbers and more in a file of {} bytes", self.length))
     }
 
-    /// How many values the pages of `chunk` in `file` have; fails unless they are all within the chunk, and small enough.
+    /// Number of values in the pages of `chunk` in `file`; fails unless all pages are within the chunk, and small enough.
     pub fn check_chunk(&self, file: &impl ChunkReader, chunk: &ColumnChunkMetaData) -> Result<u64, Refused> {
         let name = || chunk.column_path().string();
         let start = chunk.dictionary_page_offset().unwrap_or(chunk.data_page_offset());
@@ -90,7 +89,7 @@ impl Claims {
         Ok(values)
     }
 
-    /// How many values `page` has, of a chunk with `left` bytes behind the page's header.
+    /// Number of values in `page`, of a chunk with `left` bytes behind the page's header.
     fn check_page(&self, page: &Page, left: u64) -> Result<u64, Refused> {
         if page.compressed > left {
             return Err(Refused(format!("a page of {} bytes is longer than its column", page.compressed)));
@@ -101,7 +100,7 @@ impl Claims {
         }
         match page.kind {
             DATA_PAGE | DATA_PAGE_V2 => Ok(page.values),
-            // Its numbers are written out.
+            // A dictionary stores its values one by one.
             DICTIONARY_PAGE if page.values > page.uncompressed => Err(self.too_many(page.values)),
             _ => Ok(0),
         }
@@ -118,14 +117,14 @@ struct Page {
 }
 
 impl Page {
-    /// The header that `thrift` begins with; none if it is damaged.
+    /// The header at the start of `thrift`; `None` if it is damaged.
     fn read(thrift: &mut Thrift<impl std::io::Read>) -> Option<Self> {
         let (mut kind, mut sizes, mut values) = (None, [None; 2], [None; 9]);
         let take = |thrift: &mut Thrift<_>, number: i64, field: u8| {
             match (number, field) {
                 (1, I32) => kind = Some(i32::try_from(thrift.integer()?).ok()?),
                 (2 | 3, I32) => sizes[number as usize - 2] = Some(size(thrift.integer()?)?),
-                // What there is to say of the page, by its type.
+                // The description of the page, by its type.
                 (5 | 7 | 8, STRUCT) => {
                     let values = &mut values[number as usize];
                     let take = |thrift: &mut Thrift<_>, number: i64, field: u8| {
@@ -153,12 +152,12 @@ impl Page {
     }
 }
 
-/// A size as 32 bits with a sign tell it.
+/// A size stored as a signed 32-bit number.
 fn size(value: i64) -> Option<u64> {
     i32::try_from(value).ok().and_then(|value| u64::try_from(value).ok())
 }
 
-/// Fails unless the row groups of `metadata` have as many rows as the file says; how many.
+/// Number of rows; fails unless the row groups of `metadata` have as many rows as the file claims.
 pub(crate) fn check_rows(metadata: &ParquetMetaData) -> Result<u64, Refused> {
     let said = metadata.file_metadata().num_rows();
     let mut sum = Some(0_u64);
@@ -170,7 +169,7 @@ pub(crate) fn check_rows(metadata: &ParquetMetaData) -> Result<u64, Refused> {
         .ok_or_else(|| Refused(format!("its footer says {said} rows, its row groups have others")))
 }
 
-/// Fails if the schema in the footer of `file` has more groups in groups than the decoder, which calls itself for each, has a stack for.
+/// Fails if the schema in the footer of `file` nests groups more deeply than the stack of the recursive decoder permits.
 pub(crate) fn check_depth(file: &impl ChunkReader) -> Result<(), Refused> {
     let cut = || Refused("its footer is cut or damaged".to_owned());
     let behind = file.len().checked_sub(TAIL).ok_or_else(cut)?;
@@ -186,7 +185,7 @@ pub(crate) fn check_depth(file: &impl ChunkReader) -> Result<(), Refused> {
         is_deep |= depth(thrift)? > DEEPEST;
         Some(true)
     };
-    // A footer that can't be read to its end is refused by the decoder, as far as it is the form and not the schema.
+    // The decoder refuses a footer that is unreadable up to its end, if the form and not the schema is at fault.
     footer.fields(take, DEEPEST).ok_or_else(cut)?;
     if is_deep {
         return Err(Refused(format!("its columns are nested more than {DEEPEST} times")));
@@ -194,11 +193,11 @@ pub(crate) fn check_depth(file: &impl ChunkReader) -> Result<(), Refused> {
     Ok(())
 }
 
-/// How deep the schema is that `thrift` goes on with: a list of the nodes of a tree, each before its children.
+/// Depth of the schema that follows in `thrift`: a list of the nodes of a tree, each before its children.
 fn depth(thrift: &mut Thrift<impl std::io::Read>) -> Option<usize> {
     let (length, kind) = thrift.list()?;
     (kind == STRUCT).then_some(())?;
-    // Children that are still to come, of each node above.
+    // Number of children still to come, for each ancestor node.
     let mut above: Vec<i64> = Vec::new();
     let mut deepest = 0;
     for _ in 0..length {

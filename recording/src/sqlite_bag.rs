@@ -2,8 +2,8 @@
 //!
 //! Source: rosbag2 `rosbag2_storage_sqlite3`, tables `topics` (id, name, type, …) and `messages` (topic_id, timestamp, data).
 //!
-//! A database may hold programs: a view, a virtual table or a generated column computes its rows, as many and as large as it likes. Only stored rows
-//! are read, in the order in which they are stored, and no more of them than the file has room for.
+//! A database may contain programs: a view, a virtual table or a generated column computes its rows, in any number and size. The reader uses only stored rows,
+//! in the order of storage, and no more of them than the file has room for.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -18,25 +18,25 @@ use crate::error::ReadError;
 use crate::input::Source;
 use crate::open::open;
 
-/// What a message begins with that is compressed by itself.
+/// Magic bytes of a message with its own compression.
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// The largest message, bytes.
 const MAX_MESSAGE: usize = 64 << 20;
-/// Pages of the database, and bytes of each.
+/// Size of the database: pages times bytes per page.
 const SIZE: &str = "SELECT page_count * page_size FROM pragma_page_count, pragma_page_size";
-/// The kind of what has a name, and whether it computes any of its columns.
+/// The type of a named object, and whether it computes any of its columns.
 const KIND: &str = "SELECT type, EXISTS (SELECT 1 FROM pragma_table_xinfo(?1) WHERE hidden <> 0) FROM pragma_table_list \
     WHERE schema = 'main' AND name = ?1 COLLATE NOCASE";
 
-/// A message as it is stored: when it was logged, ns, its topic, its bytes.
+/// A stored message: log time, ns, its topic, its bytes.
 type Stored = (i64, i64, Vec<u8>);
 
-/// Adds what the database at `path` holds to `bag`.
+/// Adds the content of the database at `path` to `bag`.
 ///
 /// # Errors
 /// [`ReadError::Unusable`] for a database that is no bag, or is damaged.
 pub(crate) fn add(path: &Path, source: &Source, bag: &mut Bag) -> Result<(), ReadError> {
-    // SQLite opens by path; a pipe or a device would be waited for.
+    // SQLite opens by path and would wait for a pipe or a device.
     drop(open(path)?);
     let unusable = |fault: Fault| ReadError::Unusable {
         file: source.file.to_path_buf(),
@@ -49,12 +49,12 @@ pub(crate) fn add(path: &Path, source: &Source, bag: &mut Bag) -> Result<(), Rea
         topics.iter().filter(|(_, (_, kind))| is_read(kind)).map(|(topic, _)| *topic).collect();
     let (mut messages, fault) = database.messages(&wanted).map_err(unusable)?;
     match fault {
-        // A recorder that was killed leaves whole messages before the damage.
+        // A killed recorder leaves complete messages before the damage.
         Some(_) if !messages.is_empty() => bag.truncated = true,
         Some(fault) => return Err(unusable(fault)),
         None => {}
     }
-    // Of messages of the same time, the one that was stored first comes first.
+    // Messages with the same time keep the order of storage.
     messages.sort_by_key(|(time, _, _)| *time);
     for (time, topic, data) in messages {
         let Some((name, kind)) = topics.get(&topic) else { continue };
@@ -68,7 +68,7 @@ pub(crate) fn add(path: &Path, source: &Source, bag: &mut Bag) -> Result<(), Rea
     Ok(())
 }
 
-/// Why a database is no bag.
+/// Reason why a database is no bag.
 #[derive(Debug, thiserror::Error)]
 enum Fault {
     #[error("{0}")]
@@ -126,10 +126,10 @@ impl Database {
         Ok(topics)
     }
 
-    /// The messages of the topics `wanted` in the order in which they are stored, and what ended them before their end.
+    /// The messages of the topics `wanted` in the order of storage, and the fault that ended them early.
     fn messages(&self, wanted: &[i64]) -> Result<(Vec<Stored>, Option<Fault>), Fault> {
         let wanted = wanted.iter().map(i64::to_string).collect::<Vec<_>>().join(",");
-        // Rows of other topics are counted, but their data are not read. In order of time, all of an endless table would have to be read first.
+        // Rows of other topics count, but their data are not read. In the order of time, SQLite would first read an endless table to its end.
         let messages = format!(
             "SELECT timestamp, topic_id, CASE WHEN topic_id IN ({wanted}) THEN data END FROM messages NOT INDEXED"
         );
@@ -152,11 +152,11 @@ impl Database {
     }
 }
 
-/// Bytes that rows may still have. A page of a database that is named again and again gives rows without end.
+/// Remaining bytes for rows. A page of a database that is referenced again and again gives rows without end.
 struct Room(u64);
 
 impl Room {
-    /// Takes the room of a row with so many bytes of data, if it is there: it has at least one more.
+    /// Takes the room of a row with so many bytes of data, if it is available; a row has at least one more byte.
     fn take(&mut self, bytes: usize) -> Option<()> {
         self.0 = self.0.checked_sub(bytes as u64 + 1)?;
         Some(())

@@ -1,4 +1,4 @@
-//! Rows on their way to a recording: the checks that every format shares.
+//! Rows of a file on their way to a recording: the checks that every format shares.
 
 use std::path::{Path, PathBuf};
 
@@ -12,10 +12,10 @@ use crate::place::{Place, Row};
 use crate::recording::{Event, Recording};
 use crate::sources::Sources;
 
-/// Why a file without its end has no samples.
+/// Reason for which a file without its end has no samples.
 pub(crate) const ENDS_EARLY: &str = ": it ends before its first complete chunk";
 
-/// What a column outside the contract holds besides finite numbers.
+/// Non-numeric content of a column outside the contract.
 #[derive(Debug, Clone, Default)]
 struct Oddities {
     count: u64,
@@ -31,11 +31,11 @@ pub(crate) struct Table {
     columns: Vec<Vec<f64>>,
     oddities: Vec<Oddities>,
     limit: u64,
-    /// Where but an overview is wanted.
+    /// `None` for a recording with all rows.
     overview: Option<Overview>,
-    /// Rows that lack their time or a position.
+    /// Rows without a time or a position.
     pub left_out: LeftOut,
-    /// Where time first stands still or runs back: the row, its time, the time of the row before.
+    /// The first place at which time stands still or runs back: the row, its time, the time of the row before.
     disorder: Option<(Row, f64, f64)>,
     pub joint_names: Vec<String>,
     pub guessed: Option<String>,
@@ -47,8 +47,7 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// An empty table with these columns, which stand at `header`; `joints` is the number of joints of the
-    /// arm, where known.
+    /// An empty table with these columns; the header is at `header`. `joints` is the number of joints of the arm, if known.
     pub fn new(
         header: Place,
         names: Vec<String>,
@@ -79,13 +78,13 @@ impl Table {
         })
     }
 
-    /// The same, of which an overview of at most `rows` rows is wanted.
+    /// The same for an overview of at most `rows` rows.
     pub fn with_overview(mut self, rows: Option<usize>) -> Self {
         self.overview = rows.map(Overview::new);
         self
     }
 
-    /// A table from whole columns, checked like rows.
+    /// A table from complete columns, with the same checks as rows.
     pub fn from_columns(file: &Path, columns: Vec<(String, Vec<f64>)>) -> Result<Self, ReadError> {
         let (names, values): (Vec<String>, Vec<Vec<f64>>) = columns.into_iter().unzip();
         let whole = Place { file: file.to_path_buf(), row: Row::Whole };
@@ -124,12 +123,12 @@ impl Table {
         Place { file: self.file.clone(), row }
     }
 
-    /// Column `column` is in the contract.
+    /// True if column `column` is in the contract.
     pub fn is_used(&self, column: usize) -> bool {
         self.roles.roles[column] != Role::Other
     }
 
-    /// Makes room for about `rows` rows; refuses them if even half of them are too many.
+    /// Reserves memory for about `rows` rows; refuses them if even half of them are too many.
     pub fn expect_rows(&mut self, rows: u64) -> Result<(), ReadError> {
         if self.overview.is_some() {
             return Ok(());
@@ -139,7 +138,7 @@ impl Table {
         }
         let most = (rows + rows / 50).min(self.limit / self.names.len() as u64);
         for column in &mut self.columns {
-            // Without the room the column grows as it goes.
+            // If the reservation fails, the column grows row by row.
             let _ = column.try_reserve_exact((most as usize).saturating_sub(column.len()));
         }
         Ok(())
@@ -161,7 +160,7 @@ impl Table {
         Err(ReadError::TooLarge { file: self.file.clone(), columns, rows, limit: self.limit, remedy })
     }
 
-    /// Takes note of how the meaning of the columns was guessed.
+    /// Records the guessed meaning of the columns, with a note.
     pub fn take_guess(&mut self, guess: Guess) {
         self.notes.push(format!(
             "columns by their names: {} (freeplay record import writes this as a mapping file, to be corrected)",
@@ -170,7 +169,7 @@ impl Table {
         self.guessed = Some(guess.toml);
     }
 
-    /// Remembers that `text` stands in a column outside the contract where a number should.
+    /// Records that `text` appears instead of a number in a column outside the contract.
     pub fn note_text(&mut self, column: usize, row: Row, text: &str) {
         let place = Place { file: self.file.clone(), row };
         let oddities = &mut self.oddities[column];
@@ -178,7 +177,7 @@ impl Table {
         oddities.first.get_or_insert_with(|| (place, shorten(text)));
     }
 
-    /// Adds a row, which has one value per column; what is not finite is missing. A row without its time or a position is left out.
+    /// Adds a row, with one value per column; NaN and infinity count as missing. A row without its time or a position is dropped.
     pub fn push(&mut self, row: &[f64], at: Row) -> Result<(), ReadError> {
         debug_assert_eq!(row.len(), self.columns.len());
         self.check_size(self.rows() + 1)?;
@@ -208,7 +207,7 @@ impl Table {
         Ok(())
     }
 
-    /// Puts the rows in the order of time.
+    /// Sorts the rows by time.
     fn sort(&mut self) -> Result<(), ReadError> {
         let Some((row, value, previous)) = self.disorder.filter(|_| self.overview.is_none()) else {
             return Ok(());
@@ -290,7 +289,7 @@ impl Table {
     }
 }
 
-/// Fills the columns that the file does not have beside others of their group: missing throughout.
+/// Adds the missing columns of a group that has others: NaN throughout.
 fn complete(recording: &mut Recording) {
     let samples = recording.t.len();
     let groups =
@@ -299,7 +298,7 @@ fn complete(recording: &mut Recording) {
     groups.chain(axes).for_each(|column| column.resize(samples, f64::NAN));
 }
 
-/// Forgets the groups of which every column is missing throughout.
+/// Removes the groups whose columns are all missing throughout.
 fn drop_missing(recording: &mut Recording) {
     for group in [&mut recording.qd, &mut recording.tau, &mut recording.q_ref] {
         group.take_if(|columns| columns.iter().all(|column| is_missing(column)));
@@ -314,7 +313,7 @@ fn drop_missing(recording: &mut Recording) {
 /// The key of the joints' names in a recording's metadata.
 pub(crate) const JOINTS_KEY: &str = "joints";
 
-/// Takes the joints' names from the metadata, or writes them there.
+/// Reads the joints' names from the metadata, or writes them there.
 fn take_names(recording: &mut Recording) {
     let written = recording.metadata.iter().find(|(key, _)| key == JOINTS_KEY).map(|(_, names)| names);
     if let Some(names) = written
@@ -330,7 +329,7 @@ fn take_names(recording: &mut Recording) {
     }
 }
 
-/// Puts one column where it belongs.
+/// Assigns one column to its field.
 fn place_column(recording: &mut Recording, name: String, role: Role, values: Vec<f64>) {
     let joints = recording.q.len();
     let whole = || vec![Vec::new(); joints];
@@ -348,10 +347,10 @@ fn place_column(recording: &mut Recording, name: String, role: Role, values: Vec
 }
 
 impl Recording {
-    /// A recording from named columns, under the rules a file is read by: see [`crate::read`].
+    /// A recording from named columns, with the rules for a file: see [`crate::read`].
     ///
     /// # Errors
-    /// As [`crate::read`] has them for a file, with the sample (counted from 1) instead of the line.
+    /// As those of [`crate::read`] for a file, with the sample (counted from 1) instead of the line.
     pub fn new(origin: &Path, columns: Vec<(String, Vec<f64>)>) -> Result<Self, ReadError> {
         Table::from_columns(origin, columns)?.into_recording()
     }

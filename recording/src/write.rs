@@ -1,4 +1,4 @@
-//! Writing a recording row by row, and what both formats share.
+//! Writing a recording row by row; the code that both formats share.
 
 use std::path::Path;
 
@@ -12,10 +12,9 @@ use crate::recording::{Event, Recording};
 
 /// Writes a recording as CSV or MCAP, row by row.
 ///
-/// Complete rows reach the file every 0.25 s of data or 256 KiB, whichever comes first: what was handed over
-/// before is still readable when the process is killed. The file belongs to its owner alone (mode 0600);
-/// an existing one is replaced. After an error the writer refuses everything else, and never panics.
-/// A writer that is dropped finishes its file as well as it can.
+/// Complete rows reach the file every 0.25 s of data or 256 KiB, whichever comes first: earlier rows stay readable after a kill of the process. The file
+/// belongs to its owner alone (mode 0600); an existing one is replaced. After an error the writer refuses everything else, and never panics. A dropped writer
+/// finishes its file as well as it can.
 #[derive(Debug)]
 pub enum RowWriter {
     /// Writes CSV.
@@ -25,8 +24,7 @@ pub enum RowWriter {
 }
 
 impl RowWriter {
-    /// Begins a recording in the format that the ending of `path` says (`.csv`, `.mcap`). A CSV has no
-    /// place for `metadata`: there it is left out.
+    /// Begins a recording in the format that the ending of `path` selects (`.csv`, `.mcap`). A CSV file has no `metadata`; the writer drops it.
     ///
     /// # Errors
     /// [`WriteError::Ending`], [`WriteError::Create`], [`WriteError::Stopped`].
@@ -38,8 +36,8 @@ impl RowWriter {
         }
     }
 
-    /// Begins a recording that appears under its name whole, once it is [finished](RowWriter::finish); until then a file that is there stays
-    /// as it is. Otherwise as [`RowWriter::create`].
+    /// Begins a recording that appears under its name only once it is complete and [finished](RowWriter::finish); an existing file stays unchanged until then.
+    /// Otherwise as [`RowWriter::create`].
     ///
     /// # Errors
     /// As [`RowWriter::create`].
@@ -51,10 +49,10 @@ impl RowWriter {
         }
     }
 
-    /// Writes one row: a value per column of the layout. Values are written as they are, finite or not.
+    /// Writes one row: a value per column of the layout, finite or not.
     ///
     /// # Errors
-    /// [`WriteError::Width`] (the writer goes on), [`WriteError::Stopped`], [`WriteError::Closed`].
+    /// [`WriteError::Width`] (further rows may follow), [`WriteError::Stopped`], [`WriteError::Closed`].
     pub fn write(&mut self, row: &[f64]) -> Result<(), WriteError> {
         match self {
             RowWriter::Csv(writer) => writer.write(row),
@@ -62,10 +60,10 @@ impl RowWriter {
         }
     }
 
-    /// Writes an event; a CSV has no place for one and leaves it out.
+    /// Writes an event; a CSV file has no events, and the writer drops it.
     ///
     /// # Errors
-    /// [`WriteError::EventTime`] (the writer goes on), [`WriteError::Stopped`], [`WriteError::Closed`].
+    /// [`WriteError::EventTime`] (further rows may follow), [`WriteError::Stopped`], [`WriteError::Closed`].
     pub fn event(&mut self, event: &Event) -> Result<(), WriteError> {
         match self {
             RowWriter::Csv(_) => Ok(()),
@@ -73,7 +71,7 @@ impl RowWriter {
         }
     }
 
-    /// Writes what is left and closes the file.
+    /// Writes the remaining rows and closes the file.
     ///
     /// # Errors
     /// [`WriteError::Stopped`], [`WriteError::Closed`] after an earlier error.
@@ -85,18 +83,18 @@ impl RowWriter {
     }
 }
 
-/// Writes `recording` to `path`, as CSV, MCAP or Parquet by the ending, columns in the order of the contract.
-/// Reading it again gives the same numbers, bit for bit. Parquet has no place for events; a CSV has none for events and metadata, and the joints'
-/// names in the name of one more column. The file appears whole or not at all; one that was there is replaced by the whole new one.
+/// Writes `recording` to `path`, as CSV, MCAP or Parquet by the ending, columns in the order of the contract. Reading it again gives the same numbers, bit for
+/// bit. Parquet drops events; CSV drops events and metadata, and keeps the joints' names in the name of one more column. The file appears complete or not at
+/// all; a complete new one replaces an existing one.
 ///
 /// # Errors
-/// As [`RowWriter`] has them.
+/// As those of [`RowWriter`].
 pub fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError> {
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet")) {
         return parquet_writer::export(recording, path);
     }
     export_rows(recording, path).map_err(|error| match error {
-        // No row is kept: the file appears whole or not at all.
+        // The file appears complete or not at all, so that an error leaves no row.
         WriteError::Stopped { file, source, .. } => WriteError::NotExported { file, source },
         error => error,
     })
@@ -109,7 +107,7 @@ fn export_rows(recording: &Recording, path: &Path) -> Result<Summary, WriteError
         if is_csv && !recording.joint_names.is_empty() { vec![0.0; recording.len()] } else { Vec::new() };
     let mut columns: Vec<&[f64]> = recording.named().map(|(_, values)| values).collect();
     if !zeros.is_empty() {
-        // A CSV has no other place for names, and no reader minds one more column.
+        // CSV has no other place for names, and readers accept a further column.
         names.push(format!("{JOINTS_COLUMN}{}", recording.joint_names.join(";")));
         columns.push(&zeros);
     }

@@ -1,11 +1,10 @@
-//! Parquet files that claim more than they hold: refused, or read, in memory that their own length bounds.
+//! Parquet files that claim more than they contain: the reader refuses or reads them within memory bounded by their own length.
 //!
-//! In a process of its own, since the most memory that a process ever had is the kernel's count. The files are written here byte by byte:
-//! no writer writes them.
+//! In a process of its own, since the kernel counts the peak memory of a process. The test builds the files byte by byte: no writer produces them.
 
 use freeplay_recording::read;
 
-/// Memory that all these files together may take, KiB: what a small file may come to, twice.
+/// Memory limit for all these files together, KiB: twice the limit for a small file.
 const MOST_KIB: u64 = 160 << 10;
 
 /// Codecs, encodings and types of pages of `parquet.thrift`.
@@ -20,10 +19,10 @@ const RLE_DICTIONARY: i64 = 8;
 const DATA_PAGE: i64 = 0;
 const DICTIONARY_PAGE: i64 = 2;
 
-/// Two GiB, the most that a page can say.
+/// Two GiB, the largest size in a page header.
 const TWO_GIB: i64 = i32::MAX as i64;
 
-/// The most memory that this process ever had, KiB.
+/// Peak memory of this process, KiB.
 fn peak_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("a process");
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("the peak");
@@ -92,7 +91,7 @@ fn text_of(text: &str) -> Vec<u8> {
     [varint(text.len() as u64), text.as_bytes().to_vec()].concat()
 }
 
-/// What a page says and holds.
+/// Header and content of a page.
 #[derive(Clone)]
 struct Page {
     kind: i64,
@@ -101,7 +100,7 @@ struct Page {
     compressed: i64,
     values: i64,
     body: Vec<u8>,
-    /// What stands in its header behind all that is known.
+    /// Further fields at the end of its header.
     behind: Thrift,
 }
 
@@ -131,7 +130,7 @@ impl Page {
     }
 }
 
-/// A column, and what the footer says of it.
+/// A column, with its description in the footer.
 #[derive(Clone)]
 struct Column {
     name: &'static str,
@@ -139,9 +138,9 @@ struct Column {
     pages: Vec<Page>,
     is_list: bool,
     values: i64,
-    /// Where it is said to begin, if not where it does.
+    /// The claimed offset, if it differs from the true one.
     offset: Option<i64>,
-    /// Bytes that it is said to have, if not those that it has.
+    /// The claimed number of bytes, if it differs from the true one.
     size: Option<i64>,
 }
 
@@ -167,7 +166,7 @@ fn element(kind: Option<i64>, repetition: i64, name: &str, children: Option<i64>
     children.map_or(element.clone(), |children| element.i32(5, children)).end()
 }
 
-/// A file of `columns`, whose footer says `rows` of the whole and of each of `groups` row groups.
+/// A file of `columns`; its footer claims `rows` of the whole and of each of `groups` row groups.
 fn file(columns: &[Column], rows: [i64; 2], groups: usize) -> Vec<u8> {
     let mut bytes = b"PAR1".to_vec();
     let (mut chunks, mut schema) = (Vec::new(), vec![element(None, 0, "schema", Some(columns.len() as i64))]);
@@ -198,13 +197,13 @@ fn file(columns: &[Column], rows: [i64; 2], groups: usize) -> Vec<u8> {
     bytes
 }
 
-/// A footer as it stands in a file.
+/// A footer followed by its length and the magic bytes.
 fn with_length(footer: Vec<u8>) -> Vec<u8> {
     let length = footer.len() as u32;
     [footer, length.to_le_bytes().to_vec(), b"PAR1".to_vec()].concat()
 }
 
-/// Columns with a second page that says what `change` makes of it.
+/// Columns with a second page, changed by `change`.
 fn with_page(codec: i64, change: impl Fn(&mut Page)) -> Vec<u8> {
     let mut columns = sound();
     columns[1].codec = codec;
@@ -212,12 +211,12 @@ fn with_page(codec: i64, change: impl Fn(&mut Page)) -> Vec<u8> {
     file(&columns, [3, 3], 1)
 }
 
-/// A run of `count` equal values in `bits` bits each, in the encoding of levels and of places in a dictionary.
+/// A run of `count` equal values in `bits` bits each, in the encoding of levels and dictionary indices.
 fn run_of(count: u64, value: u8) -> Vec<u8> {
     [varint(count << 1), vec![value]].concat()
 }
 
-/// A column of a dictionary with one number, `count` times.
+/// A column with a dictionary of one number, repeated `count` times.
 fn repeated(name: &'static str, count: i64) -> Column {
     let numbers = Page::of(DICTIONARY_PAGE, PLAIN, 1, 0.25_f64.to_le_bytes().to_vec());
     let places = [vec![1], run_of(count as u64, 0)].concat();
@@ -237,7 +236,7 @@ fn list(name: &'static str, rows: u64, count: i64) -> Column {
     Column { is_list: true, ..Column::of(name, vec![numbers, page]) }
 }
 
-/// A footer whose schema is one group in another, so many levels deep.
+/// A footer whose schema nests groups `levels` deep.
 fn nested(levels: usize) -> Vec<u8> {
     let mut schema = vec![element(None, 1, "a", Some(1)); levels];
     schema.push(element(Some(5), 0, "t", None));
@@ -245,7 +244,7 @@ fn nested(levels: usize) -> Vec<u8> {
     [b"PAR1".to_vec(), with_length(footer)].concat()
 }
 
-/// What claims too much, the file, and what is said of it.
+/// The false claim, the file, and the expected message.
 fn claims() -> Vec<(String, Vec<u8>, &'static str)> {
     let mut claims = Vec::new();
     for codec in [UNCOMPRESSED, SNAPPY, GZIP, ZSTD, LZ4_RAW] {
@@ -310,7 +309,7 @@ fn what_a_file_claims_is_compared_with_its_length() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.parquet");
     let write = |bytes: &[u8]| std::fs::write(&path, bytes).expect("written");
-    // The files would be read if they claimed what they hold.
+    // The reader would accept the files if they claimed their true sizes.
     write(&file(&sound(), [3, 3], 1));
     assert_eq!(read(&path, None).expect("a recording").len(), 3);
     let mut lists = vec![Column::plain("t", &[0.0, 0.1, 0.2]), repeated("q1", 3)];

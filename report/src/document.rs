@@ -1,4 +1,4 @@
-//! Documents, sections and the blocks they are made of.
+//! Documents, sections and their blocks.
 
 use crate::chart::Chart;
 use crate::drawing::Drawing;
@@ -6,21 +6,20 @@ use crate::film::Film;
 use crate::table::Table;
 use crate::verdict::Verdict;
 
-/// A report: what is written into one HTML file.
+/// A report: the content of one HTML file.
 ///
-/// A reader sees, in this order: title and subtitle, the overview, a table of contents, the sections, the footer. Texts
-/// are plain text: they are escaped, whatever they contain.
+/// The page has this order: title and subtitle, the overview, a table of contents, the sections, the footer. All texts are plain text; the writer escapes them.
 #[derive(Debug, Clone, Default)]
 pub struct Document {
-    /// The heading of the page and the name of its window.
+    /// The heading of the page and the title of its window.
     pub title: String,
-    /// One line below the title: what was run, when, on what; may be empty.
+    /// One line below the title: the run, its time and its subject; may be empty.
     pub subtitle: String,
-    /// What is seen first: verdict, key figures, the table that answers the question.
+    /// The first blocks of the page: verdict, key figures, the table that answers the question.
     pub overview: Vec<Block>,
     /// The chapters, in the order of the table of contents.
     pub sections: Vec<Section>,
-    /// Lines at the end: hashes, seeds, the command that made the report. The version is added to them.
+    /// Lines at the end: hashes, seeds, the command that made the report. The writer adds the version.
     pub footer: Vec<String>,
 }
 
@@ -29,28 +28,28 @@ pub struct Document {
 pub struct Section {
     /// The heading.
     pub title: String,
-    /// What stands under it.
+    /// Its content.
     pub blocks: Vec<Block>,
 }
 
-/// One piece of a document.
+/// An element of a document.
 #[derive(Debug, Clone)]
 pub enum Block {
-    /// Paragraphs, parted by blank lines; what stands between backticks is set as code.
+    /// Paragraphs, separated by blank lines; text between backticks is set as code.
     Text(String),
     /// A heading within a section; not in the table of contents.
     Heading(String),
     /// One line per entry, with bullets; backticks as in [`Block::Text`].
     List(Vec<String>),
-    /// A verdict with the sentence that says what it is about.
+    /// A verdict with a sentence that explains it.
     Verdict(Verdict, String),
-    /// A verdict in words of its own, such as "does not hold", with the sentence that says what it is about.
+    /// A verdict in words of its own, such as "does not hold", with a sentence that explains it.
     Judged {
-        /// How it came out.
+        /// The verdict.
         verdict: Verdict,
         /// The word in place of [`Verdict::word`].
         word: String,
-        /// What it is about.
+        /// The sentence.
         text: String,
     },
     /// Key numbers as tiles.
@@ -67,11 +66,11 @@ pub enum Block {
     Columns(Vec<Block>),
     /// Text as typed: commands, files, messages.
     Code(String),
-    /// Blocks that are folded away until the reader opens them.
+    /// Blocks that stay folded until the reader opens them.
     Details {
-        /// The line that is always seen.
+        /// The visible line.
         summary: String,
-        /// What it unfolds.
+        /// The folded blocks.
         blocks: Vec<Block>,
     },
 }
@@ -79,20 +78,20 @@ pub enum Block {
 /// A key number, drawn as a tile.
 #[derive(Debug, Clone, Default)]
 pub struct Figure {
-    /// What the number is.
+    /// Name of the number.
     pub label: String,
-    /// The number as it is to be read; see [`crate::text`].
+    /// The number as text; see [`crate::text`].
     pub value: String,
     /// Its unit; may be empty.
     pub unit: String,
     /// A remark below it: a limit, a comparison; may be empty.
     pub note: String,
-    /// How it came out, if it is judged.
+    /// Its verdict, if any.
     pub verdict: Option<Verdict>,
 }
 
 impl Document {
-    /// A document with nothing but a title.
+    /// A document with a title alone.
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
         Self { title: title.into(), ..Self::default() }
@@ -128,7 +127,7 @@ impl Document {
 }
 
 impl Section {
-    /// A section with nothing but a heading.
+    /// A section with a heading alone.
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
         Self { title: title.into(), blocks: Vec::new() }
@@ -156,7 +155,7 @@ impl Figure {
         self
     }
 
-    /// Says how it came out.
+    /// Sets the verdict.
     #[must_use]
     pub fn verdict(mut self, verdict: Verdict) -> Self {
         self.verdict = Some(verdict);

@@ -1,8 +1,7 @@
 //! One panel of a drawing as SVG, drawn by `plotters`.
 //!
-//! plotters places everything on whole units and knows colours only as numbers. So a panel is drawn [`UNITS`] times as
-//! large as it is shown, and in colours that stand for those of the style sheet ([`Ink`]), which take their place afterwards:
-//! the drawing follows the page from light to dark.
+//! plotters places everything on whole units and has only numeric colours. So this module draws a panel [`UNITS`] times as large as shown, in placeholder
+//! colours for those of the style sheet ([`Ink`]), and substitutes them afterwards: the drawing follows the page from light to dark.
 
 use std::ops::Range;
 
@@ -22,7 +21,7 @@ use crate::thin::{extremes, pick, spread};
 
 /// Units of the drawing to a CSS pixel.
 const UNITS: i32 = 4;
-/// plotters writes a font 1.24 times smaller than it is asked for.
+/// plotters writes a font 1.24 times smaller than requested.
 const FONT: f64 = 1.24;
 /// Height of letters, CSS pixels.
 const LETTERS: f64 = 12.5;
@@ -33,7 +32,7 @@ const EDGE: (i32, i32) = (10, 18);
 /// Most points of a line, and of a cloud.
 const MOST: (usize, usize) = (2_000, 700);
 
-/// What stands for the colour of texts.
+/// Placeholder for the colour of texts.
 const TEXT: RGBColor = RGBColor(2, 0, 0);
 
 /// A colour of the style sheet.
@@ -47,7 +46,7 @@ enum Ink {
 }
 
 impl Ink {
-    /// The number that stands for it while plotters draws.
+    /// The placeholder colour while plotters draws.
     fn stand_in(self) -> RGBColor {
         match self {
             Self::Text => TEXT,
@@ -88,11 +87,10 @@ impl Ink {
 type Failure = DrawingAreaErrorKind<std::io::Error>;
 type Sheet<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// The SVG element of `panel`, `width` CSS pixels wide, which reads `words` to those who can't see it; none where there is
-/// nothing to draw.
+/// The SVG element of `panel`, `width` CSS pixels wide, with `words` as its text for screen readers; `None` without data.
 ///
 /// # Errors
-/// What plotters says.
+/// Errors of plotters.
 pub(crate) fn panel(
     panel: &Chart,
     width: u32,
@@ -117,7 +115,7 @@ fn size(panel: &Chart, width: u32) -> (i32, i32) {
     (wide * UNITS, high * UNITS)
 }
 
-/// plotters' element with a head of our own and with the style sheet's colours.
+/// plotters' element with our head element and the style sheet's colours.
 fn dressed(drawn: &str, (wide, high): (i32, i32), words: &str) -> String {
     let (_, inside) = drawn.split_once(">\n").unwrap_or(("", drawn));
     let mut inside = inside.to_owned();
@@ -135,7 +133,7 @@ fn dressed(drawn: &str, (wide, high): (i32, i32), words: &str) -> String {
     )
 }
 
-/// What the axes span: the data and what must be in view, with a little room; none without finite data.
+/// Ranges of the axes: the data and the values that must be in view, with a little room; `None` without finite data.
 fn ranges(panel: &Chart) -> Option<(Range<f64>, Range<f64>)> {
     let across = panel.series.iter().flat_map(|series| series.x.iter().copied());
     let zero = panel.series.iter().any(|series| series.style == Style::Bars).then_some(0.0);
@@ -165,7 +163,7 @@ fn span(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
     })
 }
 
-/// The range with a share of its length at both ends; a single value gets room to stand in.
+/// The range extended by a share of its length at both ends; a single value gets a range around it.
 fn wider(range: Range<f64>, share: f64) -> Range<f64> {
     let length = range.end - range.start;
     let least = 1e-9 * range.start.abs().max(range.end.abs()).max(1e-3);
@@ -218,7 +216,7 @@ fn axes(sheet: &mut Sheet<'_, '_>, panel: &Chart, x: &Range<f64>, y: &Range<f64>
         .draw()
 }
 
-/// A number at an axis that is `length` long.
+/// A number at an axis of length `length`.
 fn tick(value: f64, length: f64) -> String {
     let decimals = (1.0 - (length / 6.0).log10().floor()).clamp(0.0, 9.0) as usize;
     let written = number(value, Digits::Fixed(decimals));
@@ -228,7 +226,7 @@ fn tick(value: f64, length: f64) -> String {
     written.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// The marks that lie behind everything.
+/// The marks behind everything else.
 fn bands(sheet: &mut Sheet<'_, '_>, panel: &Chart, y: &Range<f64>) -> Result<(), Failure> {
     let bands = panel.marks.iter().filter_map(|mark| match mark {
         Mark::Span { from, to, .. } => {

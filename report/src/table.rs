@@ -1,4 +1,4 @@
-//! Tables: columns with units, cells with their meaning.
+//! Tables: columns with units, cells with content and verdict.
 
 use crate::text::Digits;
 use crate::verdict::Verdict;
@@ -6,7 +6,7 @@ use crate::verdict::Verdict;
 /// A table. The first cell of a row names the row.
 #[derive(Debug, Clone, Default)]
 pub struct Table {
-    /// What the table shows; stands above it.
+    /// Title above the table.
     pub caption: String,
     /// The columns, from left to right.
     pub columns: Vec<Column>,
@@ -16,7 +16,7 @@ pub struct Table {
     pub note: String,
 }
 
-/// A column of a table. Columns that hold a number are aligned to the right.
+/// A column of a table. Columns of numbers are aligned to the right.
 #[derive(Debug, Clone)]
 pub struct Column {
     /// The heading.
@@ -25,17 +25,17 @@ pub struct Column {
     pub unit: String,
     /// A heading shared with the neighbouring columns of the same group; may be empty.
     pub group: String,
-    /// How its numbers are written.
+    /// Format of its numbers.
     pub digits: Digits,
-    /// Which of its numbers is marked as the best.
+    /// Selects the number that is marked as the best.
     pub best: Best,
-    /// Whether each number gets a bar as long as the number is large, beside the largest of the column.
+    /// Whether each number has a bar; the largest number of the column has the longest bar.
     pub bars: bool,
-    /// Whether its texts are broken into lines where they are long.
+    /// Whether long texts are broken into lines.
     pub wraps: bool,
 }
 
-/// Which number of a column is marked. It takes two different numbers to have a best one.
+/// Selects the marked number of a column. A best number requires two different ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Best {
     /// None.
@@ -46,19 +46,19 @@ pub enum Best {
     Highest,
 }
 
-/// A cell: what it says and, if it is judged, how it came out.
+/// A cell: its content and its verdict, if any.
 #[derive(Debug, Clone, Default)]
 pub struct Cell {
-    /// What it says.
+    /// The content.
     pub content: Content,
-    /// How it came out, if it is judged.
+    /// The verdict, if any.
     pub verdict: Option<Verdict>,
 }
 
-/// What a cell says.
+/// Content of a cell.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum Content {
-    /// Nothing.
+    /// Empty.
     #[default]
     Empty,
     /// Plain text.
@@ -67,7 +67,7 @@ pub enum Content {
     Judged(Verdict, String),
     /// The name of a series: shown with the colour that this name has in the charts.
     Series(String),
-    /// A number, written as its column says; NaN is shown as a dash.
+    /// A number in the format of its column; NaN appears as a dash.
     Number(f64),
     /// A number and the half width of its interval, both in the unit of the column.
     Uncertain(f64, f64),
@@ -139,7 +139,7 @@ impl Column {
         self
     }
 
-    /// Puts a shared heading over this column and its neighbours of the same group.
+    /// Gives this column and its neighbours of the same group a shared heading.
     #[must_use]
     pub fn group(mut self, group: impl Into<String>) -> Self {
         self.group = group.into();
@@ -200,7 +200,7 @@ impl Cell {
         Content::Judged(verdict, word.into()).into()
     }
 
-    /// Says how it came out.
+    /// Sets the verdict.
     #[must_use]
     pub fn judged(mut self, verdict: Verdict) -> Self {
         self.verdict = Some(verdict);

@@ -1,4 +1,4 @@
-//! Files that a person names: errors of the storage crate become failures with an exit code, and what was written is told.
+//! Files named on the command line: errors of the storage crate become failures with an exit code, and the program reports the files that it wrote.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use crate::exit::Failure;
 use crate::messages;
 
-/// Earlier results without `--force` are a matter of the command line; all else is one of files and disks.
+/// Earlier results without `--force` are an error of the command line; all other errors concern files and disks.
 impl From<StorageError> for Failure {
     fn from(error: StorageError) -> Self {
         match error.refusal() {
@@ -31,7 +31,7 @@ pub fn unwritable(path: &Path, error: std::io::Error) -> Failure {
 /// The text of a document, at most [`freeplay_storage::DOCUMENT_LIMIT`] bytes.
 ///
 /// # Errors
-/// The file, what the system said, and what to do.
+/// The file, the system's error, and the remedy.
 pub fn read_text(path: &Path) -> Result<String, Failure> {
     Ok(freeplay_storage::read_text(path)?)
 }
@@ -39,7 +39,7 @@ pub fn read_text(path: &Path) -> Result<String, Failure> {
 /// The JSON in a file that should be `what`, such as "the receipt that freeplay blind left".
 ///
 /// # Errors
-/// As [`read_text`]; what is wrong with line and column, and what to give instead.
+/// As [`read_text`]; the fault with line and column, and the expected file.
 pub fn read_json<T: DeserializeOwned>(path: &Path, what: &str) -> Result<T, Failure> {
     let text = read_text(path)?;
     let wrong = |why: String| Failure::input(format!("{}: {why}; give {what}", path.display()));
@@ -52,18 +52,18 @@ pub fn read_json<T: DeserializeOwned>(path: &Path, what: &str) -> Result<T, Fail
 /// Makes the folder `path` and those above it.
 ///
 /// # Errors
-/// The folder, what the system said, and what to do.
+/// The folder, the system's error, and the remedy.
 pub fn make_folder(path: &Path) -> Result<(), Failure> {
     Ok(freeplay_storage::make_folder(path)?)
 }
 
 /// Claims the folder `out` for the results of one command; without it, a new one named by the time.
 ///
-/// The folder is locked until the value is dropped. `results` are names that the command writes first or last: one that is there belongs to an
-/// earlier command, and is kept without `force`.
+/// The folder is locked until the value is dropped. `results` are names that the command writes first or last: an existing one belongs to an earlier command,
+/// and is kept without `force`.
 ///
 /// # Errors
-/// A folder that can't be made, that another command works in, or that holds earlier results.
+/// A folder that can't be made, that another command uses, or that holds earlier results.
 pub fn claim(out: Option<&Path>, results: &[&str], force: bool) -> Result<OutputFolder, Failure> {
     claim_or_new(out, &timed_folder(), results, force)
 }
@@ -106,18 +106,18 @@ fn timed_folder() -> PathBuf {
     Path::new("out").join(stamp)
 }
 
-/// Whether a file could be written to `path`, without leaving anything: for what takes minutes before it writes.
+/// Checks that a file could be written to `path`, without leaving anything; for commands that run for minutes before they write.
 ///
 /// # Errors
-/// No folder to write it into, or a folder in its place.
+/// No folder for the file, or a folder at its path.
 pub fn check_target(path: &Path) -> Result<(), Failure> {
     Ok(freeplay_storage::check_target(path)?)
 }
 
-/// Writes a file that only its owner can read, whole or not at all.
+/// Writes a file that only its owner can read, completely or not at all.
 ///
 /// # Errors
-/// The file, what the system said, and what to do.
+/// The file, the system's error, and the remedy.
 pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     freeplay_storage::write(path, text)?;
     messages::detail(format_args!("wrote {}: {:.1} kB", path.display(), text.len() as f64 * 1e-3));

@@ -1,9 +1,9 @@
-//! Every call to the file system fails in turn, and power is cut after each: old data are intact, there is one clear error with a
-//! documented exit code, no half file under a final name, nothing in shared memory.
+//! Every call to the file system fails in turn, and power is cut after each. Afterwards old data are intact, there is one clear error with a documented exit
+//! code, no partial file has a final name, and shared memory is empty.
 //!
-//! A debug build of the program counts and logs its calls on demand (`storage/src/injection.rs`). Without a variable a part of the calls is
-//! tried, evenly spread; all of them by `FREEPLAY_FAULT_POINTS=all cargo test -p freeplay --test command storage_faults:: -- --nocapture`, or in parts, as
-//! `FREEPLAY_FAULT_POINTS=3/20`. Power cuts are replayed from the log in memory, and always all of them.
+//! A debug build of the program counts and logs its calls on demand (`storage/src/injection.rs`). By default the test tries a part of the calls, evenly spread;
+//! `FREEPLAY_FAULT_POINTS=all cargo test -p freeplay --test command storage_faults:: -- --nocapture` tries all, `FREEPLAY_FAULT_POINTS=3/20` one part of many.
+//! Power cuts are always complete: the test replays them from the log in memory.
 
 mod disk;
 mod memory;
@@ -18,10 +18,10 @@ use crate::common::{Call, FREEPLAY, Ran, fresh_folder};
 use disk::{Disk, Survives};
 use tempfile::TempDir;
 
-/// The end of the names of temporary files.
+/// Ending of temporary files.
 const TEMPORARY: &str = ".freeplay-part";
 
-/// Calls that are let fail of each command, unless all are asked for.
+/// Number of failing calls per command, unless all are requested.
 const THINNED: usize = 12;
 
 const ENOSPC: i32 = 28;
@@ -32,13 +32,13 @@ const EACCES: i32 = 13;
 struct Subject {
     name: &'static str,
     arguments: Vec<&'static str>,
-    /// Makes what it reads, and what an earlier command left.
+    /// Makes its inputs, and the results of an earlier command.
     prepare: fn(&Path),
     /// Endings of files that are readable while they grow.
     live: &'static [&'static str],
 }
 
-/// The log of a call that goes well, and its folder as it was before.
+/// The log of a successful call, and the content of its folder before.
 struct Observed {
     log: Vec<disk::Call>,
     before: Disk,
@@ -70,7 +70,7 @@ impl Subject {
         Some(Observed { log: disk::Call::parse_all(&text), before, here, ran })
     }
 
-    /// Lets calls fail in turn: once, and, where space runs out, for good.
+    /// Lets calls fail in turn: each once, and, for a full disk, from this call on.
     fn fail_each(&self) {
         let Some(observed) = self.observe() else { return };
         let mut points: Vec<(String, i32)> = Vec::new();
@@ -120,7 +120,7 @@ impl Subject {
         code
     }
 
-    /// Each file is as it was, or is new and whole; and nothing else is there but what a good call leaves.
+    /// Checks that each file is unchanged, or new and complete, and that there are no files beyond those of a successful call.
     fn check_files(
         &self,
         old: &BTreeMap<PathBuf, Vec<u8>>,
@@ -147,8 +147,8 @@ impl Subject {
         }
     }
 
-    /// Whether `--force` gives up an earlier result before the new one is there: a blind set is drawn anew, and what one controller left of
-    /// a run goes with its recording, which is overwritten from the first tick on.
+    /// True if `--force` removes an earlier result before the new one exists: a blind set is drawn anew, and the other results of a controller's run are
+    /// removed with its recording, which is overwritten from the first tick on.
     fn gives_up(&self, name: &Path) -> bool {
         self.name == "blind"
             || (self.name == "run" && name.to_string_lossy().contains("out/computed-torque."))
@@ -173,7 +173,7 @@ impl Subject {
         }
     }
 
-    /// Cuts power after each call of a good run.
+    /// Cuts power after each call of a successful run.
     fn cut_power(&self) {
         let Some(observed) = self.observe() else { return };
         let Observed { log, before, here, .. } = &observed;
@@ -221,7 +221,7 @@ impl Subject {
     }
 }
 
-/// The first point that is played, and how many from one to the next: `all`, or `I/N` for every N-th from the I-th on; else `thinned`.
+/// First fault point, and the step to the next: `all`, or `I/N` for every N-th from the I-th on; else `thinned`.
 fn chosen(asked: Option<&str>, thinned: impl Fn() -> (usize, usize)) -> (usize, usize) {
     match asked {
         None => thinned(),
@@ -235,7 +235,7 @@ fn chosen(asked: Option<&str>, thinned: impl Fn() -> (usize, usize)) -> (usize, 
     }
 }
 
-/// Calls `work` with each of `points`, as many at a time as there are cores; how often it gave each exit code.
+/// Calls `work` with each of `points`, with one thread per core; returns the number of times each exit code occurred.
 fn on_all_cores<Point: Sync>(points: &[Point], work: impl Fn(&Point) -> i32 + Sync) -> BTreeMap<i32, usize> {
     let next = AtomicUsize::new(0);
     let codes = Mutex::new(BTreeMap::new());
@@ -297,7 +297,7 @@ const RUN: [&str; 11] = [
 ];
 
 fn a_run_before(folder: &Path) {
-    // Once a test binary: the folder is copied for each call.
+    // Made once per test binary; each call gets a copy of the folder.
     static EARLIER: std::sync::OnceLock<BTreeMap<PathBuf, Vec<u8>>> = std::sync::OnceLock::new();
     let earlier = EARLIER.get_or_init(|| {
         let folder = fresh_folder();
@@ -340,7 +340,7 @@ fn report() -> Subject {
     Subject { name: "report", arguments: vec!["report", "out", "--out", "old.html"], prepare, live: &[] }
 }
 
-/// A pendulum of two joints as a URDF, and a recording of it in which one joint rubs.
+/// A pendulum of two joints as a URDF, and a recording of it with friction in one joint.
 fn a_rubbing_arm(folder: &Path) {
     let link = |name: &str| {
         format!(
@@ -398,7 +398,7 @@ fn blind() -> Subject {
             std::fs::write(folder.join("out").join(name), "what was there before").expect("a file");
         }
     };
-    // Analysts read only, in a sandbox of their own; one second is enough for them to fail.
+    // Analysts only read, in a sandbox of their own; they fail within one second.
     let arguments = vec![
         "blind",
         "--quiet",

@@ -11,26 +11,26 @@ pub const QUANTILES: [(&str, f64); 3] = [("p50", 0.5), ("p99", 0.99), ("p99.9", 
 /// A ratio at one quantile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ratio {
-    /// Of all blocks together.
+    /// All blocks together.
     pub all: f64,
-    /// Median of the blocks' own.
+    /// Median of the single blocks.
     pub median: f64,
-    /// Where that median lies at 95 %: order statistics of the blocks, so that no shape of their spread is supposed.
+    /// Confidence interval of that median at 95 %: order statistics of the blocks, which assume no distribution.
     pub bounds: [f64; 2],
-    /// Least of the blocks'.
+    /// Least value of a block.
     pub least: f64,
-    /// Greatest of the blocks'.
+    /// Greatest value of a block.
     pub greatest: f64,
 }
 
-/// Stages whose lengths are added up and set against the same of a yardstick.
+/// Stages whose durations are added up and compared with those of a yardstick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compared {
-    /// The wake-up of the ticks that a loop waited for, against the bare loop's: how well the machine wakes either.
+    /// The wake-up of awaited ticks, compared with the bare loop's: the quality of wake-ups on this machine.
     WakeUp,
-    /// How late either is against the schedule, ticks of catching up after a stall included: who does more in a tick takes longer to catch up.
+    /// Lateness against the schedule, ticks of catching up after a stall included: a loop with more work per tick takes longer to catch up.
     Lateness,
-    /// The ways of state and command against those of bare iceoryx2.
+    /// Transport of state and command, compared with that of bare iceoryx2.
     Transport,
 }
 
@@ -50,7 +50,7 @@ impl Compared {
         }
     }
 
-    /// The sum of its stages at `quantile`, ns; `None` where one was not measured.
+    /// The sum of its stages at `quantile`, ns; `None` if one was not measured.
     pub fn at(self, stages: &ByStage, quantile: f64) -> Option<f64> {
         let of = |name: &&str| Some(stages.get(*name)?.value_at_quantile(quantile) as f64);
         self.stages().iter().map(of).sum()
@@ -93,7 +93,7 @@ pub fn ratios(blocks: &[Block], which: usize, compared: Compared) -> [Option<Rat
 }
 
 impl Ratio {
-    /// Of one thing over another, (ours, yardstick), `all` together and `each` block.
+    /// Ratio of the first to the second of each pair (ours, yardstick), for `all` blocks together and for `each` block.
     pub fn of(
         all: (Option<f64>, Option<f64>),
         each: impl Iterator<Item = (Option<f64>, Option<f64>)>,
@@ -114,7 +114,7 @@ impl Ratio {
     }
 }
 
-/// The bounds of the median of what `sorted` was drawn from, at 95 % (sign test, normal approximation of the binomial).
+/// Confidence interval of the median from a `sorted` sample, at 95 % (sign test, normal approximation of the binomial).
 fn median_bounds(sorted: &[f64]) -> Option<[f64; 2]> {
     let count = sorted.len() as f64;
     let reach = 0.98 * count.sqrt();
@@ -123,7 +123,7 @@ fn median_bounds(sorted: &[f64]) -> Option<[f64; 2]> {
     Some([*sorted.get(least)?, *sorted.get(greatest)?])
 }
 
-/// Points of a percentile curve, (quantile, µs), as far as the number of values carries.
+/// Points of a percentile curve, (quantile, µs), up to the resolution of the number of values.
 pub fn curve(histogram: &Histogram<u64>) -> (Vec<f64>, Vec<f64>) {
     let most = 1.0 - 1.0 / histogram.len().max(1) as f64;
     let quantiles = (0..=144).map(|step| 1.0 - 10f64.powf(-f64::from(step) / 24.0));
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn the_bounds_of_a_median_are_those_of_the_sign_test() {
         let hundred: Vec<f64> = (1..=100).map(f64::from).collect();
-        // Conover (1999), section 3.2: the 40th and the 61st of a hundred values hold the median at 95 %; the rounding here is outwards.
+        // Conover (1999), section 3.2: the 40th and the 61st of a hundred values enclose the median at 95 %; the rounding here is outwards.
         let [least, greatest] = median_bounds(&hundred).unwrap();
         assert!((40.0..=41.0).contains(&least) && (60.0..=61.0).contains(&greatest), "{least} {greatest}");
         assert_eq!(median_bounds(&hundred[..3]), Some([1.0, 3.0]));

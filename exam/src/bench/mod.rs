@@ -1,5 +1,5 @@
-//! `freeplay bench`: how long every stage of the loop takes, beside a bare clock loop and bare iceoryx2 that take turns with it; why
-//! deadlines were missed; and how much more a controller may compute before the budget of a tick breaks.
+//! `freeplay bench`: measures every stage of the loop, alternating with a bare clock loop and bare iceoryx2; attributes missed deadlines to causes; and finds
+//! the additional compute time at which a controller exceeds the budget of a tick.
 
 mod bench_page;
 mod bench_report;
@@ -35,7 +35,7 @@ use freeplay_terminal::files::claim;
 
 pub use yardstick::{YardstickArgs, yardstick};
 
-/// Missed ticks that are bridged: a bench measures the stall of a machine and does not end at it.
+/// Missed ticks that the plant bridges: a bench measures a stall of the machine and continues.
 const HOLD: u32 = 1000;
 
 /// Times the loop.
@@ -81,16 +81,16 @@ pub struct BenchArgs {
     format: Format,
 }
 
-/// What was played.
+/// The blocks and their results.
 struct Played {
     blocks: Vec<Block>,
     cliff: Vec<Step>,
 }
 
-/// Times the loop as `args` say.
+/// Measures the loop with the settings of `args`.
 ///
 /// # Errors
-/// Bad input; a machine that is not fit, with `--require-rt`; a process that fails.
+/// Bad input; an unfit machine, with `--require-rt`; a process that fails.
 pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
     let examination = Examination::quick();
     if args.require_rt {
@@ -186,13 +186,13 @@ fn two_cores(text: &str) -> Result<[usize; 2], String> {
     both.ok_or_else(|| "give two cores, as in 2,3".to_owned())
 }
 
-/// The cores that this process may use, the last first; none where the system does not tell.
+/// The cores that this process may use, the last first; empty if the system does not report them.
 fn cores() -> Vec<usize> {
     let Ok(allowed) = sched_getaffinity(None) else { return Vec::new() };
     (0..CpuSet::MAX_CPU).rev().filter(|&cpu| allowed.is_set(cpu)).collect()
 }
 
-/// The last two cores that this process may use: the first have the interrupts. None where there is but one.
+/// The last two cores that this process may use: the first ones handle interrupts. `None` if there is only one.
 fn last_cores() -> [Option<usize>; 2] {
     match cores().as_slice() {
         &[plant, controller, ..] => [Some(plant), Some(controller)],

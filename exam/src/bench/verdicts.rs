@@ -1,4 +1,4 @@
-//! The result of a bench: each controller against the yardsticks, the verdicts, the cliff.
+//! The result of a bench: each controller against the yardsticks, the verdicts, the compute limit.
 
 use std::collections::BTreeMap;
 
@@ -9,13 +9,13 @@ use serde_json::{Value, json};
 use crate::bench::blocks::Block;
 use crate::bench::figures::{Compared, Ratio, caught_up, ratios};
 
-/// What the wake-up's p99 may be of the bare loop's.
+/// Largest permitted ratio of the wake-up's p99 to that of the bare loop.
 pub const MOST_WAKE_UP: f64 = 1.10;
-/// What the transport's p50 may be of bare iceoryx2's.
+/// Largest permitted ratio of the transport's p50 to that of bare iceoryx2.
 pub const MOST_TRANSPORT: f64 = 1.15;
-/// What share of the missed deadlines must have a cause.
+/// Least share of missed deadlines with a known cause.
 pub const LEAST_CAUSED: f64 = 0.95;
-/// Share of missed deadlines at which the budget is broken.
+/// Share of missed deadlines at which the budget counts as exceeded.
 pub const BROKEN: f64 = 0.01;
 
 /// One controller against the yardsticks.
@@ -23,21 +23,21 @@ pub const BROKEN: f64 = 0.01;
 pub struct Contest {
     /// The controller.
     pub controller: String,
-    /// The wake-up of ticks that were waited for against the bare loop's at p50, p99, p99.9.
+    /// Ratios of the wake-up of awaited ticks to that of the bare loop at p50, p99, p99.9.
     pub wake_up: [Option<Ratio>; 3],
-    /// The lateness of all ticks against the bare loop's.
+    /// Ratios of the lateness of all ticks to that of the bare loop.
     pub lateness: [Option<Ratio>; 3],
-    /// The transport against bare iceoryx2's.
+    /// Ratios of the transport to that of bare iceoryx2.
     pub transport: [Option<Ratio>; 3],
     /// Ticks played.
     pub ticks: u64,
-    /// Ticks that were due before the loop got to them: it was catching up after a stall, and nothing woke it.
+    /// Ticks that were already due when the loop reached them: it was catching up after a stall, without a wake-up.
     pub caught_up: u64,
-    /// The same of the bare loop.
+    /// The same for the bare loop.
     pub bare_caught_up: u64,
     /// Ticks without an answer in time, and ticks at which the plant itself was a period late.
     pub missed: u64,
-    /// How many of them by cause.
+    /// Number of missed ticks by cause.
     pub causes: BTreeMap<String, u64>,
 }
 
@@ -67,7 +67,7 @@ impl Contest {
         }
     }
 
-    /// What is compared, in words, with its ratios.
+    /// The comparisons, in words, with their ratios.
     pub fn compared(&self) -> [(&'static str, &[Option<Ratio>; 3]); 3] {
         [
             ("wake-up", &self.wake_up),
@@ -77,17 +77,17 @@ impl Contest {
     }
 }
 
-/// What is asked of all of them together.
+/// Requirements on all controllers together, with the results.
 #[derive(Debug, Serialize)]
 pub struct Verdicts {
-    /// Greatest ratio of a wake-up's p99, the median of the blocks: each is set against the bare loop's block next to it, and what the host
-    /// does to one block alone is no matter.
+    /// Greatest ratio of a wake-up's p99, the median of the blocks: each block is compared with the bare loop's block next to it, so that a disturbance of one
+    /// block by the host does not matter.
     pub wake_up_p99: Option<f64>,
     /// Greatest ratio of a transport's p50.
     pub transport_p50: Option<f64>,
     /// Missed deadlines.
     pub missed: u64,
-    /// Of these, with a cause.
+    /// Number of these with a cause.
     pub caused: u64,
     limits: Value,
 }
@@ -106,7 +106,7 @@ impl Verdicts {
         }
     }
 
-    /// Whether wake-up, transport and causes are within their limits, each.
+    /// Results of the three limits: wake-up, transport and causes.
     pub fn hold(&self) -> [bool; 3] {
         [
             self.wake_up_p99.is_some_and(|ratio| ratio <= MOST_WAKE_UP),
@@ -123,13 +123,13 @@ pub struct Step {
     pub controller: String,
     /// Added compute of each answer, µs.
     pub load_us: f64,
-    /// Share of the ticks whose deadline was missed; 1 where the run ended otherwise than at its last tick.
+    /// Share of the ticks with a missed deadline; 1 if the run ended before its last tick.
     pub missed_share: f64,
     /// The round trip, µs.
     pub round_trip_us: Value,
 }
 
-/// The largest added compute of `controller` before which the budget held, µs, and the first at which it broke.
+/// The largest added compute time of `controller` that kept the budget, µs, and the first that exceeded it.
 pub fn cliff_of(cliff: &[Step], controller: &str) -> Option<(Option<f64>, f64)> {
     let steps = || cliff.iter().filter(|step| step.controller == controller);
     let broken =
@@ -138,7 +138,7 @@ pub fn cliff_of(cliff: &[Step], controller: &str) -> Option<(Option<f64>, f64)> 
     Some((held, broken))
 }
 
-/// Deadlines that a run missed, by the controller or by the plant.
+/// Missed deadlines of a run, by the controller or by the plant.
 fn missed_of(run: &RunSummary) -> u64 {
     ["missed", "plant_late"].iter().filter_map(|key| run.deadlines[key].as_u64()).sum()
 }

@@ -1,4 +1,4 @@
-//! The runs of an exam: a sound one to measure by, then the faults, as many in a run as it survives.
+//! The runs of an exam: first a run without faults for comparison, then runs with faults, as many in a run as it survives.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,31 +23,31 @@ use crate::faults::kinds::{Injection, Kind, Plan};
 use crate::recorded::{check_solo_run, play_recorded};
 use crate::swap_measures::{Alone, stalls};
 
-/// First tick of a fault: the arm has settled.
+/// First tick of a fault; the arm has settled by then.
 const FIRST: u64 = 600;
-/// Ticks from one fault to the next, within which it passes, the arm settles and the controller is put in charge again.
+/// Ticks from one fault to the next; meanwhile the fault ends, the arm settles and the controller becomes active again.
 const SPACING: u64 = 250;
-/// Ticks by which a fault may come later.
+/// Largest random delay of a fault, ticks.
 const JITTER: u64 = 50;
-/// Ticks from a fault to when the controller is put in charge again.
+/// Ticks from a fault until the run makes the controller active again.
 const BACK: u64 = 170;
-/// Ticks before a fault at which the controller is put in charge if it is not: in real time it may have been late before.
+/// The run makes an inactive controller active this many ticks before a fault: in real time it may have been late before.
 const BEFORE: u64 = 30;
-/// Ticks from a fault for which it is looked at.
+/// Ticks over which a fault is observed.
 const WINDOW: usize = (SPACING - BEFORE) as usize;
-/// Faults of one run.
+/// Faults in one run.
 const PER_RUN: u32 = 20;
-/// Seconds that lockstep waits for an answer that does not come.
+/// Lockstep waits this long for an answer that does not come, s.
 const ANSWER_PATIENCE: f64 = 0.15;
-/// Least time to wait for a process to join, s: one that a busy machine starts late is not at fault.
+/// Least time to wait for a process to join, s: a process that a busy machine starts late is not at fault.
 const LEAST_PATIENCE_S: f64 = 60.0;
-/// How often a lockstep run is played in which somebody sound was late: that says something of a busy machine alone.
+/// A lockstep run in which a sound controller was late is repeated up to this many times: the delay came from a busy machine.
 const ATTEMPTS: u32 = 3;
-/// How many faults real time injects at most for one that is asked for, until as many as are asked for could be judged.
+/// Real time injects up to this many faults for each requested one, until the requested number could be judged.
 const MOST_FOR_ONE: u32 = 3;
-/// How much longer lockstep waits each time.
+/// Factor on the waiting time of lockstep in each repetition.
 const MORE_PATIENCE: f64 = 4.0;
-/// How far two controllers may differ beyond what they differ by in the sound run, of the joint's range.
+/// Permitted difference between two controllers beyond that in the sound run, as a share of the joint's range.
 const TOLERANCE: f64 = 0.002;
 
 /// The exam of one controller.
@@ -63,7 +63,7 @@ pub struct Exam {
 }
 
 impl Exam {
-    /// The exam of `examined` in `scenario` beside `standby`, with its files in `out`.
+    /// The exam of `examined` in `scenario` with `standby`; its files are in `out`.
     ///
     /// # Errors
     /// A scenario that can't be run.
@@ -94,15 +94,15 @@ impl Exam {
         &self.examined
     }
 
-    /// The scenario with all that was measured for it.
+    /// The scenario with the values measured for it.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
     }
 
-    /// Injects `seeds` faults of each of `kinds`, in real time others for those that could not be judged; what there was until then if interrupted.
+    /// Injects `seeds` faults of each of `kinds`; in real time replaces faults that could not be judged. Returns the verdicts so far if interrupted.
     ///
     /// # Errors
-    /// A run that fails otherwise than by the fault.
+    /// A run that fails for another reason than the fault.
     pub fn examine(
         &mut self,
         kinds: &[Kind],
@@ -117,7 +117,7 @@ impl Exam {
             let per_run = if kind.ends_the_process() { 1 } else { PER_RUN };
             let mut verdict = Verdict::new(kind);
             let mut done = 0;
-            // A stall of the machine or brakes that it has closed leave faults that say nothing: others take their place.
+            // A fault during a stall of the machine, or with brakes closed by one, cannot be judged; another fault replaces it.
             let most = match self.scenario.pace {
                 Pacing::Lockstep => seeds,
                 Pacing::Realtime => seeds.saturating_mul(MOST_FOR_ONE),
@@ -143,7 +143,7 @@ impl Exam {
         Ok(verdicts)
     }
 
-    /// Plays each controller without faults, to know the deviation, and how far the two differ; `false` if interrupted.
+    /// Runs each controller without faults to measure the deviation and the difference between the two; `false` if interrupted.
     fn measure_sound_runs(&mut self, per_run: u32) -> Result<bool, Failure> {
         let mut sound = self.scenario.clone();
         last(&mut sound, per_run);
@@ -209,7 +209,7 @@ impl Exam {
         RunFindings::of(findings, &summary, &recording, &self.limits, swept).map(Some)
     }
 
-    /// Plays `scenario`, in lockstep again with more patience where `is_late` says that somebody sound was late.
+    /// Runs `scenario`; repeats it in lockstep with more patience if `is_late` reports that a sound controller was late.
     fn play_patiently(
         &self,
         scenario: &Scenario,
@@ -233,12 +233,12 @@ impl Exam {
     }
 }
 
-/// Whether an answer of the controller in `slot` did not come in time.
+/// True if an answer of the controller in `slot` was missing.
 fn is_late(summary: &RunSummary, slot: usize) -> bool {
     summary.line_up["controllers"][slot]["rejected"]["missing"].as_u64().is_some_and(|count| count > 0)
 }
 
-/// Makes `scenario` last for `count` faults, with laps enough; real time needs none of lockstep's patience.
+/// Sets the duration of `scenario` for `count` faults, with enough laps; real time does not use lockstep's patience.
 fn last(scenario: &mut Scenario, count: u32) {
     let ticks = FIRST + u64::from(count) * SPACING;
     let seconds = ticks as f64 / scenario.rate;

@@ -1,9 +1,8 @@
-//! A process between a run and a controller, which makes the controller look faulty.
+//! A process between a run and a controller that makes the controller appear faulty.
 //!
-//! To the run it is a controller: it holds the seat and sends the commands. To the controller it is a plant: a run of its own
-//! with the same offer, in which it publishes the states that it gets. So any executable can be examined as it is, what the run
-//! sees is a real process with a real link that goes wrong, and the controller itself is killed or stopped where the fault says
-//! so. See `decisions/0006-swaps-and-faults.md`.
+//! To the run it is a controller: it holds the slot and sends the commands. To the controller it is a plant: it opens a run of its own with the same offer, and
+//! publishes the states that it receives. So the exam accepts any executable unchanged. The run sees a real process and a real link with a fault, and the
+//! injector kills or stops the controller itself if the fault requires it. See `decisions/0006-swaps-and-faults.md`.
 
 use std::path::Path;
 use std::process::{Child, Command as Process, Stdio};
@@ -26,23 +25,23 @@ use crate::faults::active_fault::ActiveFault;
 use crate::faults::kinds::{Injection, Kind, Plan};
 use freeplay_harness::processes::new_run;
 
-/// How long to wait for the plant's welcome and for the controller's hello.
+/// Time limit for the plant's welcome and for the controller's hello.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// How long nothing may come before it looks who still lives, ns.
+/// Time without messages after which the process checks that both peers live, ns.
 const LOOK_NS: u64 = 50_000_000;
-/// How long after the last state the last answer may take, ns.
+/// Time limit for the last answer after the last state, ns.
 const LAST_ANSWER_NS: u64 = 500_000_000;
-/// Real time: pause between two looks for messages, ns.
+/// Real time: pause between two polls for messages, ns.
 const PAUSE_NS: u64 = 50_000;
-/// By how much the controller's real-time priority is below that of this process.
+/// Difference by which the controller's real-time priority is below that of this process.
 const LOWER: u8 = 10;
-/// By how much a clock jumps, ns.
+/// Size of a clock jump, ns.
 const JUMP_NS: u64 = 1_000_000_000;
 
 /// Plays the controller of `args` with the faults of the file `plan`.
 ///
 /// # Errors
-/// A plan that can't be read, a run that can't be joined, a controller that does not come.
+/// A plan that can't be read, a run that can't be joined, a controller that does not join.
 pub fn relay(args: &ControllerArgs, plan: &Path) -> Result<Exit, Failure> {
     let plan: Plan = read_json(plan, "the plan that freeplay faults wrote")?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -57,7 +56,7 @@ pub fn relay(args: &ControllerArgs, plan: &Path) -> Result<Exit, Failure> {
     let mut inner = PlantLink::open(root.address(), 1, offer).map_err(Failure::internal)?;
     let mut child = ControllerProcess(start(args, root.address())?);
     child.greet(&mut inner)?;
-    // What is refused is no matter here: an exam measures no latencies.
+    // A refused request does not matter: an exam measures no latencies.
     let _ = realtime::prepare(&RtRequest {
         priority: args.priority,
         cpu: args.cpu,
@@ -90,7 +89,7 @@ fn link_failure(error: LinkError) -> Failure {
     }
 }
 
-/// What the plant offers, offered on.
+/// The plant's offer, for the controller.
 fn offer(welcome: &Welcome) -> Option<Offer> {
     Some(Offer {
         joints: welcome.joints as usize,
@@ -108,7 +107,7 @@ fn start(args: &ControllerArgs, address: &Address) -> Result<Child, Failure> {
     process.arg("controller").arg(&args.name).args(["--slot", "0"]);
     process.args(["--with-parent", &std::process::id().to_string()]);
     if let Some(priority) = args.priority {
-        // Below this process: while it polls for its state, it must not keep the one that brings the state from the core.
+        // Below this process: a controller that polls for its state must not take the core from the process that brings the state.
         let priority = priority.saturating_sub(LOWER).max(1);
         process.args(["--priority", &priority.to_string()]);
     }
@@ -117,19 +116,19 @@ fn start(args: &ControllerArgs, address: &Address) -> Result<Child, Failure> {
     process.spawn().map_err(|error| Failure::peer(format!("cannot start {}: {error}", args.name.display())))
 }
 
-/// The controller's process; ended when this is dropped.
+/// The controller's process; dropping it ends the process.
 struct ControllerProcess(Child);
 
 impl Drop for ControllerProcess {
     fn drop(&mut self) {
-        // Errors here mean that it is gone already.
+        // An error means that it has ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
 impl ControllerProcess {
-    /// Waits until it has said hello.
+    /// Waits for its hello.
     fn greet(&mut self, inner: &mut PlantLink) -> Result<(), Failure> {
         let deadline = now_ns() + PATIENCE.as_nanos() as u64;
         while now_ns() < deadline {
@@ -165,17 +164,17 @@ struct Saboteur {
     plan: Plan,
     pace: Pace,
     period_ns: u64,
-    /// Hashes of the run's id and of that of the controller's run.
+    /// Hashes of the id of the run and of the id of the controller's run.
     runs: [u64; 2],
     slot: u32,
     spoiler: Option<(Injection, ActiveFault)>,
     last_good: Option<Command>,
-    /// What happens to a process, and when.
+    /// The signal to a process, and its time.
     signal: Option<(Kind, u64)>,
     stopped: bool,
-    /// The last tick of the run, and when its state was passed on, ns.
+    /// The last tick of the run, and the time at which its state was passed on, ns.
     last: Option<(u64, u64)>,
-    /// Whether the answer to it has been.
+    /// Whether its answer has arrived.
     done: bool,
 }
 
@@ -212,7 +211,7 @@ impl Saboteur {
         }
     }
 
-    /// Passes on what is there; whether there was anything.
+    /// Passes on the waiting messages; true if there were any.
     fn exchange(&mut self) -> Result<bool, Failure> {
         let mut moved = false;
         if let Some((kind, _)) = self.signal.filter(|(_, when)| now_ns() >= *when) {
@@ -254,8 +253,8 @@ impl Saboteur {
         self.inner.publish(&state).map_err(Failure::internal)
     }
 
-    /// Where a process is to be killed or stopped: in lockstep now, in real time at any moment of the tick, which was due at `due_ns`; so it
-    /// never gets the state of the next.
+    /// Schedules killing or stopping a process if the fault requires it: at once in lockstep, in real time at a random moment of the tick, which was due at
+    /// `due_ns`. So the process never receives the next state.
     fn prepare_signal(&mut self, injection: Injection, due_ns: u64) {
         if !matches!(injection.kind, Kind::Crash | Kind::Hang | Kind::LoanLost) {
             return;
@@ -301,7 +300,7 @@ impl Saboteur {
         spoiler.spoil(command, |command| outer.send(command)).map_err(Failure::internal)
     }
 
-    /// Whether the process that `injection` strikes has still to be struck: until then it answers.
+    /// True if the signal of `injection` is still to be sent; until then the process answers.
     fn is_pending(&self, injection: &Injection) -> bool {
         self.signal.is_some_and(|(kind, _)| kind == injection.kind)
     }

@@ -1,5 +1,5 @@
-//! `kill -9` of any process of a run at any moment, also while it starts: does the next run start, does nothing grow in shared
-//! memory, does every recording open?
+//! Sends `kill -9` to any process of a run at any moment, also during its start. Checks that the next run starts, that shared memory does not grow, and that
+//! every recording opens.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,19 +19,19 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde::Serialize;
 use serde_json::json;
 
-/// What a run that is killed plays: short, so that start, loop and end take about the same time.
+/// Settings of a run that is killed: short, so that start, loop and end take about the same time.
 const KILLED: [&str; 3] = ["duration=1", "recording=mcap", "patience=2"];
-/// Settings of the run that nobody kills. They are those of [`KILLED`], but the run waits longer for its controller: a busy machine is slow to start one.
+/// Settings of the complete run. They are those of [`KILLED`], but the run waits longer for its controller: a busy machine is slow to start one.
 const WHOLE: [&str; 3] = ["duration=1", "recording=mcap", "patience=60"];
-/// How long a run may take to end after a process of it was killed. Long enough for a machine that does much else.
+/// A run has to end within this time after a process of it was killed; long enough for a busy machine.
 const LONGEST: Duration = Duration::from_secs(120);
-/// What the run after a kill plays. It waits for its controller as long as a busy machine takes to start one.
+/// Settings of the run after a kill. It waits for its controller as long as a busy machine takes to start one.
 const NEXT: [&str; 3] = ["duration=0.02", "recording=none", "patience=60"];
 const LOOK: Duration = Duration::from_millis(1);
-/// Where segments are.
+/// Folder of the segments.
 const SHM_FOLDER: &str = "/dev/shm";
 
-/// Which process of a run is killed.
+/// The process of a run that is killed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Victim {
@@ -40,11 +40,11 @@ enum Victim {
     Run,
 }
 
-/// What came of all kills.
+/// Results of all kills.
 #[derive(Debug, Default, Serialize)]
 struct Tally {
     kills: u32,
-    /// Kills that came when the victim was there.
+    /// Kills that hit a living victim.
     struck: u32,
     /// The same by victim.
     struck_by_victim: BTreeMap<Victim, u32>,
@@ -54,17 +54,17 @@ struct Tally {
     next_did_not_start: u32,
     recordings: u32,
     recordings_that_do_not_open: u32,
-    /// Kills after which something was left in shared memory, for the next run to sweep.
+    /// Kills that left files in shared memory, which the next run removed.
     left_and_swept: u32,
-    /// How long the processes of a killed run outlived it at most, ms.
+    /// Longest time for which the processes of a killed run outlived it, ms.
     slowest_orphan_ms: f64,
-    /// Files of all these runs that are in shared memory at the end.
+    /// Files of all these runs in shared memory at the end.
     files_left: usize,
     #[serde(skip)]
     runs: Vec<u32>,
 }
 
-/// Kills `count` runs of `controller`, each followed by one that has to end well.
+/// Kills `count` runs of `controller`; after each a further run has to succeed.
 ///
 /// # Errors
 /// A run that can't be started at all; results that can't be written.
@@ -77,9 +77,9 @@ pub fn kill_runs(
 ) -> Result<Exit, Failure> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut tally = Tally::default();
-    // Kills are spread over the time that a whole run takes on this machine, as busy as it is.
+    // The kills are spread over the time that a complete run takes on this machine under its present load.
     let begun = Instant::now();
-    // A controller that does not start leaves nothing to kill; what stands in its way it says on standard error.
+    // A controller that does not start cannot be killed; it reports the reason on standard error.
     let mut whole = start(controller, &out.join("whole"), &WHOLE, Stdio::inherit())?;
     if !ends(&mut whole)? {
         return Err(Failure::peer(format!("a run of {controller} does not end within {LONGEST:?}")));
@@ -96,7 +96,7 @@ pub fn kill_runs(
     while tally.kills < count && !stop.load(Ordering::Relaxed) {
         let victim = [Victim::Plant, Victim::Controller, Victim::Run][random.random_range(0..3)];
         let after = latest.mul_f64(random.random_range(0.0..1.0));
-        // A run that ended before its kill says how long one takes by now.
+        // A run that ended before its kill gives the present duration of a run.
         latest = kill_one(controller, out, victim, after, &mut tally)?.unwrap_or(latest);
     }
     tally.files_left = files_of(&tally.runs);
@@ -109,7 +109,7 @@ pub fn kill_runs(
     Ok(if holds { Exit::Done } else { Exit::Verdict })
 }
 
-/// Kills `victim` in a run of `controller` so long `after` its start; how long the run took, if it ended before.
+/// Kills `victim` in a run of `controller` at the time `after` its start. Returns the duration of the run if it ended before.
 fn kill_one(
     controller: &str,
     out: &Path,
@@ -147,7 +147,7 @@ fn kill_one(
         tally.recordings += 1;
         match freeplay_recording::read(path, None) {
             Ok(_) => has_ticks = true,
-            // It opens: it was killed before its first tick was written.
+            // The recording opens; the kill came before its first tick.
             Err(ReadError::NoSamples { .. } | ReadError::Empty { .. }) => {}
             Err(error) => {
                 messages::fault(format_args!("{}: {error}", path.display()));
@@ -165,7 +165,7 @@ fn kill_one(
     Ok(took)
 }
 
-/// The exit of a run that ended with `code`, where it failed before its controller commanded anything.
+/// The exit for `code`, if the run failed before its controller commanded anything.
 fn failed(code: i32) -> Option<Exit> {
     [Exit::Usage, Exit::Input, Exit::Peer, Exit::Internal].into_iter().find(|exit| *exit as i32 == code)
 }
@@ -187,7 +187,7 @@ fn has_ended(run: &mut Child) -> Result<bool, Failure> {
     Ok(run.try_wait().map_err(Failure::internal)?.is_some())
 }
 
-/// Kills the process of `victim` in `run`; whether it lived. One that has ended takes a signal, too, until it is waited for.
+/// Kills the process of `victim` in `run`; true if it lived. A process that has ended but was not reaped accepts a signal, too.
 fn strike(victim: Victim, run: &mut Child) -> Result<bool, Failure> {
     let pid = pid_of(victim, run.id());
     Ok(!has_ended(run)? && pid.is_some_and(kill))
@@ -207,7 +207,7 @@ fn ends(run: &mut Child) -> Result<bool, Failure> {
     Ok(false)
 }
 
-/// The process of `victim` in the run of the process `run`, if it is there.
+/// The process id of `victim` in the run of the process `run`, if it exists.
 fn pid_of(victim: Victim, run: u32) -> Option<u32> {
     let word = match victim {
         Victim::Run => return Some(run),
@@ -220,13 +220,13 @@ fn pid_of(victim: Victim, run: u32) -> Option<u32> {
     })
 }
 
-/// The processes that the process `run` has started and that live.
+/// The living child processes of the process `run`.
 fn children_of(run: u32) -> Vec<u32> {
     let children = std::fs::read_to_string(format!("/proc/{run}/task/{run}/children")).unwrap_or_default();
     children.split_whitespace().filter_map(|id| id.parse().ok()).collect()
 }
 
-/// How long it takes until none of the processes `orphans` runs, ms; one that has ended and that nobody has asked for is no more.
+/// Time until none of the processes `orphans` runs, ms; a zombie does not count as running.
 fn outlive_ms(orphans: &[u32]) -> f64 {
     let begun = Instant::now();
     let runs = |pid: &u32| {
@@ -268,7 +268,7 @@ mod tests {
         assert!(strike(Victim::Run, &mut sleeps).unwrap());
         assert!(ends(&mut sleeps).unwrap());
         let mut ended = Command::new("true").spawn().unwrap();
-        // It has ended, but nobody has asked for it.
+        // It has ended but was not reaped.
         assert!(outlive_ms(&[ended.id()]) < super::LONGEST.as_secs_f64() * 1e3);
         assert!(!strike(Victim::Run, &mut ended).unwrap());
     }

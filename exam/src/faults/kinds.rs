@@ -1,8 +1,8 @@
-//! The faults that a controller can have, by the words that PX4 and its users have for them.
+//! The faults that a controller can have, in the words of PX4 and its users.
 
 use serde::{Deserialize, Serialize};
 
-/// What goes wrong.
+/// Kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -10,7 +10,7 @@ pub enum Kind {
     Ok,
     /// No answers.
     Off,
-    /// The values of the last good answer are sent again and again as new answers.
+    /// The controller repeats the values of the last good answer in new answers.
     Stuck,
     /// Random bits as numbers.
     Garbage,
@@ -48,17 +48,17 @@ pub enum Kind {
     LoanLost,
 }
 
-/// What should come of a fault.
+/// Expected outcome of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expected {
-    /// The gate, or the lack of an answer, tells within so many ticks.
+    /// The gate, or a missing answer, reveals the fault within so many ticks.
     Detected {
-        /// In lockstep, and in real time for what is in a message.
+        /// Ticks, in lockstep; in real time only for faults in the content of a message.
         ticks: u64,
     },
-    /// A possible command that only comparison with another controller tells from a good one; no bound on how soon.
+    /// A possible command that only the comparison with another controller distinguishes from a good one; the time is unbounded.
     Compared,
-    /// Nothing: it does no harm.
+    /// No detection: the fault does no harm.
     Harmless,
 }
 
@@ -87,7 +87,7 @@ impl Kind {
         Self::LoanLost,
     ];
 
-    /// The word for it.
+    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -113,13 +113,13 @@ impl Kind {
         }
     }
 
-    /// What should come of it.
+    /// The expected outcome of the kind.
     pub fn expected(self) -> Expected {
         match self {
             Self::Ok | Self::Flood | Self::ClockJump => Expected::Harmless,
             Self::Stuck | Self::Wrong | Self::Drift | Self::SignFlip | Self::Gain => Expected::Compared,
             Self::Crash | Self::Hang | Self::LoanLost => Expected::Detected { ticks: 2 },
-            // The first answer of the window may be one that comes.
+            // The first answer of the window may be one that arrives.
             Self::Slow | Self::Intermittent | Self::Reorder => Expected::Detected { ticks: LENGTH },
             Self::Off | Self::Garbage | Self::Delayed | Self::StaleVersion | Self::Nan | Self::Limit => {
                 Expected::Detected { ticks: 1 }
@@ -127,34 +127,34 @@ impl Kind {
         }
     }
 
-    /// Whether the controller is gone afterwards, so that a run can have it once only.
+    /// True if the controller has ended afterwards, so that a run can have the fault only once.
     pub fn ends_the_process(self) -> bool {
         matches!(self, Self::Crash | Self::LoanLost)
     }
 }
 
-/// For how many ticks a fault lasts.
+/// Duration of a fault, ticks.
 pub const LENGTH: u64 = 40;
 
 /// One fault at one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Injection {
-    /// What goes wrong.
+    /// Kind of the fault.
     pub kind: Kind,
-    /// The first tick whose answer it concerns.
+    /// The first tick with an affected answer.
     pub tick: u64,
-    /// Of what is random in it.
+    /// Seed of its random numbers.
     pub seed: u64,
 }
 
 impl Injection {
-    /// Whether it goes on at `tick`.
+    /// True if the fault acts at `tick`.
     pub fn holds(&self, tick: u64) -> bool {
         (self.tick..self.tick + LENGTH).contains(&tick)
     }
 }
 
-/// All that a saboteur is told.
+/// Instructions for a fault injector.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Plan {
     /// The faults, by tick, none of which overlap.

@@ -1,4 +1,4 @@
-//! What is simulated: the paper's scenarios, and what is needed to judge its claims about them.
+//! The simulated scenarios: those of the paper, and those needed to judge its claims.
 
 use freeplay_harness::scenario::Drive;
 use freeplay_laws::{ClearanceTable, FrictionLaw};
@@ -11,16 +11,15 @@ use crate::simulation::{Scene, TICK};
 pub const CLEARANCES: [f64; 3] = [0.2, 0.4, 0.6];
 /// The paper's times of a lap, s: the shorter and the longer.
 pub const PERIODS: [f64; 2] = [6.0, 12.0];
-/// Friction coefficients at which the printed law is set beside the corrected one; the paper's is the first.
+/// Friction coefficients at which the printed law is compared with the corrected one; the paper's is the first.
 pub const FRICTIONS: [f64; 3] = [0.01, 0.1, 0.3];
 /// Clearance of those runs, mm.
 pub const FRICTION_CLEARANCE: f64 = 0.4;
 /// Laps of the runs that are compared lap by lap.
 pub const LAPS: u32 = 3;
-/// Relative changes of a clearance that nobody could measure (at most 0.01 µm). Where corners make a run chaotic, they show how far
-/// its numbers are determined at all.
+/// Relative changes of a clearance below any measurement (at most 0.01 µm). If corners make a run chaotic, they show the uncertainty of its numbers.
 pub const PERTURBATIONS: [f64; 2] = [-1e-5, 1e-5];
-/// Sub-steps of a tick: 20 µs, which leaves 0.7 % of error in the first peak.
+/// Sub-steps of a tick: 20 µs, with an error of 0.7 % in the first peak.
 const SUBSTEPS: u32 = 50;
 
 /// Friction in the bearing.
@@ -54,18 +53,18 @@ pub struct Case {
 }
 
 impl Case {
-    /// The paper's joint in one lap under gravity.
+    /// The paper's joint over one lap under gravity.
     pub fn new(drive: Drive, path: PathKind, period: f64, clearance: f64) -> Self {
         let friction = Friction { law: FrictionLaw::Corrected, coefficient: FRICTIONS[0] };
         Self { drive, path, period, clearance, gravity: true, laps: 1, friction, nudge: 0.0 }
     }
 
-    /// Without gravity.
+    /// The same run without gravity.
     pub fn weightless(self) -> Self {
         Self { gravity: false, ..self }
     }
 
-    /// What it is simulated from.
+    /// The scene of its simulation.
     pub fn scene(&self) -> Scene {
         let mut play = ClearanceTable::new(self.clearance * 1e-3 * (1.0 + self.nudge));
         play.friction = self.friction.coefficient;
@@ -106,21 +105,21 @@ pub fn drive_name(drive: Drive) -> &'static str {
     }
 }
 
-/// Which runs are made.
+/// Selection of the simulated runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scope {
     /// Who moves the joints.
     pub drives: Vec<Drive>,
     /// Shapes of the path.
     pub paths: Vec<PathKind>,
-    /// Friction coefficients at which the printed law is set beside the corrected one.
+    /// Friction coefficients at which the printed law is compared with the corrected one.
     pub frictions: Vec<f64>,
     /// Whether there are runs of several laps and without gravity, too.
     pub beside: bool,
 }
 
 impl Scope {
-    /// What the paper did and what it left open.
+    /// The paper's runs and those that it left open.
     pub fn whole() -> Self {
         Self {
             drives: vec![Drive::Driven, Drive::Torque],
@@ -188,7 +187,7 @@ pub fn lapping(drive: Drive, path: PathKind, period: f64) -> Case {
     Case { laps: LAPS, ..Case::new(drive, path, period, CLEARANCES[2]) }
 }
 
-/// The run that sets one friction law beside another.
+/// The run that compares one friction law with another.
 pub fn rubbing(law: FrictionLaw, coefficient: f64) -> Case {
     Case { friction: Friction { law, coefficient }, ..smooth(PERIODS[0], FRICTION_CLEARANCE) }
 }

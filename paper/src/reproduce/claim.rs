@@ -1,23 +1,23 @@
-//! A claim of the paper and what the runs say about it.
+//! A claim of the paper, with the results of the runs.
 
 use serde::Serialize;
 
-/// What a claim comes to.
+/// Verdict on a claim.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "verdict", content = "condition")]
 pub enum Ruling {
-    /// In every situation that was looked at.
+    /// The claim holds in every situation.
     Holds,
-    /// In some of them; the condition says in which.
+    /// The claim holds in some situations; the condition names them.
     HoldsOnlyIf(String),
-    /// In none of them.
+    /// The claim holds in no situation.
     DoesNotHold,
 }
 
-/// A property of a situation: what it is about ("path"), and the property as a condition ("the path has sharp corners").
+/// A property of a situation: its subject ("path"), and the property as a condition ("the path has sharp corners").
 pub type Tag = (&'static str, &'static str);
 
-/// One situation in which a claim was looked at.
+/// One situation in which the claim was tested.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// The situation in words.
@@ -27,13 +27,13 @@ pub struct Row {
     pub tags: Vec<Tag>,
     /// The numbers, as many as the claim has columns.
     pub values: Vec<f64>,
-    /// What the independent reference has for each, where it has it.
+    /// The independent reference's value for each, if it has one.
     pub reference: Vec<Option<f64>>,
     /// Whether the claim holds here.
     pub holds: bool,
 }
 
-/// What a number of a claim is.
+/// Name and unit of a number of a claim.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Quantity {
     /// The quantity.
@@ -47,14 +47,14 @@ pub struct Quantity {
 pub struct Claim {
     /// A short name.
     pub id: &'static str,
-    /// What the paper claims.
+    /// The claim of the paper.
     pub claim: &'static str,
-    /// What it comes to.
+    /// The verdict.
     #[serde(flatten)]
     pub ruling: Ruling,
-    /// When a situation counts as agreeing, and why this is the threshold.
+    /// Criterion for agreement of a situation, and the reason for its threshold.
     pub rule: String,
-    /// What else the numbers say, in a sentence.
+    /// A further result in the numbers, in a sentence.
     pub remark: String,
     /// The numbers' quantities.
     pub quantities: Vec<Quantity>,
@@ -82,7 +82,7 @@ impl Claim {
         Self { id, claim, ruling, rule: rule.into(), remark: String::new(), quantities, situations }
     }
 
-    /// Adds what else the numbers say.
+    /// Adds a remark on further results.
     pub fn remark(mut self, remark: impl Into<String>) -> Self {
         self.remark = remark.into();
         self
@@ -103,7 +103,7 @@ impl Claim {
     }
 }
 
-/// The verdict over all situations. What holds in few of them, and for no reason that can be named without exceptions, does not hold.
+/// The verdict over all situations. A claim that holds in few of them, and under no condition without exceptions, does not hold.
 pub fn rule_over(rows: &[Row]) -> Ruling {
     let agreeing = rows.iter().filter(|row| row.holds).count();
     let few = agreeing as f64 <= EXCEPTIONS * rows.len() as f64;
@@ -126,11 +126,11 @@ pub fn rule_over(rows: &[Row]) -> Ruling {
     }
 }
 
-/// A condition may be wrong in at most that share of the situations; it names them as exceptions then.
+/// Largest share of situations for which a condition may be wrong; it names these as exceptions.
 const EXCEPTIONS: f64 = 0.2;
 
-/// The simplest condition that is true where the claim holds and nowhere else: one property, two together, or one of two; if
-/// there is none, the one with the fewest exceptions, if those are few. With the number of its exceptions.
+/// The simplest condition that is true exactly where the claim holds: one property, two together, or one of two. If there is none, the one with the fewest
+/// exceptions, if those are few. Returns also the number of exceptions.
 fn condition(rows: &[Row]) -> Option<(usize, String)> {
     let mut tags: Vec<Tag> = Vec::new();
     for tag in rows.iter().flat_map(|row| &row.tags) {

@@ -1,9 +1,8 @@
 //! `freeplay reproduce`: the paper (S. Erkaya, 2018) reproduced, judged and drawn.
 //!
-//! Modules in the order in which numbers pass through them: `case` (what is simulated), `trace` and `peaks` (what a run leaves),
-//! `orbit` (the journal in its bearing), `dataset`, `network` and `free_run` (learning), `compensation`, `improvement`; `reference` (what
-//! others found), `claim`, `motion_claims` and `network_claims` (verdicts); `parameters`, `figures`, `tables`, `document` and
-//! `terminal_summary` (what a person sees).
+//! Modules in the order in which numbers pass through them: `case` (the simulated scenarios), `trace` and `peaks` (the results of a run), `orbit` (the journal
+//! in its bearing), `dataset`, `network` and `free_run` (learning), `compensation`, `improvement`; `reference` (results of others), `claim`, `motion_claims`
+//! and `network_claims` (verdicts); `parameters`, `figures`, `tables`, `document` and `terminal_summary` (display).
 
 mod case;
 mod claim;
@@ -81,7 +80,7 @@ pub struct ReproduceArgs {
     format: Format,
 }
 
-/// How much is trained.
+/// Amount of training.
 struct Effort {
     /// Trainings of each network.
     seeds: u64,
@@ -89,7 +88,7 @@ struct Effort {
     epochs: usize,
 }
 
-/// All that was found.
+/// All results.
 pub struct Reproduction {
     command: String,
     scope: Scope,
@@ -170,7 +169,7 @@ fn find(args: &ReproduceArgs) -> Result<Reproduction, Failure> {
     })
 }
 
-/// What was typed, as far as it decides on the numbers.
+/// The command line, as far as it affects the numbers.
 fn command(args: &ReproduceArgs) -> String {
     let mut command = "freeplay reproduce".to_owned();
     if args.quick {
@@ -182,7 +181,7 @@ fn command(args: &ReproduceArgs) -> String {
     command
 }
 
-/// The journal's way during the first drop and, where there is a corner, around it.
+/// The path of the journal during the first drop and, on a path with corners, around a corner.
 fn orbits(scope: &Scope) -> Result<Vec<(&'static str, &'static str, JournalOrbit)>, Failure> {
     let largest = |path| Case::new(Drive::Driven, path, PERIODS[0], CLEARANCES[2]);
     let mut views = vec![(
@@ -206,7 +205,7 @@ fn orbits(scope: &Scope) -> Result<Vec<(&'static str, &'static str, JournalOrbit
     Ok(views.iter().zip(found).map(|((title, caption, _, _), orbit)| (*title, *caption, orbit)).collect())
 }
 
-/// The questions to the network: single runs and all clearances, both splits; three laps in blocks.
+/// The training experiments: single runs and all clearances, both splits; three laps in blocks.
 fn experiments(scope: &Scope, quick: bool) -> Vec<Experiment> {
     let mut experiments = Vec::new();
     let pools: &[TrainingRuns] = if quick {
@@ -226,7 +225,7 @@ fn experiments(scope: &Scope, quick: bool) -> Vec<Experiment> {
     experiments
 }
 
-/// The study of `setting`; none where its runs were not made.
+/// The study of `setting`; `None` if its runs were not made.
 fn train(setting: &Experiment, runs: &Runs, effort: &Effort) -> Result<Option<Study>, Failure> {
     let data = Dataset::new(runs, setting.pool, (setting.drive, setting.path), setting.period)?;
     data.map(|data| study(*setting, &data, effort.seeds, effort.epochs)).transpose()

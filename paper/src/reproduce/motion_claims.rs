@@ -1,9 +1,8 @@
 //! The paper's claims about deviation, forces and peaks, judged by the runs.
 //!
-//! Every rule says when a situation agrees. Thresholds come from how well two simulators of the same equations agree with each
-//! other (`freeplay reference-runs`: 1 % of the deviation on smooth paths, 5 % on sharp ones, 2 % of peak forces), so that
-//! nothing is judged by a difference that the simulation itself does not determine. Where corners make a run chaotic, "greater"
-//! must be true of all clearances that nobody could tell apart.
+//! Every rule states when a situation agrees with a claim. The thresholds are the differences between two simulators of the same equations (`freeplay
+//! reference-runs`: 1 % of the deviation on smooth paths, 5 % on sharp ones, 2 % of peak forces), so that no verdict depends on a difference below the accuracy
+//! of the simulation. If corners make a run chaotic, "greater" must be true of all indistinguishable clearances.
 
 use freeplay_harness::scenario::Drive;
 use freeplay_laws::FrictionLaw;
@@ -18,43 +17,43 @@ use super::reference::{Independent, WEIGHTLESS_PEAKS, friction_spread};
 use super::trace::{Figures, Outcome, Runs};
 use crate::simulation::TICK;
 
-/// Growth below this is not growth: the simulators' agreement on the deviation of sharp runs.
+/// Smaller growth does not count: the simulators' agreement on the deviation of sharp runs.
 const DEVIATION_MARGIN: f64 = 0.05;
-/// The same of peak forces.
+/// The same for peak forces.
 const FORCE_MARGIN: f64 = 0.02;
-/// More peaks are at least that many more, and at least that share: two simulators' contacts differ by one.
+/// More peaks means at least so many more, and at least that share: two simulators' contacts differ by one.
 const MORE_PEAKS: (f64, f64) = (2.0, 0.1);
-/// A lap repeats if its deviation differs by less than this mean square from the lap before, mm²: 1 µm, what a tracker sees at best.
+/// A lap repeats if its deviation differs by less than this mean square from the lap before, mm²: 1 µm, the best resolution of a tracker.
 const REPEATS: f64 = 1e-6;
-/// Share of the energy that friction takes out which a step across rest may feed in.
+/// A step across rest may feed in this share of the energy that friction dissipates.
 const FED_IN: f64 = 0.01;
-/// Chaos at one period beside the other is at least that many times more.
+/// More chaos at one period than at the other means at least that factor.
 const MORE_CHAOS: f64 = 10.0;
 
-/// What the runs are judged with.
+/// The runs and references for the verdicts.
 pub struct Evidence<'a> {
     /// The runs.
     pub runs: &'a Runs,
-    /// The independent numbers.
+    /// The independent results.
     pub independent: &'a Independent,
-    /// Which runs were made.
+    /// The simulated runs.
     pub scope: &'a Scope,
 }
 
-/// Least and greatest value of a number over runs that nobody could tell apart.
+/// Least and greatest value of a number over runs with indistinguishable clearances.
 type Extent = (f64, f64);
 
-/// Whether each extent lies above the one before by the share `margin`.
+/// True if each extent lies above the one before by the share `margin`.
 fn grows(extents: &[Extent], margin: f64) -> bool {
     extents.windows(2).all(|pair| pair[1].0 > pair[0].1 * (1.0 + margin))
 }
 
-/// Whether `many` is more than `few` by a number and share that mean something.
+/// True if `many` exceeds `few` by a significant number and share.
 fn more(many: Extent, few: Extent) -> bool {
     many.0 >= few.1 + MORE_PEAKS.0 && many.0 >= few.1 * (1.0 + MORE_PEAKS.1)
 }
 
-/// Whether a friction that fed in `fed` and took out `lost` in all is one.
+/// True if a force that fed in the energy `fed` and dissipated `lost` in all is a friction.
 fn opposes(fed: f64, lost: f64) -> bool {
     lost > 0.0 && fed < FED_IN * lost
 }
@@ -79,7 +78,7 @@ impl Evidence<'_> {
         self.runs.get(case).map(|outcome| &outcome.figures)
     }
 
-    /// The extent of a number over `case` and those that nobody could tell from it.
+    /// The extent of a number over `case` and the runs with indistinguishable clearances.
     fn extent(&self, case: &Case, number: impl Fn(&Figures) -> f64) -> Option<Extent> {
         let first = number(self.figures(case)?);
         let others = PERTURBATIONS.iter().filter_map(|&nudge| self.figures(&Case { nudge, ..*case }));
@@ -114,7 +113,7 @@ impl Evidence<'_> {
         })
     }
 
-    /// All claims about the motion for which there are runs.
+    /// All claims about the motion that the runs can judge.
     pub fn claims(&self) -> Vec<Claim> {
         let mut claims = vec![
             self.deviation_grows(),

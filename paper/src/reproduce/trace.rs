@@ -1,4 +1,4 @@
-//! What a run leaves: its motion tick by tick, and the numbers that it comes to.
+//! Results of a run: its motion tick by tick, and its figures.
 
 use freeplay_controller::QuasiStatic;
 use freeplay_controller::compensation::Motion;
@@ -15,7 +15,7 @@ use crate::simulation::{Simulation, TICK};
 pub struct Trace {
     /// Deviation of the tool along x, y and z, mm.
     pub deviation: [Vec<f64>; 3],
-    /// The deviation that the quasi-static prediction has for the reference motion, mm.
+    /// The quasi-static prediction of the deviation for the reference motion, mm.
     pub predicted: [Vec<f64>; 3],
     /// The desired tool position, m.
     pub path: [Vec<f64>; 3],
@@ -39,7 +39,7 @@ impl Trace {
     }
 }
 
-/// What one joint's motor did.
+/// Torque of one joint's motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TorqueFigures {
     /// Greatest magnitude at a tick, N·m.
@@ -48,12 +48,12 @@ pub struct TorqueFigures {
     pub rms: f64,
 }
 
-/// What a run comes to.
+/// Figures of a run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Figures {
     /// The deviation's norm, x, y and z.
     pub deviation: [Deviation; 4],
-    /// How the journal spent its time; none for a perfect joint.
+    /// Shares of the journal's time by state of contact; `None` for a perfect joint.
     pub contact: Option<ContactTally>,
     /// Greatest force of joint 1, N.
     pub peak_base: f64,
@@ -61,11 +61,11 @@ pub struct Figures {
     pub peak_normal_after_start: f64,
     /// Peaks of the normal force.
     pub peaks: Vec<Peak>,
-    /// What each motor did.
+    /// Torque of each motor.
     pub torque: [TorqueFigures; 6],
-    /// Work that the motors put into the motion, leaving out what they took back, J.
+    /// Work of the motors on the motion, without the work that they took back, J.
     pub work: f64,
-    /// Energy that the friction in the bearing fed into the motion, tick by tick where it did, J.
+    /// Energy that the friction in the bearing fed into the motion, summed over the ticks in which it did, J.
     pub friction_fed: f64,
     /// The energies at the end.
     pub ledger: Ledger,
@@ -74,11 +74,11 @@ pub struct Figures {
 /// A run with its motion.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// What was simulated.
+    /// The simulated case.
     pub case: Case,
-    /// What it came to.
+    /// Its figures.
     pub figures: Figures,
-    /// Its motion; empty for runs whose numbers alone are wanted.
+    /// Its motion; empty if only the numbers are needed.
     pub trace: Trace,
 }
 
@@ -134,7 +134,7 @@ pub fn simulate(case: &Case) -> Result<Outcome, Failure> {
     Ok(Outcome { case: *case, figures, trace })
 }
 
-/// Mechanical power that the motors put into the motion now, W; zero where they brake.
+/// Mechanical power of the motors at this moment, W; zero while they brake.
 fn power(run: &Simulation) -> f64 {
     let (system, play) = (run.system(), run.system().play());
     let torques = system.motor_torque().iter().enumerate();
@@ -157,7 +157,7 @@ impl TorqueFigures {
 }
 
 impl Trace {
-    /// Keeps the present tick: deviation, prediction and path, and what the system shows.
+    /// Records the present tick: deviation, prediction, path, and the measurements of the system.
     fn keep(&mut self, run: &mut Simulation, vectors: [nalgebra::Vector3<f64>; 3]) {
         for (columns, vector) in
             [&mut self.deviation, &mut self.predicted, &mut self.path].into_iter().zip(vectors)
@@ -171,7 +171,7 @@ impl Trace {
         self.base_force.push(system.take_peaks().base_force);
         let force = if system.bearings().is_empty() { 0.0 } else { system.bearing_mut(0).take_peak() };
         self.normal_force.push(force);
-        // Nothing was measured before the first tick; what came during it is the nearest there is.
+        // There is no measurement before the first tick; the one during it is the nearest.
         if self.ticks() == 2 {
             self.base_force[0] = self.base_force[1];
             self.torque.iter_mut().for_each(|column| column[0] = column[1]);

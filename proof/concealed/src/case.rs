@@ -1,4 +1,4 @@
-//! A case: from what is asked for to data sheet, recordings and truth.
+//! A case: from the request to data sheet, recordings and truth.
 
 use freeplay_arm::{Arm, ArmFile, ModelError, to_toml};
 use rand_chacha::ChaCha8Rng;
@@ -18,10 +18,10 @@ use crate::servo::Servo;
 use crate::sizing::{Found, Sizing};
 use crate::truth::{SCHEMA, Truth, TruthEffect, weak};
 
-/// Other places, motions and sizes that are tried where the wanted strength can't be reached.
+/// Attempts with other places, motions and sizes if an effect cannot reach the wanted strength.
 const ATTEMPTS: u64 = 6;
 
-/// How strong an effect is, by its signal-to-floor ratio.
+/// Strength of an effect, by its signal-to-floor ratio.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
     /// 1.5 to 2.5.
@@ -51,18 +51,18 @@ impl Severity {
     }
 }
 
-/// One effect that is asked for.
+/// One requested effect.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Demand {
     /// Its kind, one of [`CATALOGUE`] or [`crate::OUTSIDE`].
     pub kind: String,
-    /// Where; `None` for anywhere that it can be.
+    /// Its joint; `None` for any possible one.
     pub joint: Option<usize>,
-    /// How strong.
+    /// Its strength.
     pub severity: Severity,
 }
 
-/// What is asked for.
+/// Request for a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Case {
     /// The machine.
@@ -71,16 +71,16 @@ pub struct Case {
     pub effects: Vec<Demand>,
     /// Family of the motion; `None` for any.
     pub family: Option<Family>,
-    /// How good the sensors are.
+    /// Quality of the sensors.
     pub noise: Noise,
-    /// A negative control: machine, seat and motion are chosen as if for the effects, which are then left out. So nothing but the
-    /// effects parts a control from the cases it stands beside.
+    /// Marks a negative control: machine, joint and motion are chosen as for the effects, which are then left out. So a control differs from the corresponding
+    /// cases in the effects alone.
     pub hollow: bool,
-    /// Everything that is drawn comes from it.
+    /// Seed of all random draws.
     pub seed: u64,
 }
 
-/// What is made of a case.
+/// The files of a case.
 #[derive(Clone, Debug)]
 pub struct Made {
     /// The data sheet: a TOML arm file without effects.
@@ -89,11 +89,11 @@ pub struct Made {
     pub recording: Samples,
     /// The same machine in another motion.
     pub second: Samples,
-    /// What is concealed.
+    /// The concealed effects.
     pub truth: Truth,
 }
 
-/// Why a case can't be made.
+/// Reason why a case can't be made.
 #[derive(Debug, Error)]
 pub enum GenerateError {
     /// The data sheet can't be read.
@@ -109,10 +109,10 @@ pub enum GenerateError {
         kind: String,
         /// The machine.
         machine: Machine,
-        /// The joint asked for.
+        /// The requested joint.
         joint: Option<usize>,
     },
-    /// The recording could not tell the effect from a simpler one.
+    /// The recording could not distinguish the effect from a simpler one.
     #[error(
         "the motions of {machine:?} never show what is particular about {kind}; ask for another motion or machine"
     )]
@@ -122,7 +122,7 @@ pub enum GenerateError {
         /// The machine.
         machine: Machine,
     },
-    /// The strength that was asked for can't be reached.
+    /// The effect can't reach the requested strength.
     #[error(
         "{kind} on {machine:?} reaches a signal-to-floor ratio of {reached:.2}, not {wanted:.2}; ask for another severity, motion or machine"
     )]
@@ -133,12 +133,12 @@ pub enum GenerateError {
         machine: Machine,
         /// The best ratio of all attempts.
         reached: f64,
-        /// The ratio asked for.
+        /// The requested ratio.
         wanted: f64,
     },
 }
 
-/// What all runs of a case share.
+/// Data shared by all runs of a case.
 pub(crate) struct Bench {
     pub machine: Machine,
     pub sheet: Arm,
@@ -175,7 +175,7 @@ pub fn generate(case: &Case) -> Result<Made, GenerateError> {
 }
 
 impl Bench {
-    /// What is drawn before any effect is thought of, so that nothing of it tells of the effect.
+    /// Draws everything that precedes the effects, so that none of it depends on them.
     fn new(case: &Case, attempt: u64) -> Result<Self, GenerateError> {
         let mut rng = stream(case.seed, "bench");
         let (sheet, load) = case.machine.loaded(case.machine.capacity() * uniform(&mut rng, 0.3, 1.0))?;
@@ -223,7 +223,7 @@ impl Bench {
         Ok(Made { model: to_toml(&file), recording, second, truth })
     }
 
-    /// The effects asked for, each as strong as asked for, in a machine that did `trace` without them.
+    /// The requested effects with their requested strengths, in a machine whose motion without them is `trace`.
     fn conceal(
         &self,
         case: &Case,
@@ -246,7 +246,7 @@ impl Bench {
         Ok(all)
     }
 
-    /// A place for the effect, where no other is.
+    /// A joint for the effect without another effect.
     fn seat(
         &self,
         demand: &Demand,
@@ -306,7 +306,7 @@ impl Bench {
         Ok(self.sample(&plan, &trace, motion, rng))
     }
 
-    /// What the sensors say of `trace`.
+    /// Samples `trace` with the sensors.
     fn sample(&self, plan: &Plan, trace: &Trace, motion: &Motion, rng: &mut ChaCha8Rng) -> Samples {
         let n = self.sheet.dof();
         let reference = |t: f64, out: &mut [f64]| {

@@ -62,7 +62,7 @@ pub enum Physics {
     JointSpring { stiffness: f64, rest: f64 },
     /// True torque over measured torque.
     TorqueGain { gain: f64 },
-    /// Torque limit of the drive, N·m; the measured torque saturates there.
+    /// Limit of the measured torque, N·m; the motor may give more.
     ActuatorSaturation { limit: f64 },
     /// Torque a sin(Nq + φ) that the drive has to overcome, N·m.
     TorqueRipple { amplitude: f64, periods: f64, phase: f64 },

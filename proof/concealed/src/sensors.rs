@@ -1,7 +1,7 @@
-//! The sensors: what of a machine's motion is written down.
+//! The sensors: they turn a machine's motion into a recording.
 //!
-//! Encoders on the motors (and now and then on the links), torque from the motors' currents, an external tracker on the tool. Each has
-//! its step, its noise and its delay; the sampling instants jitter.
+//! Encoders on the motors (and in some cases on the links), torque from the motor currents, an external tracker on the tool. Each has a quantisation step,
+//! noise and a delay; the sampling instants jitter.
 
 use rand_chacha::ChaCha8Rng;
 
@@ -9,7 +9,7 @@ use crate::data_sheet_deviations::DataSheetDeviations;
 use crate::machine::{Plan, Trace};
 use crate::random::normal;
 
-/// How good the sensors are.
+/// Quality of the sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Noise {
     /// A laboratory.
@@ -24,22 +24,22 @@ impl Noise {
     /// Every level.
     pub const ALL: [Noise; 3] = [Noise::Low, Noise::Middle, Noise::High];
 
-    /// Standard deviation of a torque reading, as a share of the joint's largest torque.
+    /// Standard deviation of the torque noise, as a share of the joint's largest torque.
     pub(crate) fn torque(self) -> f64 {
         [0.0005, 0.0015, 0.004][self as usize]
     }
 
-    /// Step of a torque reading, as a share of the joint's largest torque.
+    /// Quantisation step of the torque, as a share of the joint's largest torque.
     pub(crate) fn torque_step(self) -> f64 {
         [2e-5, 1e-4, 5e-4][self as usize]
     }
 
-    /// Step of an encoder at the joint, rad (half of it in m for a slide).
+    /// Quantisation step of an encoder at the joint, rad (half of it in m for a slide).
     pub(crate) fn encoder_step(self) -> f64 {
         [3e-7, 1e-6, 4e-6][self as usize]
     }
 
-    /// Standard deviation of the tracker in each direction, m.
+    /// Standard deviation of the tracker noise in each direction, m.
     pub(crate) fn tool(self) -> f64 {
         [1e-5, 3e-5, 1e-4][self as usize]
     }
@@ -50,31 +50,30 @@ impl Noise {
     }
 }
 
-/// What is recorded, and how.
+/// Sensors and recorder of a case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
     /// Samples per second, Hz.
     pub rate: f64,
     /// Standard deviation of each joint's torque, N·m or N.
     pub torque_noise: Vec<f64>,
-    /// Step of each joint's torque reading, N·m or N.
+    /// Quantisation step of each joint's torque, N·m or N.
     pub torque_step: Vec<f64>,
-    /// Step of each encoder, rad or m.
+    /// Quantisation step of each encoder, rad or m.
     pub encoder_step: Vec<f64>,
     /// Standard deviation of the tracker in each direction, m.
     pub tool_noise: f64,
-    /// Readings per second of a tracker with a clock of its own, Hz; the recorder interpolates straight between them. `None`: it reads
-    /// when the recorder asks.
+    /// Rate of a tracker with a clock of its own, Hz; the recorder interpolates linearly between its readings. `None`: the recorder triggers each reading.
     pub tracker: Option<f64>,
     /// Standard deviation of the sampling instants, s.
     pub jitter: f64,
-    /// Whether there are encoders on the links.
+    /// Whether the links have encoders.
     pub link_encoders: bool,
     /// Whether the commanded position is recorded.
     pub reference: bool,
 }
 
-/// What was recorded, row by row; the same length in every column.
+/// Recorded samples; every column has the same length.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
     /// Time stamps, s.
@@ -85,11 +84,11 @@ pub struct Samples {
     pub columns: Vec<Vec<f64>>,
 }
 
-/// A trace as the sensors would show it if they had no noise, at any time.
+/// Noise-free sensor signals along a trace, at any time.
 pub(crate) struct Clean<'a> {
     plan: &'a Plan,
     trace: &'a Trace,
-    /// Torque by the current after its filter, row by row; a joint without filter has none.
+    /// Torque from the current after its filter, row by row; `None` for a joint without filter.
     filtered: Vec<Option<Vec<f64>>>,
     torque_delay: f64,
     tool_delay: f64,
@@ -154,7 +153,7 @@ impl<'a> Clean<'a> {
         value(row) * (1.0 - s) + value(row + 1) * s
     }
 
-    /// Lagrange's cubic through four rows.
+    /// Cubic Lagrange interpolation through four rows.
     fn cubic(&self, t: f64, value: impl Fn(usize) -> f64) -> f64 {
         let (row, s) = self.place(t);
         let [a, b, c, d] = [row - 1, row, row + 1, row + 2].map(value);
@@ -164,7 +163,7 @@ impl<'a> Clean<'a> {
     }
 }
 
-/// A first-order low-pass along the trace, exact for straight pieces between its rows.
+/// A first-order low-pass along the trace, exact for inputs that are linear between its rows.
 fn lowpass(trace: &Trace, joint: usize, cutoff: f64) -> Vec<f64> {
     let rate = std::f64::consts::TAU * cutoff * trace.step;
     let decay = (-rate).exp();
@@ -174,7 +173,7 @@ fn lowpass(trace: &Trace, joint: usize, cutoff: f64) -> Vec<f64> {
     (0..trace.len())
         .map(|row| {
             let input = trace.torque(row)[joint];
-            // ẏ = ω (u − y) with u running straight from `before` to `input`.
+            // ẏ = ω (u − y) with u linear from `before` to `input`.
             output = decay * output + (mean - decay) * before + (1.0 - mean) * input;
             before = input;
             output
@@ -183,7 +182,7 @@ fn lowpass(trace: &Trace, joint: usize, cutoff: f64) -> Vec<f64> {
 }
 
 impl Chain {
-    /// Samples `duration` s of `trace`; `reference` writes the commanded position at a time.
+    /// Samples `duration` s of `trace`; `reference` writes the commanded position at a given time.
     pub fn sample(
         &self,
         plan: &Plan,
@@ -202,7 +201,7 @@ impl Chain {
         let period = 1.0 / self.rate;
         for k in 0..count {
             let t = period * k as f64 + (self.jitter * normal(rng)).clamp(-0.3 * period, 0.3 * period);
-            // A clock of whole microseconds.
+            // The clock counts whole microseconds.
             let t = if k == 0 { 0.0 } else { (t * 1e6).round() * 1e-6 };
             samples.t.push(t);
             let mut columns = samples.columns.iter_mut();
@@ -236,7 +235,7 @@ impl Chain {
         samples
     }
 
-    /// What a tracker reads by its own clock of `rate` Hz, and that rate.
+    /// Readings of a tracker with its own clock of `rate` Hz, and that rate.
     fn readings(
         &self,
         clean: &Clean<'_>,
@@ -265,14 +264,14 @@ impl Chain {
     }
 }
 
-/// The straight line between readings at `place`, counted in readings.
+/// Linear interpolation between readings at `place`, counted in readings.
 fn between(readings: &[[f64; 3]], place: f64) -> [f64; 3] {
     let before = (place.max(0.0) as usize).min(readings.len() - 2);
     let share = place - before as f64;
     [0, 1, 2].map(|i| readings[before][i] * (1.0 - share) + readings[before + 1][i] * share)
 }
 
-/// Rounds each value to its step; the last step stands for all that follow. Written as a quotient, so that decimals stay short.
+/// Rounds each value to its step; the last step applies to all further values. Dividing by the reciprocal keeps the decimals short.
 fn round(values: &mut [f64], steps: &[f64]) {
     for (i, value) in values.iter_mut().enumerate() {
         let step = steps[i.min(steps.len() - 1)];

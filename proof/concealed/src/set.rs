@@ -1,4 +1,4 @@
-//! A set of cases: how many of which sort, drawn from one seed.
+//! A set of cases: the number of each sort, drawn from one seed.
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
@@ -11,10 +11,10 @@ use crate::kinds::{CATALOGUE, OUTSIDE, seats};
 use crate::random::{pick, stream};
 use crate::sensors::Noise;
 
-/// How often all machines are tried where none shows an effect as strongly as asked for.
+/// Rounds over all machines if none shows an effect with the requested strength.
 const ROUNDS: usize = 3;
 
-/// How many cases of each sort.
+/// Number of cases of each sort.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Quota {
     /// One effect of the catalogue.
@@ -28,7 +28,7 @@ pub struct Quota {
 }
 
 impl Quota {
-    /// What a full proof takes.
+    /// The quota of a full proof.
     pub const FULL: Quota = Quota { single: 1080, negative: 300, unknown: 152, double: 156 };
 
     /// About `cases` cases in the shares of a small proof: of ten, five with one effect, two with none, two outside the catalogue, one
@@ -44,7 +44,7 @@ impl Quota {
     }
 }
 
-/// Deals kinds, severities and noise levels evenly: every combination once before any comes twice.
+/// Deals kinds, severities and noise levels evenly: every combination occurs once before any repeats.
 struct Deck {
     cards: Vec<Card>,
     dealt: usize,
@@ -54,7 +54,7 @@ type Card = (&'static str, Severity, Noise);
 
 impl Deck {
     fn new(kinds: &[&'static str], rng: &mut ChaCha8Rng) -> Self {
-        // Within a run through all kinds each comes once, in an order of its own, and severities and noise levels change from run to run.
+        // A round over all kinds has each once, in random order; severities and noise levels change from round to round.
         let mut shifts: Vec<usize> = (0..9).collect();
         shifts.shuffle(rng);
         let offsets: Vec<usize> = kinds.iter().map(|_| pick(rng, &[0, 1, 2, 3, 4, 5, 6, 7, 8])).collect();
@@ -85,8 +85,8 @@ fn demand((kind, severity, _): Card) -> Demand {
     Demand { kind: kind.to_owned(), joint: None, severity }
 }
 
-/// The cases of `quota` from `seed`, in an order that tells nothing. Every effect of the catalogue comes with every severity at every
-/// noise level before any comes twice so, and so does every effect outside it.
+/// The cases of `quota` from `seed`, in an uninformative order. Every effect of the catalogue occurs with every severity and noise level before any combination
+/// repeats; so does every effect outside it.
 ///
 /// # Errors
 /// As [`Machine::data_sheet`].
@@ -131,7 +131,7 @@ pub fn draw_set(quota: &Quota, seed: u64) -> Result<Vec<Case>, GenerateError> {
 /// The machines with a place for each of `effects`.
 ///
 /// # Errors
-/// [`GenerateError::NoPlace`] where none has; as [`Machine::data_sheet`].
+/// [`GenerateError::NoPlace`] if no machine has; as [`Machine::data_sheet`].
 fn machines(effects: &[Demand]) -> Result<Vec<Machine>, GenerateError> {
     let mut fits = Vec::new();
     for machine in Machine::ALL {
@@ -150,11 +150,11 @@ fn machines(effects: &[Demand]) -> Result<Vec<Machine>, GenerateError> {
     }
 }
 
-/// Makes `case`; where its machine can't show the effects as asked for, another does, and where none can, all try again with other
-/// motions, loads and tolerances.
+/// Makes `case`. If its machine can't show the effects as requested, tries other machines; if none can, tries all again with other motions, loads and
+/// tolerances.
 ///
 /// # Errors
-/// As [`generate`], for the last machine that was tried.
+/// As [`generate`], for the last machine.
 pub fn make_case(case: &Case) -> Result<Made, GenerateError> {
     let mut rng = stream(case.seed, "other machines");
     let mut order = machines(&case.effects)?;
@@ -164,15 +164,15 @@ pub fn make_case(case: &Case) -> Result<Made, GenerateError> {
     make_on(&order, case, &mut rng)
 }
 
-/// Makes `case` on its machine and no other, at the joints that it asks for.
+/// Makes `case` on its own machine only, at the requested joints.
 ///
 /// # Errors
-/// As [`generate`], for the last of all motions, loads and tolerances that were tried.
+/// As [`generate`], for the last attempt over motions, loads and tolerances.
 pub fn make_here(case: &Case) -> Result<Made, GenerateError> {
     make_on(&[case.machine], case, &mut stream(case.seed, "other benches"))
 }
 
-/// Makes `case` on the first of the machines `order` that can, [`ROUNDS`] times anew.
+/// Makes `case` on the first suitable machine of `order`; repeats up to [`ROUNDS`] times.
 fn make_on(order: &[Machine], case: &Case, rng: &mut ChaCha8Rng) -> Result<Made, GenerateError> {
     let mut case = case.clone();
     let mut made = generate(&case);

@@ -1,4 +1,4 @@
-//! What an analyst answers for one case.
+//! The answer of an analyst for one case.
 
 use std::collections::BTreeMap;
 
@@ -11,23 +11,23 @@ use super::sandbox::Isolation;
 /// The answer for one case.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Answer {
-    /// As in `diagnosis.json`; `failed` where the analyst gave none.
+    /// As in `diagnosis.json`; `failed` if the analyst gave no answer.
     pub verdict: String,
-    /// The verdict in plain words; why there is none.
+    /// The verdict in plain words; for a failure its reason.
     pub statement: String,
     /// The effects that are named.
     pub effects: Vec<Named>,
-    /// What was weighed in their place.
+    /// The alternatives that the diagnosis considered.
     pub rivals: Vec<Rival>,
     /// Where model and machine differ: joint, channels, share.
     pub location: Vec<Place>,
-    /// Every kind at every place: how it explains the recordings alone, beside what was named, and the least that counts.
+    /// Every kind at every place: its score for the recordings alone and beside the named effects, and the threshold.
     pub hypotheses: Vec<Hypothesis>,
     /// Errors on held-out data by channel.
     pub fit: BTreeMap<String, Errors>,
     /// Processor time of the analyst, s.
     pub cpu_seconds: f64,
-    /// What kept the analyst from the truth.
+    /// Isolation of the analyst from the truth.
     pub isolation: Isolation,
 }
 
@@ -42,11 +42,11 @@ pub struct Named {
     pub parameters: BTreeMap<String, Estimate>,
     /// Twice the log of the likelihood ratio.
     pub score: f64,
-    /// The least that counts.
+    /// The score required for a name.
     pub threshold: f64,
-    /// Share of the held-out error that it takes away, and its 95 % interval.
+    /// Reduction of the held-out error, as a share, and its 95 % interval.
     pub gain: [f64; 3],
-    /// Channels in which it shows.
+    /// Channels that show it.
     pub channels: Vec<String>,
 }
 
@@ -59,16 +59,16 @@ pub struct Estimate {
     pub ci95: Option<[f64; 2]>,
 }
 
-/// What was weighed in the place of a named effect.
+/// An alternative to a named effect.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rival {
     /// Its kind.
     pub kind: String,
     /// Its joint; `None`: the arm as a whole.
     pub joint: Option<String>,
-    /// Whether the recordings can't tell it from the effect that is named.
+    /// Whether the recordings cannot distinguish it from the named effect.
     pub indistinguishable: bool,
-    /// By how much the log of the odds favours the named effect.
+    /// Log of the odds of the named effect against it.
     pub log_odds_against: f64,
 }
 
@@ -79,7 +79,7 @@ pub struct Place {
     pub joint: Option<String>,
     /// The channels.
     pub channels: Vec<String>,
-    /// Share of what the model leaves unexplained.
+    /// Share of the unexplained residual.
     pub share: f64,
 }
 
@@ -92,16 +92,16 @@ pub struct Hypothesis {
     pub joint: Option<String>,
     /// Twice the log of the likelihood ratio against the tuned model, alone.
     pub alone: f64,
-    /// The same beside what was named.
+    /// The same in addition to the named effects.
     pub beside: f64,
-    /// The least that counts.
+    /// The score required for a name.
     pub threshold: f64,
 }
 
 /// Errors of one channel on held-out data, root mean square.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// What a perfect model would leave.
+    /// The error of a perfect model.
     pub floor: f64,
     /// The model as given.
     pub before: f64,
@@ -109,19 +109,19 @@ pub struct Errors {
     pub after: f64,
     /// With the named effects, tuned inside the tolerances.
     pub after_tuned: f64,
-    /// Nothing added, tuned inside the tolerances.
+    /// No effect added, tuned inside the tolerances.
     pub tuned: f64,
     /// Tuned, with an unnamed correction.
     pub black_box: f64,
 }
 
 impl Answer {
-    /// No answer, for the reason `why`.
+    /// A missing answer, with the reason `why`.
     pub fn failed(why: String) -> Self {
         Self { verdict: "failed".to_owned(), statement: why, ..Self::default() }
     }
 
-    /// What `diagnosis` answers.
+    /// The answer of `diagnosis`.
     pub fn of(diagnosis: &Diagnosis) -> Self {
         let verdict = serde_json::to_value(diagnosis.verdict).unwrap_or_default();
         let effects = diagnosis.effects.iter().map(|effect| Named {
@@ -173,13 +173,13 @@ impl Answer {
         }
     }
 
-    /// Whether the answer is that nothing is missing, or that the recordings can't tell.
+    /// True if the answer is that nothing is missing, or that the data are insufficient.
     pub fn is_silent(&self) -> bool {
         matches!(self.verdict.as_str(), "nothing_missing" | "insufficient_data")
     }
 
-    /// How sure the answer is of the effect that it names: one over the sum of the odds of all that was weighed in its place, itself
-    /// included. `None` where it does not name one effect.
+    /// Posterior probability of the single named effect: one over the sum of the odds of all alternatives, itself included. `None` for any other number of
+    /// named effects.
     pub fn confidence(&self) -> Option<f64> {
         let odds: f64 = self.rivals.iter().map(|rival| (-rival.log_odds_against).exp()).sum();
         (self.verdict == "named" && self.effects.len() == 1).then(|| 1.0 / (1.0 + odds))
@@ -206,7 +206,7 @@ fn errors(diagnosis: &Diagnosis) -> BTreeMap<String, Errors> {
 }
 
 impl Errors {
-    /// JSON knows no other numbers.
+    /// JSON has no other numbers.
     fn is_finite(&self) -> bool {
         [self.floor, self.before, self.after, self.after_tuned, self.tuned, self.black_box]
             .iter()
@@ -214,7 +214,7 @@ impl Errors {
     }
 }
 
-/// `x` with five significant digits, which keeps receipts short; 0 where it is no number.
+/// `x` with five significant digits, which keeps receipts short; 0 for NaN or infinity.
 fn short(x: f64) -> f64 {
     if x.is_finite() { format!("{x:.4e}").parse().unwrap_or(0.0) } else { 0.0 }
 }

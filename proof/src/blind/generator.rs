@@ -30,30 +30,30 @@ pub struct GenerateArgs {
     with_parent: u32,
 }
 
-/// A case that was made, or not.
+/// Outcome of one drawn case.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum Line {
-    /// The folder's name and what is concealed.
+    /// The case was made: the folder's name and the concealed effects.
     Made {
         /// Name of the folder.
         name: String,
-        /// What is concealed, as the generator says it.
+        /// The truth, as the generator writes it.
         truth: Value,
     },
-    /// No machine shows what was drawn as strongly as asked for.
+    /// The case was not made: no machine shows the drawn effects with the requested strength.
     NotMade {
-        /// What was drawn.
+        /// The drawn request.
         asked: String,
-        /// Why it was not made.
+        /// The reason.
         why: String,
     },
 }
 
-/// What the process tells of a case: its place in the draw, and what came of it, which is nothing yet when it is begun.
+/// A message of the process about a case: its index in the draw, and its outcome, or `None` at its beginning.
 type Told = (usize, Option<Line>);
 
-/// The process: reads an order from standard input and writes the cases. Of each it tells its place in the draw on standard
-/// output, when it is begun, and again with the line that says what came of it.
+/// The process: reads an order from standard input and writes the cases. For each case it prints the index in the draw on standard output at the beginning, and
+/// again at the end with the outcome.
 ///
 /// # Errors
 /// An order that can't be read; a data sheet or a file that can't be written.
@@ -83,11 +83,11 @@ pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Has `order` made by a process of `source`; what it made, by name, and what it did not. Where the process is killed, the cases that
-/// it had begun are not made, and another one makes the rest.
+/// Runs `order` in a process of `source`. Returns the made cases, by name, and the others. If the process is killed, its unfinished cases count as not made,
+/// and another process makes the rest.
 ///
 /// # Errors
-/// A process that can't be started, that fails otherwise than by being killed, or says what can't be read.
+/// A process that can't be started, that fails for another reason than a kill, or whose output can't be read.
 pub fn made(order: &Order, source: &Source, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
     let (mut order, mut lines) = (order.clone(), Vec::new());
     let count = source.case_count(&order).map_err(Failure::internal)?;
@@ -101,7 +101,7 @@ pub fn made(order: &Order, source: &Source, bar: &ProgressBar) -> Result<Vec<Lin
         remove_unfinished(&order.folder, &lines)?;
         let mut lost: Vec<usize> = (&begun - &ended).into_iter().collect();
         if begun.is_empty() {
-            // Whatever kills it before it begins anything: every attempt costs a case, so there is an end.
+            // Also a process that is killed before its first case costs a case, so that the attempts end.
             lost.extend(order.open(count).first());
         }
         for &index in &lost {
@@ -118,14 +118,14 @@ pub fn made(order: &Order, source: &Source, bar: &ProgressBar) -> Result<Vec<Lin
     }
 }
 
-/// What one process told of `order`, each with the place in the draw; and how it ended, if it was killed.
+/// The messages of one process about `order`, each with the index in the draw; and its status, if it was killed.
 fn made_until_killed(
     order: &Order,
     source: &Source,
     bar: &ProgressBar,
 ) -> Result<(Vec<Told>, Option<ExitStatus>), Failure> {
     let mut child = Running::alone(source.start()?);
-    // It fails where the process has been killed already, of which the status tells.
+    // Writing fails if the process has already been killed; its status tells.
     let text = source.order(order)?;
     let given = child.0.stdin.take().map(|mut pipe| pipe.write_all(text.as_bytes()));
     let mut told = Vec::new();
@@ -164,7 +164,7 @@ fn made_until_killed(
     }
 }
 
-/// Removes from `folder` what a killed generator has left half written: the folders that none of `lines` tells of.
+/// Removes the unfinished folders of a killed generator from `folder`: those that no line of `lines` names.
 fn remove_unfinished(folder: &Path, lines: &[Line]) -> Result<(), Failure> {
     let is_made = |path: &Path| {
         lines.iter().any(|line| matches!(line, Line::Made { name, .. } if path.file_name().is_some_and(|it| it == name.as_str())))
@@ -177,10 +177,10 @@ fn remove_unfinished(folder: &Path, lines: &[Line]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Gives every file and folder below `folder` the same time, so that none tells when it was made.
+/// Gives every file and folder below `folder` the same time, so that none reveals the time of its making.
 ///
 /// # Errors
-/// What the file system says.
+/// Errors of the file system.
 pub fn without_times(folder: &Path) -> Result<(), StorageError> {
     let one = std::time::SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(946_684_800);
     for entry in list(folder)? {

@@ -6,21 +6,21 @@ use serde_json::Value;
 use super::answer::{Answer, Estimate, Named, Rival};
 use super::truth::{Concealed, Sort, Truth};
 
-/// How an answer compares with the truth.
+/// Result of comparing an answer with the truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// All of it and nothing else, or one of several that are all the same as it; for physics outside the catalogue: that it is unknown.
+    /// All concealed effects and no others, or one of a set of equivalents; for physics outside the catalogue: unknown.
     Right,
-    /// Of several effects at least one, and none that is not there.
+    /// At least one of several effects, and no false one.
     Partly,
-    /// All of it, and something that is not there.
+    /// All concealed effects, and a false one.
     Extra,
-    /// A name for what is not there.
+    /// A false effect.
     Wrong,
-    /// Something is missing, but no name: unknown, or one of several with the truth among them.
+    /// Something is missing, but without a name: unknown, or one of several with the truth among them.
     Refused,
-    /// That nothing is missing, or that the recordings can't tell.
+    /// Nothing is missing, or the recordings can't tell.
     Missed,
     /// No answer: a crash, or too late.
     Failed,
@@ -38,7 +38,7 @@ impl Outcome {
         Outcome::Failed,
     ];
 
-    /// What it is called.
+    /// Its name.
     pub fn name(self) -> &'static str {
         ["right", "partly", "extra", "wrong", "refused", "missed", "failed"][self as usize]
     }
@@ -61,7 +61,7 @@ pub fn outcome(truth: &Truth, answer: &Answer) -> Outcome {
     }
 }
 
-/// How many of the concealed effects are said, and how many of the named ones say none of them.
+/// Number of concealed effects that the answer states, and number of named effects that state none of them.
 fn said(truth: &Truth, effects: &[Named]) -> (usize, usize) {
     let by: Vec<Vec<usize>> = truth.effects.iter().map(|concealed| concealed.said_by(effects)).collect();
     let found = by.iter().filter(|by| !by.is_empty()).count();
@@ -79,8 +79,8 @@ fn named(truth: &Truth, answer: &Answer) -> Outcome {
     }
 }
 
-/// One of several: right where each of them is the truth by another name, refused where the truth is among them, partly right where
-/// that is so of some of it.
+/// Scores an answer "one of several": right if each alternative is the truth by another name, refused if the truth is among them, partly right if that holds
+/// for a part of it.
 fn one_of(truth: &Truth, answer: &Answer) -> Outcome {
     let is_true = |rival: &Rival| {
         let named = Named { kind: rival.kind.clone(), joint: rival.joint.clone(), ..Named::default() };
@@ -109,11 +109,11 @@ pub struct ParameterScore {
     pub truth: f64,
     /// Relative error; of angles that may be zero, the error in rad.
     pub error: f64,
-    /// Whether the 95 % interval holds the truth; `None` without an interval.
+    /// Whether the 95 % interval contains the truth; `None` without an interval.
     pub covered: Option<bool>,
 }
 
-/// The parameters of the effect that says `concealed` by its own name, those left out that leave next to no trace.
+/// Scores the parameters of the effect that names `concealed` itself; parameters with hardly any trace are left out.
 pub fn parameter_scores(concealed: &Concealed, answer: &Answer) -> Vec<ParameterScore> {
     let same = |effect: &&Named| concealed.is(&effect.kind, effect.joint.as_deref());
     let Some(effect) = answer.effects.iter().find(same) else { return Vec::new() };
@@ -126,7 +126,7 @@ pub fn parameter_scores(concealed: &Concealed, answer: &Answer) -> Vec<Parameter
         .collect()
 }
 
-/// `None` where the truth does not know the parameter or it is a word.
+/// `None` if the truth does not have the parameter or it is a word.
 fn parameter_score(name: &str, truth: &Value, estimate: &Estimate) -> Option<ParameterScore> {
     let vector =
         |value: &Value| value.as_array().map(|v| v.iter().filter_map(Value::as_f64).collect::<Vec<_>>());
@@ -143,7 +143,7 @@ fn parameter_score(name: &str, truth: &Value, estimate: &Estimate) -> Option<Par
         });
     }
     let (truth, found) = (truth.as_f64()?, estimate.value.as_f64()?);
-    // Factors of one are no effect: their distance from one is.
+    // A factor of one is no effect; its distance from one is the effect.
     let neutral = if matches!(name, "gain" | "scale") { 1.0 } else { 0.0 };
     let turn = std::f64::consts::TAU;
     let off = if name == "phase" {
@@ -153,7 +153,7 @@ fn parameter_score(name: &str, truth: &Value, estimate: &Estimate) -> Option<Par
     };
     let size =
         if matches!(name, "phase" | "rest" | "roll" | "pitch") { 1.0 } else { (truth - neutral).abs() };
-    // By way of `off`, so that a phase may lie a turn away.
+    // Uses `off`, so that a phase may differ by whole turns.
     let inside = |[low, high]: [f64; 2]| (low..=high).contains(&(found - off));
     (size > 0.0).then(|| ParameterScore {
         name: String::new(),
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(outcome(&two, &both), Outcome::Right);
     }
 
-    /// An equivalent of two kinds counts when both are named; a rival that can't be told apart is no wrong name.
+    /// An equivalent of two kinds counts if both are named; an indistinguishable rival is not a wrong name.
     #[test]
     fn equivalents_and_rivals_count() {
         let asymmetric = truth(json!([{
@@ -244,7 +244,7 @@ mod tests {
         unsure.rivals =
             vec![Rival { kind, joint: Some("elbow".into()), indistinguishable: true, log_odds_against: 1.0 }];
         assert_eq!(outcome(&asymmetric, &unsure), Outcome::Refused);
-        // Where each of the class is the truth by another name, not to tell them apart is right.
+        // If each of the alternatives is the truth by another name, leaving them undecided is right.
         let constant = truth(json!([{
             "kind": "torque_offset", "joint": "elbow",
             "equivalents": [{ "kinds": ["asymmetric_friction"], "joint": "elbow" }]
@@ -255,7 +255,7 @@ mod tests {
         assert_eq!(outcome(&constant, &unsure), Outcome::Refused);
     }
 
-    /// A gain is judged by its distance from one, a phase round the circle, a word not at all.
+    /// A gain is scored by its distance from one, a phase modulo a turn, a word not at all.
     #[test]
     fn parameters_are_compared_in_their_own_measure() {
         let one = truth(json!([{

@@ -1,4 +1,4 @@
-//! Who makes the sealed recordings: this executable, or another program that keeps the contract of `proof/mujoco/README.md`.
+//! The generator of the sealed recordings: this executable, or another program that keeps the contract of `proof/mujoco/README.md`.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -16,9 +16,9 @@ use super::order::Order;
 
 /// The name of the generator in MuJoCo.
 pub const MUJOCO: &str = "mujoco";
-/// The name of the same generator where it makes machines on servos, recorded by commanded and measured positions.
+/// The name of the same generator for machines on servos, recorded by commanded and measured positions.
 const MUJOCO_SERVOS: &str = "mujoco-servos";
-/// What its order calls these machines.
+/// The name of these machines in an order.
 const SERVOS: &str = "servos";
 /// The schema of an order to another program.
 const SCHEMA: &str = "freeplay.generator/1";
@@ -51,26 +51,26 @@ const FILES: [(&str, &str); 22] = [
     ("tolerances.py", include_str!("../../mujoco/tolerances.py")),
 ];
 
-/// Another program that made the recordings, as the receipt names it.
+/// Another generator, as the receipt describes it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Other {
-    /// `mujoco`, or the path as it was given.
+    /// `mujoco`, or the path on the command line.
     pub name: String,
     /// SHA-256 of its files.
     pub sha256: String,
 }
 
-/// Who makes the recordings.
+/// The generator of the recordings.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// This executable, by the crate `concealed`.
+    /// This executable, through the crate `concealed`.
     Own,
-    /// The program at this path: an executable, or a file or folder for Python; and the family of cases that it is asked for, if it knows more than one.
+    /// The program at this path: an executable, or a file or folder for Python; and the requested family of cases, if it has more than one.
     Program(PathBuf, Option<&'static str>),
 }
 
 impl Source {
-    /// The source that `--generator` names, and what the receipt says of it. The generator in MuJoCo is written into `folder`.
+    /// The source that `--generator` selects, with its description for the receipt. Writes the generator in MuJoCo into `folder`.
     ///
     /// # Errors
     /// A program that can't be read; a folder that can't be written.
@@ -87,7 +87,7 @@ impl Source {
         Ok((Self::Program(path, family), Some(Other { name: given, sha256 })))
     }
 
-    /// Starts the process that does an order from its standard input.
+    /// Starts the process that carries out an order from its standard input.
     ///
     /// # Errors
     /// No such program, or no Python to run it; [`Failure::peer`].
@@ -110,7 +110,7 @@ impl Source {
         })
     }
 
-    /// How many cases it draws for all shards of `order`.
+    /// Number of cases that it draws for all shards of `order`.
     pub fn case_count(&self, order: &Order) -> Result<usize, GenerateError> {
         match self {
             Self::Own => Ok(order.cases()?.len()),
@@ -118,7 +118,7 @@ impl Source {
         }
     }
 
-    /// What the case at `index` of its draw for `order` asks for, as far as it is known here.
+    /// The request for the case at `index` of its draw for `order`, as far as this program knows it.
     pub fn asked_at(&self, order: &Order, index: usize) -> Result<String, GenerateError> {
         match self {
             Self::Own => Ok(order.asked(&order.cases()?[index])),
@@ -126,10 +126,10 @@ impl Source {
         }
     }
 
-    /// What the process is to read from standard input.
+    /// The text that the process reads from standard input.
     ///
     /// # Errors
-    /// None in practice: every order has a JSON text.
+    /// None in practice: every order can be written as JSON.
     pub fn order(&self, order: &Order) -> Result<String, Failure> {
         let value = match self {
             Self::Own => serde_json::to_value(order).map_err(Failure::internal)?,
@@ -143,7 +143,7 @@ impl Source {
     }
 }
 
-/// The order in the words of the contract: which cases under which names, in which folder.
+/// The order in the form of the contract: the cases with their names, and the folder.
 fn asked_of_another(order: &Order, family: Option<&str>) -> Result<Value, Failure> {
     let folder = std::path::absolute(&order.folder).map_err(Failure::input)?;
     let case = |index: usize| json!({ "index": index, "name": name(&order.names, index) });
@@ -169,12 +169,12 @@ fn is_python(path: &Path) -> bool {
 
 fn python(path: &Path) -> Command {
     let mut command = Command::new(std::env::var_os("FREEPLAY_PYTHON").unwrap_or_else(|| "python3".into()));
-    // No compiled files beside the sources, which are hashed; one thread a process, since the order says how many processes.
+    // No compiled files beside the hashed sources; one thread per process, since the order sets the number of processes.
     command.arg("-B").arg(path).env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1");
     command
 }
 
-/// Writes the generator in MuJoCo into `folder`, in the place of what is there.
+/// Writes the generator in MuJoCo into `folder`, and replaces existing files.
 fn written(folder: &Path) -> Result<PathBuf, Failure> {
     remove_folder(folder)?;
     make_folder(folder)?;
@@ -207,7 +207,7 @@ mod tests {
 
     use super::FILES;
 
-    /// A file that is not named here would be missing where the executable runs without the sources.
+    /// A file missing from this list would be missing on a machine without the sources.
     #[test]
     fn every_file_of_the_generator_is_part_of_the_executable() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("mujoco");

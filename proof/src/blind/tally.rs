@@ -1,4 +1,4 @@
-//! Many answers: the goals with what was reached.
+//! Score of many answers: the goals with the results.
 
 use std::collections::BTreeMap;
 
@@ -12,33 +12,33 @@ use super::judged::{Judged, of_sort};
 use super::score::{Outcome, ParameterScore};
 use super::truth::Sort;
 
-/// Bounds of the signal-to-floor ratios in which success is counted.
+/// Bounds of the bins of the signal-to-floor ratio for success rates.
 const RATIOS: [f64; 8] = [0.0, 1.6, 2.0, 2.5, 3.5, 5.0, 9.0, f64::INFINITY];
-/// Bounds of the confidences in which they are compared with success.
+/// Bounds of the bins of confidence for success rates.
 const CONFIDENCES: [f64; 6] = [0.0, 0.8, 0.95, 0.99, 0.999, 1.0 + f64::EPSILON];
-/// What the place of an effect of the arm as a whole is called.
+/// Name of the place of an effect of the arm as a whole.
 pub const WHOLE: &str = "whole arm";
-/// What a recording is said to be, s: the goal of the time is for one of 16 s.
+/// Nominal length of a recording, s: the time goal is for one of 16 s.
 const RECORDING: f64 = 16.0;
 
-/// A goal, and what was reached.
+/// A goal with its result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Goal {
-    /// What is counted.
+    /// The quantity.
     pub quantity: &'static str,
-    /// What is wanted.
+    /// The goal.
     pub goal: &'static str,
-    /// What was reached, %, or s.
+    /// The result, %, or s.
     pub reached: f64,
     /// Its 95 % interval.
     pub ci95: [f64; 2],
-    /// A count of a count, where it is one.
+    /// A count out of a total, if the result is one.
     pub share: Option<Share>,
-    /// Of how many.
+    /// Number of cases.
     pub of: usize,
     /// `%` or `s`.
     pub unit: &'static str,
-    /// Whether the goal is met by what was reached; `None` where there was nothing to count.
+    /// Whether the result meets the goal; `None` without cases.
     pub met: Option<bool>,
 }
 
@@ -89,7 +89,7 @@ pub struct Bin {
     pub detected: Share,
 }
 
-/// All that is said of many answers.
+/// The score of many answers.
 #[derive(Clone, Debug, Serialize)]
 pub struct Score {
     /// Outcomes by sort of case.
@@ -102,18 +102,18 @@ pub struct Score {
     pub by_severity: BTreeMap<String, Bin>,
     /// One named effect: success against confidence.
     pub calibration: Vec<Bin>,
-    /// One effect: success by machine and joint; [`WHOLE`] for what sits on no joint.
+    /// One effect: success by machine and joint; [`WHOLE`] for an effect without a joint.
     pub by_joint: BTreeMap<String, BTreeMap<String, Bin>>,
-    /// One effect: what was named for what was concealed, by kind; in brackets what is no other kind.
+    /// One effect: named kind against concealed kind; equivalents in brackets.
     pub confusion: Confusion,
-    /// One effect: what was taken for what, by kind, the commonest first.
+    /// One effect: confused kinds, the commonest first.
     pub mistakes: Vec<Mistake>,
-    /// What chance, re-tuning, a black box and an oracle reach.
+    /// Results of chance, re-tuning, a black box and an oracle.
     pub controls: Controls,
 }
 
 impl Score {
-    /// Of `cases`.
+    /// The score of `cases`.
     pub fn of(cases: &[Judged]) -> Self {
         let mut outcomes: BTreeMap<_, BTreeMap<_, usize>> = BTreeMap::new();
         for case in cases {
@@ -198,7 +198,7 @@ fn goals(cases: &[Judged]) -> Vec<Goal> {
         rightly().filter_map(|case| case.closed(error)).map(|x| 100.0 * x).collect()
     };
     let seconds = cases.iter().filter(|case| case.truth.joints == 6 && case.truth.duration > 0.0);
-    // A case is two recordings of that length.
+    // A case consists of two recordings of that length.
     let seconds =
         seconds.map(|case| case.answer.cpu_seconds * RECORDING / (2.0 * case.truth.duration)).collect();
     vec![
@@ -248,7 +248,7 @@ fn goals(cases: &[Judged]) -> Vec<Goal> {
     ]
 }
 
-/// Relative errors, %, of all parameters of rightly named effects, and how many intervals hold the truth.
+/// Relative errors, %, of all parameters of correctly named effects, and the share of intervals that contain the truth.
 fn parameters(cases: &[Judged]) -> (Vec<f64>, Share) {
     let right = cases.iter().filter(|case| case.outcome == Outcome::Right);
     let hits: Vec<&ParameterScore> = right.flat_map(|case| &case.hits).collect();

@@ -1,15 +1,15 @@
-//! What a case conceals, as a truth file says it.
+//! The concealed truth of a case, as in a truth file.
 
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::answer::{Answer, Hypothesis, Named};
 
-/// What a case conceals. Of the fields only `effects` has to be there.
+/// The concealed truth of a case. Only the field `effects` is required.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default)]
 pub struct Truth {
-    /// What is concealed; nothing for a negative control.
+    /// The concealed effects; empty for a negative control.
     pub effects: Vec<Concealed>,
     /// The machine's name.
     pub machine: String,
@@ -33,9 +33,9 @@ pub struct Concealed {
     pub joint: Option<String>,
     /// Its parameters, SI.
     pub parameters: Value,
-    /// Parameters that leave next to no trace of their own: not scored.
+    /// Parameters with hardly any trace of their own: not scored.
     pub weak: Vec<String>,
-    /// Other names that are as right.
+    /// Other names that count as right.
     pub equivalents: Vec<Equivalent>,
     /// False: physics outside the catalogue.
     #[serde(default = "yes")]
@@ -62,19 +62,19 @@ pub struct Equivalent {
     pub joint: Option<String>,
 }
 
-/// What names a concealed effect: kind, joint, and the kinds and joints of what is the same.
+/// Identity of a concealed effect: kind, joint, and the kinds and joints of its equivalents.
 pub type TruthKey<'a> = (&'a str, Option<&'a str>, Vec<(&'a [String], Option<&'a str>)>);
 
-/// What a case is about.
+/// Sort of a case by its concealed effects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Sort {
-    /// Nothing is concealed.
+    /// No effect.
     Negative,
     /// One effect of the catalogue.
     Single,
-    /// Two or more of the catalogue.
+    /// Two or more effects of the catalogue.
     Double,
-    /// Something outside the catalogue.
+    /// Physics outside the catalogue.
     Outside,
 }
 
@@ -82,7 +82,7 @@ impl Sort {
     /// Every sort.
     pub const ALL: [Sort; 4] = [Sort::Negative, Sort::Single, Sort::Double, Sort::Outside];
 
-    /// What it is called.
+    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Sort::Negative => "nothing concealed",
@@ -94,7 +94,7 @@ impl Sort {
 }
 
 impl Truth {
-    /// What the case is about.
+    /// The sort of the case.
     pub fn sort(&self) -> Sort {
         match self.effects.as_slice() {
             [] => Sort::Negative,
@@ -104,7 +104,7 @@ impl Truth {
         }
     }
 
-    /// What is concealed, in a few words.
+    /// The concealed effects, in a few words.
     pub fn words(&self) -> String {
         match self.effects.as_slice() {
             [] => "nothing".to_owned(),
@@ -121,24 +121,24 @@ pub fn at(kind: &str, joint: Option<&str>) -> String {
 }
 
 impl Concealed {
-    /// Whether kind and joint are these.
+    /// True if the effect has this kind and joint.
     pub fn is(&self, kind: &str, joint: Option<&str>) -> bool {
         self.kind == kind && self.joint.as_deref() == joint
     }
 
-    /// What has to be the same in two truths for the same answers to be right.
+    /// Two truths with the same key have the same right answers.
     pub fn key(&self) -> TruthKey<'_> {
         let same = self.equivalents.iter().map(|other| (other.kinds.as_slice(), other.joint.as_deref()));
         (self.kind.as_str(), self.joint.as_deref(), same.collect())
     }
 
-    /// Whether `row` is this effect, or one of those that are the same by another name.
+    /// True if `row` is this effect, or an equivalent of it.
     pub fn names(&self, row: &Hypothesis) -> bool {
         let same = |other: &Equivalent| other.joint == row.joint && other.kinds.contains(&row.kind);
         self.is(&row.kind, row.joint.as_deref()) || self.equivalents.iter().any(same)
     }
 
-    /// Which of the named effects say it: one by its name, or those of an equivalent; none if it is not said.
+    /// Indices of the named effects that state it: one with its name, or those of an equivalent; empty if it is not stated.
     pub fn said_by(&self, effects: &[Named]) -> Vec<usize> {
         let place = |kind: &str, joint: &Option<String>| {
             effects.iter().position(|e| e.kind == kind && e.joint == *joint)
@@ -152,7 +152,7 @@ impl Concealed {
         all.find_map(|found| found).unwrap_or_default()
     }
 
-    /// Whether the answer holds it for possible: names it, or says that it can't tell it from what it names.
+    /// True if the answer considers it possible: names it, or cannot distinguish it from a named effect.
     pub fn is_among(&self, answer: &Answer) -> bool {
         let rival = |kind: &str, joint: &Option<String>| {
             answer.rivals.iter().any(|r| r.indistinguishable && r.kind == kind && r.joint == *joint)

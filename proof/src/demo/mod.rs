@@ -1,5 +1,5 @@
-//! `freeplay demo`: the loop closed. A plant with something concealed plays the real machine; the diagnosis finds it in the recording
-//! alone; the controller is given the diagnosed model; the tool's deviation falls.
+//! `freeplay demo`: the closed loop. A plant with concealed physics stands for the real machine; the diagnosis finds the physics in the recording alone; the
+//! controller gets the diagnosed model; the tool's deviation falls.
 
 mod cases;
 mod nameless;
@@ -28,7 +28,7 @@ use serde_json::Value;
 use cases::Case;
 use play::{CONTROLLER, Outcome, outcome};
 
-/// Cases that are played at the same time: a run in lockstep is two processes that wait for each other.
+/// Number of cases that run at the same time: a lockstep run is two processes that wait for each other.
 const AT_ONCE: usize = 2;
 
 /// The loop closed: a machine with concealed physics is played, diagnosed from its recording alone, and controlled with what was found.
@@ -98,7 +98,7 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
         ));
     }
     args.picture.as_deref().map_or(Ok(()), check_target)?;
-    // A machine that was not diagnosed is no result.
+    // A machine without a diagnosis has no result.
     let results: Vec<String> = cases.iter().map(|case| format!("{}/report.html", case.name)).collect();
     let names: Vec<&str> = results.iter().map(String::as_str).chain(["report.html"]).collect();
     let folder = claim(args.out.as_deref(), &names, args.force)?;
@@ -126,7 +126,7 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
     Ok(if outcomes.iter().all(Outcome::is_right) { Exit::Done } else { Exit::Verdict })
 }
 
-/// Plays the machines with something nameless.
+/// Runs the machines with nameless physics.
 fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exit, Failure> {
     let names: Vec<&str> =
         machines.iter().map(|machine| machine.name).chain(["nameless.json", "report.html"]).collect();
@@ -171,7 +171,7 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
     Ok(if holds { Exit::Done } else { Exit::Verdict })
 }
 
-/// The cases with these names; all without a name.
+/// The cases with these names; without names, all of them.
 fn chosen(names: &[String]) -> Result<Vec<Case>, Failure> {
     let all = cases::all();
     if let Some(unknown) = names.iter().find(|name| all.iter().all(|case| case.name != name.as_str())) {
@@ -186,7 +186,7 @@ fn chosen(names: &[String]) -> Result<Vec<Case>, Failure> {
         .collect())
 }
 
-/// All outcomes in the order of `cases`, some at the same time.
+/// All outcomes in the order of `cases`; several cases run at the same time.
 fn all(
     cases: &[Case],
     args: &DemoArgs,
@@ -203,14 +203,14 @@ fn all(
             let came = outcome(case, args.period, args.seed, &out.join(case.name), stop);
             bar.inc(1);
             bar.set_message(case.name);
-            // A poisoned lock means that the other worker has ended badly, which is said below by its missing outcome.
+            // A poisoned lock means that the other worker panicked; its missing outcome is reported below.
             if let Ok(mut done) = done.lock() {
                 done.push((number, came));
             }
         }
     };
     std::thread::scope(|scope| {
-        // Without further threads this one does all the work.
+        // If no further thread starts, this one does all the work.
         (1..AT_ONCE).for_each(|_| drop(Builder::new().spawn_scoped(scope, work)));
         work();
     });
@@ -220,7 +220,7 @@ fn all(
     done.into_iter().map(|(_, came)| came).collect()
 }
 
-/// The effects that were found, each with its first uncertain parameter.
+/// The effects that the diagnosis found, each with its first uncertain parameter.
 fn found(outcome: &Outcome) -> Vec<String> {
     let of = |effect: &Effect| {
         let name = title(effect.kind, effect.joint.as_deref());
@@ -235,11 +235,11 @@ fn found(outcome: &Outcome) -> Vec<String> {
     outcome.diagnosis.effects.iter().map(of).collect()
 }
 
-/// Held-out error before and after in the channel in which the first finding shows first: channel, unit, before, after.
+/// Held-out error before and after, in the channel that shows the first finding best: channel, unit, before, after.
 fn errors(outcome: &Outcome) -> Option<(String, String, f64, f64)> {
     let fit = outcome.diagnosis.fit.as_ref()?;
     let channels = outcome.diagnosis.effects.first()?.evidence.channels.iter();
-    // The one in which the model as given is farthest from the floor.
+    // The channel in which the model as given exceeds the floor most.
     let far =
         |channel: &&String| fit.before[*channel].rmse / fit.noise_floor[*channel].rmse.max(f64::MIN_POSITIVE);
     let channel = channels.max_by(|a, b| far(a).total_cmp(&far(b)))?;
@@ -276,7 +276,7 @@ fn text(outcomes: &[Outcome]) -> String {
     text
 }
 
-/// How a diagnosis came out.
+/// Verdict on a diagnosis, with its words.
 fn judged(outcome: &Outcome) -> (freeplay_report::Verdict, &'static str) {
     if outcome.is_right() {
         (freeplay_report::Verdict::Ok, "right")
@@ -310,7 +310,7 @@ fn json(outcomes: &[Outcome]) -> Value {
     serde_json::json!({ "schema": "freeplay.demo/1", "cases": cases.collect::<Vec<_>>() })
 }
 
-/// Whether anything was named.
+/// True if the diagnosis named an effect.
 fn named(outcome: &Outcome) -> bool {
     outcome.diagnosis.verdict == Verdict::Named
 }

@@ -1,4 +1,4 @@
-//! One machine: played, diagnosed from its recording, and played again by a controller that was given the diagnosed model.
+//! One machine: a run, the diagnosis of its recording, and a second run under a controller with the diagnosed model.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -19,41 +19,41 @@ use freeplay_terminal::files::write;
 use super::cases::{Case, Notch};
 use freeplay_report::paste::seen_from;
 
-/// The controller that plays every run.
+/// The controller of every run.
 pub const CONTROLLER: &str = "quasi-static";
 /// Noise of the sensors: rad, rad/s, N·m, m. Twenty bits on a motor behind a gear of 100 : 1 are 6e-8 rad.
 const NOISE: [f64; 4] = [1e-7, 1e-6, 0.05, 1e-5];
 
-/// Laps of each run: what is held out of its recording passes everywhere again.
+/// Laps of each run: the held-out part of its recording covers every place again.
 const LAPS: u32 = 2;
-/// Samples before and after that tell the direction of a joint.
+/// Samples before and after that determine the direction of a joint.
 const SPAN: usize = 10;
 
-/// What a run of the machine came to.
+/// Result of a run of the machine.
 #[derive(Clone, Debug)]
 pub struct Played {
-    /// What was recorded.
+    /// The recording.
     pub recording: PathBuf,
     /// The tool's deviation after the first 0.5 s, root of the mean square, mm.
     pub deviation: f64,
 }
 
-/// What came of a machine.
+/// Outcome of a machine.
 pub struct Outcome {
     /// The machine.
     pub case: Case,
     /// The run with the nominal model.
     pub before: Played,
-    /// What was found in its recording.
+    /// The diagnosis of its recording.
     pub diagnosis: Diagnosis,
-    /// The run with the diagnosed model; none if nothing was added to the model, or if it did not end well.
+    /// The run with the diagnosed model; `None` if the diagnosis added nothing to the model, or if the run failed.
     pub after: Option<Played>,
-    /// Why there is no such run although there is such a model.
+    /// Reason for which this run is missing although there is such a model.
     pub failure: Option<String>,
 }
 
 impl Outcome {
-    /// Whether the concealed effect is among those found, beside others that are not there.
+    /// True if the concealed effect is among the findings, beside false ones.
     pub fn is_found_with_others(&self) -> bool {
         let Some(hidden) = &self.case.effect else { return false };
         let same =
@@ -61,7 +61,7 @@ impl Outcome {
         !self.is_right() && self.diagnosis.effects.iter().any(same)
     }
 
-    /// Whether the diagnosis is right: the concealed effect at its joint and nothing else; no name where there is none to give.
+    /// True if the diagnosis is right: the concealed effect at its joint and no other; no name if there is none to give.
     pub fn is_right(&self) -> bool {
         let found = &self.diagnosis.effects;
         match (&self.case.effect, &self.case.notch) {
@@ -78,7 +78,7 @@ impl Outcome {
     }
 }
 
-/// Plays, diagnoses and plays again, with all files in `out`.
+/// Runs, diagnoses and runs again, with all files in `out`.
 ///
 /// # Errors
 /// A process that fails, or a file that can't be written.
@@ -120,14 +120,14 @@ pub fn outcome(
     if !outcome.diagnosis.effects.is_empty() {
         match run(&out.join("model.toml"), "after") {
             Ok(after) => outcome.after = Some(after),
-            // The other machines are worth seeing.
+            // The results of the other machines are still useful.
             Err(failure) => outcome.failure = Some(failure.to_string()),
         }
     }
     Ok(outcome)
 }
 
-/// Sensors as good ones are.
+/// Sensors of good quality.
 pub fn sensors() -> SensorsSpec {
     let noisy = |noise: f64| Channel { noise, ..Channel::default() };
     let [position, velocity, torque, tool] = NOISE.map(noisy);
@@ -145,7 +145,7 @@ fn played(scenario: &Scenario, out: &Path, stop: &AtomicBool) -> Result<Played, 
     Ok(Played { recording: files.out.join(recording), deviation })
 }
 
-/// What is to be said of a run in `out` that ended with `exit`.
+/// Message about a run in `out` that ended with `exit`.
 fn unfinished(exit: Exit, out: &Path) -> String {
     let out = out.display();
     match exit {
@@ -157,7 +157,7 @@ fn unfinished(exit: Exit, out: &Path) -> String {
     }
 }
 
-/// What a real machine would have recorded: joints, torques and the tracked tool, nothing of the truth.
+/// The recording of a real machine: joints, torques and the tracked tool, without the truth.
 fn measured(path: &Path, notch: Option<Notch>) -> Result<Recording, Failure> {
     let all = freeplay_recording::read(path, None).map_err(Failure::input)?;
     let mut columns = vec![("t".to_owned(), all.t.clone())];
@@ -186,7 +186,7 @@ fn add(notch: Notch, q: &[f64], torque: &mut [f64]) {
     let (low, high) = q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| (l.min(*q), h.max(*q)));
     let (at, wide) = (low + notch.place * (high - low), notch.width * (high - low));
     for k in 0..q.len() {
-        // Over some samples, in which the joint moves farther than its encoder is noisy.
+        // Over some samples, in which the joint moves by more than the noise of its encoder.
         let way = q[(k + SPAN).min(q.len() - 1)] - q[k.saturating_sub(SPAN)];
         torque[k] += notch.torque * (-((q[k] - at) / wide).powi(2)).exp() * way.signum();
     }

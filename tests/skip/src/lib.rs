@@ -1,4 +1,4 @@
-//! Tests that need something which a machine may lack: an interpreter, a compiler, recordings of real machines.
+//! Support for tests that need something which a machine may lack: an interpreter, a compiler, recordings of real machines.
 //!
 //! Such a test calls [`skip`] and returns. On a developer's machine this prints one line. A build server sets [`ALLOWED`] to the list of
 //! needs that it cannot meet, and every other skip fails there.

@@ -1,4 +1,4 @@
-//! The chain of a machine: the true arm, with what effects change in it and with the coordinates that they add.
+//! The chain of a machine: the true arm with the changes and the further coordinates of its effects.
 
 use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, forward_kinematics};
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
@@ -8,7 +8,7 @@ use crate::arms::Load;
 use crate::data_sheet_deviations::lengthen;
 use crate::physics::{Effect, Physics};
 
-/// What a coordinate of the extended arm is.
+/// Role of a coordinate of the extended arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     Joint(usize),
@@ -26,7 +26,7 @@ pub(super) struct Chain {
     pub links: Vec<(Joint, Role)>,
     pub tool: Isometry3<f64>,
     pub gravity: Vector3<f64>,
-    /// Link and mass that are lost at a time.
+    /// Link and mass of a load that drops at some time.
     pub drop: Option<(Inertia, f64)>,
 }
 
@@ -36,7 +36,7 @@ impl Chain {
         self.links.iter().position(|(_, role)| *role == Role::Joint(joint)).unwrap_or(0)
     }
 
-    /// The springs of coordinates that are no joints.
+    /// The springs of coordinates that are not joints.
     pub fn springs(&self) -> Vec<Spring> {
         let spring = |(coordinate, (_, role)): (usize, &(Joint, Role))| match *role {
             Role::Spring { stiffness, damping } => Some(Spring { coordinate, stiffness, damping, rest: 0.0 }),
@@ -46,8 +46,8 @@ impl Chain {
     }
 }
 
-/// Where along a link it bends, as shares of its length: the points of Gauss's rule of two. Hinges there, each of half the beam's L/EI, give
-/// under a force and a moment at the end what a uniform beam does, since that is an integral of squares.
+/// Positions of the hinges of a bending link, as shares of its length: the points of two-point Gauss quadrature. Hinges there, each with half of the beam's
+/// L/EI, deflect under a force and a moment at the end like a uniform beam, since that deflection is an integral of squares.
 const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 
 /// A joint without inertia.
@@ -62,7 +62,7 @@ fn point(mass: f64, com: Vector3<f64>) -> Inertia {
     Inertia { mass, com, about_com: Matrix3::zeros() }
 }
 
-/// The true arm `arm` with what its `effects` change and add; `poses` are where it works, the first in the middle.
+/// The true arm: `arm` with the changes and additions of its `effects`; `poses` are its working poses, the central one first.
 pub(super) fn chain_of(
     arm: &Arm,
     load: &Load,
@@ -80,7 +80,7 @@ pub(super) fn chain_of(
     Ok(chain)
 }
 
-/// Effects that change what is there.
+/// Applies effects that change existing parts.
 fn reshape(chain: &mut Chain, effect: &Effect, load: &Load) {
     let last = chain.links.len() - 1;
     match (&effect.physics, effect.joint) {
@@ -117,7 +117,7 @@ fn reshape(chain: &mut Chain, effect: &Effect, load: &Load) {
     }
 }
 
-/// Effects that add coordinates.
+/// Applies effects that add coordinates.
 fn insert(
     chain: &mut Chain,
     effect: &Effect,
@@ -142,7 +142,7 @@ fn insert(
     }
 }
 
-/// Two slides across the axis, before the joint.
+/// Inserts two slides across the axis, before the joint.
 fn insert_slides(chain: &mut Chain, effect: &Effect, joint: usize) -> Result<(), PlanError> {
     let at = chain.place(joint);
     let next = &mut chain.links[at].0;
@@ -162,7 +162,7 @@ fn insert_slides(chain: &mut Chain, effect: &Effect, joint: usize) -> Result<(),
     Ok(())
 }
 
-/// A link that bends, as hinges about both axes across it at the two places of [`GAUSS`].
+/// Inserts a bending link, as hinges about both axes across it at the two points of [`GAUSS`].
 fn insert_hinges(chain: &mut Chain, effect: &Effect, joint: usize, stiffness: f64) -> Result<(), PlanError> {
     let at = chain.place(joint);
     let why = "no link of some length with a joint beyond it moves with it";
@@ -175,7 +175,7 @@ fn insert_hinges(chain: &mut Chain, effect: &Effect, joint: usize, stiffness: f6
     let own = std::mem::replace(&mut chain.links[at].0.inertia, Inertia::zero());
     // k = 3EI/L³, and each of the hinges has half of L/EI.
     let turning = 2.0 / 3.0 * stiffness * way.norm_squared();
-    // A twentieth of critical for a mass of 5 kg at the end.
+    // A twentieth of critical damping for a mass of 5 kg at the end.
     let damping = 0.1 * turning * (5.0 / stiffness).sqrt();
     let first = across(&direction);
     let second = direction.cross(&first);
@@ -190,13 +190,13 @@ fn insert_hinges(chain: &mut Chain, effect: &Effect, joint: usize, stiffness: f6
         hinge("3", first, far - near),
         hinge("4", second, 0.0),
     ];
-    // What the link weighs is between the two places at which it bends.
+    // The mass of the link is between the two hinges.
     hinges[1].0.inertia = Inertia { com: own.com - way * near, ..own };
     chain.links.splice(at + 1..at + 1, hinges);
     Ok(())
 }
 
-/// A base that rocks on springs about its x and y axes at `frequency` Hz with the arm in the middle of its poses.
+/// Inserts a base that rocks on springs about its x and y axes at `frequency` Hz with the arm in the middle of its poses.
 fn insert_mount(chain: &mut Chain, arm: &Arm, poses: &[Vec<f64>], frequency: f64, damping: f64) {
     let mut inertia = 0.0;
     let mut ws = Workspace::new(arm);
@@ -217,7 +217,7 @@ fn insert_mount(chain: &mut Chain, arm: &Arm, poses: &[Vec<f64>], frequency: f64
     chain.links.insert(0, (rock("x", Vector3::x()), role));
 }
 
-/// The load swings as a pendulum whose place at rest, in the first pose, is where the load is by the data sheet.
+/// Makes the load a pendulum; its rest position, in the first pose, is the load's position on the data sheet.
 fn append_pendulum(chain: &mut Chain, arm: &Arm, load: &Load, poses: &[Vec<f64>], mass: f64, length: f64) {
     let mut ws = Workspace::new(arm);
     let Some(pose) = poses.first() else { return };
@@ -234,7 +234,7 @@ fn append_pendulum(chain: &mut Chain, arm: &Arm, load: &Load, poses: &[Vec<f64>]
     chain.links.push((swing, Role::Spring { stiffness: 0.0, damping }));
 }
 
-/// A direction across `axis`.
+/// A direction perpendicular to `axis`.
 fn across(axis: &Vector3<f64>) -> Vector3<f64> {
     let helper = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::z() };
     axis.cross(&helper).normalize()
@@ -283,7 +283,7 @@ mod tests {
                 assert!((sum(power) / exact - 1.0).abs() < 1e-12);
             }
         }
-        // Nothing of the mass is lost, and the arm is as long as it was.
+        // The total mass and the length of the arm are unchanged.
         let mass = |links: &mut dyn Iterator<Item = f64>| links.sum::<f64>();
         let before = mass(&mut arm.joints().iter().map(|joint| joint.inertia.mass));
         let after = mass(&mut chain.links.iter().map(|(joint, _)| joint.inertia.mass));

@@ -1,7 +1,7 @@
-//! What a drive has to overcome at its own speed: dry friction as a set, the rest as a torque.
+//! Friction of a drive at its own speed: dry friction as a set, the rest as a torque.
 //!
-//! Dry friction is set-valued (Moreau 1988): sliding, it is F₊ against v > 0 and F₋ against v < 0; sticking, it is whatever
-//! between −F₊ and F₋ keeps v at zero. No smoothing of the sign is involved, which is where the catalogue's laws differ.
+//! Dry friction is set-valued (Moreau 1988). In sliding it is F₊ against v > 0 and F₋ against v < 0; in sticking it is the value between −F₊ and F₋ that keeps
+//! v at zero. The law does not smooth the sign, unlike those of the catalogue.
 
 use std::f64::consts::E;
 
@@ -70,13 +70,13 @@ pub(crate) struct Drive {
     pub detent: Option<Notch>,
     /// A bad tooth.
     pub tooth: Option<Notch>,
-    /// Amplitude and frequency (Hz) of a torque that comes from elsewhere.
+    /// Amplitude and frequency (Hz) of an external torque.
     pub disturbance: Option<(f64, f64)>,
-    /// Largest torque that the drive can say, N·m.
+    /// Largest torque that the drive can measure, N·m.
     pub limit: f64,
     /// True over measured torque.
     pub gain: f64,
-    /// What is measured too much, N·m.
+    /// Offset of the measurement: reading minus true torque, N·m.
     pub offset: f64,
 }
 
@@ -98,7 +98,7 @@ impl Drive {
         self.dry.map(|dry| ((dry + both) * drift).max(0.0))
     }
 
-    /// Torque on the drive that is no dry friction, N·m.
+    /// Torque on the drive other than dry friction, N·m.
     pub fn torque(&self, q: f64, v: f64, t: f64) -> f64 {
         let mut torque = -self.viscous * self.drift_at(t) * v - self.drag * v * v.abs();
         if let Some(wave) = &self.ripple {
@@ -116,8 +116,8 @@ impl Drive {
         torque
     }
 
-    /// What the torque measurement says, N·m, for the torque by the motor's current. A measurement that has reached its limit stays
-    /// there while the motor gives more, as the catalogue has it: where the model asks for more, a recording shows the limit.
+    /// The measured torque, N·m, for the torque by the motor's current. A measurement at its limit stays there while the motor gives more, as in the catalogue:
+    /// where the model asks for more, a recording shows the limit.
     pub fn measured(&self, by_current: f64) -> f64 {
         (by_current / self.gain + self.offset).clamp(-self.limit, self.limit)
     }

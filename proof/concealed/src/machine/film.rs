@@ -1,9 +1,9 @@
 //! A journal in its bearing, in oil: Reynolds' film of a long bearing.
 //!
-//! The pressure of Sommerfeld's solution, squeeze included, counted from the widest gap, is integrated around the bearing where it is
-//! positive (Gümbel's condition), point by point. The catalogue uses the closed form of Pinkus & Sternlicht (1961): the same for a
-//! journal that rests (a test), 15 to 25 % weaker for one that is pushed in fast, and pulling back one that leaves fast, where
-//! this film has broken. The viscosity means the same.
+//! The model integrates the pressure of Sommerfeld's solution, squeeze included, counted from the widest gap, around the bearing wherever it is positive
+//! (Gümbel's condition), point by point. The catalogue uses the closed form of Pinkus & Sternlicht (1961). It agrees for a resting journal (a test). For a
+//! journal that is pushed in fast it is 15 to 25 % weaker, and it pulls back a journal that leaves fast, where this film has broken. The viscosity means the
+//! same.
 
 use super::dry_bearing::{Push, RADIUS};
 
@@ -11,7 +11,7 @@ use super::dry_bearing::{Push, RADIUS};
 const LENGTH: f64 = 0.040;
 /// Points around the bearing.
 const POINTS: usize = 48;
-/// The film is as thick as this share of the clearance at least: what roughness leaves.
+/// Least thickness of the film as a share of the clearance: the height of the roughness.
 const LEAST: f64 = 0.02;
 
 /// A bearing with oil in its clearance.
@@ -35,7 +35,7 @@ impl OilBearing {
         Self { clearance, factor: 6.0 * viscosity * (RADIUS / clearance).powi(2) * RADIUS * LENGTH, circle }
     }
 
-    /// What the film does to a journal at `x` moving with `u` and turning with `spin` against the bearing.
+    /// Force and moment of the film on a journal at `x` that moves with `u` and turns with `spin` against the bearing.
     pub fn push(&self, x: [f64; 2], u: [f64; 2], spin: f64) -> Push {
         let distance = x[0].hypot(x[1]).max(1e-9 * self.clearance);
         let normal = [x[0] / distance, x[1] / distance];
@@ -44,7 +44,7 @@ impl OilBearing {
         let turning = (u[1] * normal[0] - u[0] * normal[1]) / distance;
         let (radial, across) = self.film(ratio, growth, spin - 2.0 * turning);
         let mut force = [radial * normal[0] - across * normal[1], radial * normal[1] + across * normal[0]];
-        // Where the film is as thin as roughness the metal carries: a stiff wall.
+        // At a film as thin as the roughness the metal carries the load: a stiff wall.
         let depth = distance - self.clearance * (1.0 - LEAST);
         if depth > 0.0 {
             let wall = 2e7 * depth;
@@ -63,7 +63,7 @@ impl OilBearing {
         let closed = 1.0 / ((1.0 + ratio) * (1.0 + ratio));
         let squeeze = if ratio > 1e-6 { growth / ratio } else { 0.0 };
         for [sin, cos] in &self.circle {
-            // θ = 0 is where the film is thickest, opposite to the side to which the journal has moved.
+            // θ = 0 is at the thickest film, opposite to the journal's displacement.
             let film = 1.0 + ratio * cos;
             let inverse = 1.0 / (film * film);
             let pressure = wedge * sin * (1.0 + film) * inverse + squeeze * (inverse - closed);
@@ -90,7 +90,7 @@ mod tests {
         assert!((radial + 14.23).abs() < 0.05 && (across - 38.70).abs() < 0.03);
     }
 
-    /// Pushed in, the film resists; pulled out, it lets go.
+    /// The film resists a journal that is pushed in, and lets go of one that is pulled out.
     #[test]
     fn the_film_resists_approach_only() {
         let film = OilBearing::new(2e-4, 0.4);

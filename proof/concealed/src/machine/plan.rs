@@ -1,4 +1,4 @@
-//! The machine as it is: everything that stays the same while it runs.
+//! The constant description of the true machine.
 
 use freeplay_arm::{Arm, ArmError};
 use nalgebra::{Isometry3, Vector3};
@@ -11,20 +11,20 @@ use super::dry_bearing::{DryBearing, Push};
 use super::film::OilBearing;
 use super::transmission::Transmission;
 
-/// Why a machine can't be built, or went wrong.
+/// Reason why a machine can't be built, or failed while running.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum PlanError {
-    /// The effects make no arm.
+    /// The effects give no valid arm.
     #[error("the arm with these effects can't be built: {0}")]
     Arm(#[from] ArmError),
-    /// An effect sits where it can't.
+    /// An effect at an impossible place.
     #[error("{kind} can't sit at joint number {joint:?} (from 0): {why}")]
     Seat {
         /// Kind of the effect.
         kind: String,
         /// The joint.
         joint: Option<usize>,
-        /// What is against it.
+        /// The reason.
         why: &'static str,
     },
     /// A coordinate is no longer finite.
@@ -32,19 +32,19 @@ pub enum PlanError {
         "coordinate number {coordinate} is not finite at t = {time} s: the effects are too strong for this machine"
     )]
     NotFinite {
-        /// Which one, from 0.
+        /// Its index, from 0.
         coordinate: usize,
-        /// When, s.
+        /// Time, s.
         time: f64,
     },
 }
 
-/// A machine as it is. Its coordinates are those of `Plan::arm`, the arm with whatever moves beside its joints (journals in
-/// their bearings, a rocking base, a swinging load), then one for each motor that can move against its link.
+/// The true machine. Its coordinates are those of `Plan::arm`, the arm with all further moving parts (journals in their bearings, a rocking base, a swinging
+/// load), then one for each motor that can move against its link.
 #[derive(Clone, Debug)]
 pub struct Plan {
     pub(crate) arm: Arm,
-    /// From this time on, s, the arm is another one.
+    /// From this time on, s, the machine has another arm.
     pub(crate) after: Option<(f64, Arm)>,
     /// The coordinate of every joint.
     pub(crate) link: Vec<usize>,
@@ -59,11 +59,11 @@ pub struct Plan {
     pub(crate) transmissions: Vec<Transmission>,
     pub(crate) springs: Vec<Spring>,
     pub(crate) bearings: Vec<Bearing>,
-    /// Inertia beside the arm's: coordinate, coordinate, kg·m², both triangles.
+    /// Inertia in addition to the arm's: coordinate, coordinate, kg·m², both triangles.
     pub(crate) inertia: Vec<(usize, usize, f64)>,
     pub(crate) shafts: Vec<Shaft>,
     pub(crate) push: Option<ToolForce>,
-    /// What the sensors of each joint do beyond the ordinary.
+    /// Delays and filters of the sensors.
     pub(crate) senses: Senses,
     /// Short steps in each long one.
     pub(crate) substeps: usize,
@@ -78,7 +78,7 @@ pub(crate) struct Spring {
     pub rest: f64,
 }
 
-/// A journal free in its bearing: coordinates `slides` and the next are its place in the plane, `turn` its joint.
+/// A journal free in its bearing: coordinates `slides` and the next are its position in the plane, `turn` is its joint.
 #[derive(Clone, Debug)]
 pub(crate) struct Bearing {
     pub slides: usize,
@@ -119,7 +119,7 @@ pub(crate) struct ToolForce {
     pub end: f64,
 }
 
-/// What an encoder reads beside the position of its motor.
+/// Errors of an encoder.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Encoder {
     /// Zero, rad.
@@ -147,11 +147,11 @@ impl Encoder {
 /// Delays and filters of the recording, beyond the tolerances.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Senses {
-    /// How late the torques are, s.
+    /// Delay of the torques, s.
     pub torque_delay: f64,
-    /// How late the tool is, s.
+    /// Delay of the tool, s.
     pub tool_delay: f64,
-    /// Cutoff of the filter of each joint's torque, Hz; infinite where there is none.
+    /// Cutoff of the filter of each joint's torque, Hz; infinite without a filter.
     pub cutoff: Vec<f64>,
 }
 

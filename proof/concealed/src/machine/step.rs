@@ -1,8 +1,8 @@
 //! The time stepping: Moreau and Jean's, with dry friction as a set (Moreau 1988; Jean 1999; Acary & Brogliato 2008, §10).
 //!
-//! A long step evaluates mass matrix and bias forces once, in its middle. Within it, short steps see them as constant and resolve what
-//! is fast and local: transmissions, bearings, bristles, and dry friction, whose impulses are found implicitly, all joints together,
-//! by projected Gauss–Seidel: each impulse is what stops its joint, as far as its bounds allow. A joint that sticks has speed zero.
+//! A long step evaluates mass matrix and bias forces once, in its middle. Within it, short steps keep them constant and resolve the fast and local forces:
+//! transmissions, bearings, bristles, and dry friction. Projected Gauss–Seidel finds the friction impulses implicitly, for all joints together: each impulse
+//! stops its joint, as far as its bounds allow. A joint that sticks has speed zero.
 
 use freeplay_arm::{Workspace, jacobian, mass_and_bias};
 use nalgebra::{DMatrix, Matrix2, Vector2};
@@ -36,7 +36,7 @@ pub(crate) struct Stepper<'a> {
     a: Vec<f64>,
     z: Vec<f64>,
     anchor: Vec<f64>,
-    /// Torque that each joint handed on to its link in the last short step, N·m.
+    /// Torque that each joint transmitted to its link in the last short step, N·m.
     handed: Vec<f64>,
     rubs: Vec<Rub>,
     impulse: Vec<f64>,
@@ -54,7 +54,7 @@ pub(crate) struct Stepper<'a> {
 }
 
 impl<'a> Stepper<'a> {
-    /// At rest at time `t` with every joint at `q`.
+    /// A machine at rest at time `t` with every joint at `q`.
     pub fn new(plan: &'a Plan, t: f64, q: &[f64]) -> Self {
         let (n, all, joints) = (plan.arm.dof(), plan.coordinates(), plan.joints());
         let mut x = vec![0.0; all];
@@ -98,7 +98,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// One long step of `step` s under the torques that the motors' currents say.
+    /// One long step of `step` s under the motor torques, computed from the currents.
     ///
     /// # Errors
     /// [`PlanError::NotFinite`].
@@ -118,7 +118,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// Mass matrix, its inverse and bias forces in the middle of the coming step.
+    /// Evaluates mass matrix, its inverse and bias forces in the middle of the coming step.
     fn see(&mut self, step: f64) {
         let n = self.plan.arm.dof();
         for i in 0..n {
@@ -140,7 +140,7 @@ impl<'a> Stepper<'a> {
         }
         match self.mass.clone().cholesky() {
             Some(factor) => self.inverse = factor.inverse(),
-            // Found by the check for finite numbers after the step.
+            // The check for finite numbers after the step detects this.
             None => self.inverse.fill(f64::NAN),
         }
         let all = self.u.len();
@@ -158,7 +158,7 @@ impl<'a> Stepper<'a> {
         }
         self.gather(by_current, h);
         self.bound(h);
-        // The speed after the step if nothing rubbed.
+        // The speed after the step without dry friction.
         for (i, u) in self.u.iter_mut().enumerate() {
             let row = self.inverse.column(i);
             *u += h * row.iter().zip(&self.force).map(|(w, f)| w * f).sum::<f64>();
@@ -172,7 +172,7 @@ impl<'a> Stepper<'a> {
         self.hand_on(by_current, h);
     }
 
-    /// All forces but dry friction and oil.
+    /// Sums all forces but dry friction and oil.
     fn gather(&mut self, by_current: &[f64], h: f64) {
         let plan = self.plan;
         self.force.fill(0.0);
@@ -218,7 +218,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// Oil is stiff in speed: its force at the speed after the step, to first order.
+    /// Adds the oil force. Oil is stiff in speed: the force is that at the speed after the step, to first order.
     fn float(&mut self, h: f64) {
         for bearing in self.plan.bearings.iter().filter(|b| matches!(b.law, BearingLaw::Oil(_))) {
             let s = bearing.slides;
@@ -240,7 +240,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// The bounds of the friction impulses in a step of `h`.
+    /// Computes the bounds of the friction impulses in a step of `h`.
     fn bound(&mut self, h: f64) {
         for (rub, bounds) in self.rubs.iter().zip(&mut self.bounds) {
             let [plus, minus] = match rub.shaft {
@@ -254,7 +254,7 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// Dry friction: from the impulses of the step before, each in turn is set to what stops its speed, within its bounds.
+    /// Solves for dry friction: starts from the impulses of the step before and sets each in turn to the value that stops its speed, within its bounds.
     fn rub(&mut self) {
         let all = self.u.len();
         for (e, column) in self.columns.chunks_exact(all).enumerate() {
@@ -282,8 +282,8 @@ impl<'a> Stepper<'a> {
         }
     }
 
-    /// Updates the torque that each joint hands on to its link, which friction by the load depends on. The rotor that the data sheet names takes its own part of the
-    /// drive's torque, and does not hand it on.
+    /// Updates the torque that each joint transmits to its link, on which load-dependent friction depends. The rotor of the data sheet takes its own part of
+    /// the drive's torque and does not transmit it.
     fn hand_on(&mut self, by_current: &[f64], h: f64) {
         let plan = self.plan;
         for (rub, impulse) in self.rubs.iter().zip(&self.impulse).filter(|(rub, _)| rub.shaft.is_none()) {

@@ -1,8 +1,8 @@
-//! What came of a machine: the table's cells, and what has to hold.
+//! Outcome of a machine: the table's cells, and the checks.
 
 use serde::{Deserialize, Serialize};
 
-/// The five ways, in the order of the columns.
+/// The five methods, in the order of the columns.
 pub const WAYS: [&str; 5] = [
     "no compensation",
     "quasi-static, nominal model",
@@ -20,82 +20,82 @@ pub struct Reached {
     pub max: f64,
 }
 
-/// One path, under all five ways.
+/// One path, under all five methods.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
     /// Name of the path.
     pub path: String,
-    /// In the order of [`WAYS`]; none for a run that did not end well.
+    /// In the order of [`WAYS`]; `None` for a run that failed.
     pub reached: Vec<Option<Reached>>,
 }
 
-/// What came of a machine.
+/// Outcome of a machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Its name.
     pub machine: String,
-    /// What is concealed, in words.
+    /// The concealed physics, in words.
     pub hidden: String,
-    /// Whether a part of it is without a name.
+    /// Whether a part of it has no name in the catalogue.
     pub is_nameless: bool,
     /// Whether nothing is concealed.
     pub is_its_model: bool,
     /// Verdict of the diagnosis.
     pub verdict: String,
-    /// What it named.
+    /// The effects that it named.
     pub named: Vec<String>,
-    /// Whether the weights on the nominal and on the diagnosed model proved themselves.
+    /// Whether the trained weights passed their proof on the nominal and on the diagnosed model.
     pub proved: [bool; 2],
-    /// Whether the last way has the nominal model: held-out paths do not say that the network of the diagnosed one leaves less.
+    /// Whether the last method uses the nominal model: held-out paths do not show that the network on the diagnosed model leaves a smaller deviation.
     pub is_nominal: bool,
     /// The paths.
     pub cells: Vec<Cell>,
-    /// On a path far outside of all that trained: `narx-qp` on the model of the last way without and with the network.
+    /// On a path far outside of the training paths: `narx-qp` on the model of the last method without and with the network.
     pub far: [Option<Reached>; 2],
 }
 
-/// Something that has to hold.
+/// A requirement on a machine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
-    /// What.
+    /// The requirement.
     pub what: &'static str,
-    /// Whether it does.
+    /// Whether it holds.
     pub holds: bool,
 }
 
-/// How much worse than the best the last way may be, as a factor.
+/// Permitted factor of the last method's deviation over the best.
 const WITHIN: f64 = 1.02;
-/// What counts as no difference, mm.
+/// Smaller differences do not count, mm.
 const SAME: f64 = 0.2e-3;
-/// Share of a remainder that the network has to take away.
+/// Share of a remaining deviation that the network has to remove.
 const TAKEN: f64 = 0.7;
-/// Share of the play's deviation that it has to take away on the nominal model.
+/// Share of the play's deviation that the network has to remove on the nominal model.
 const PLAY_TAKEN: f64 = 0.9;
 
-/// Whether `found` is no worse than `known` to what counts.
+/// True if `found` is no worse than `known` beyond the tolerance.
 fn is_as_good(found: f64, known: f64) -> bool {
     found <= (known * WITHIN).max(known + SAME)
 }
 
 impl Cell {
-    /// Whether the diagnosed model with the network is the best way, or as good.
+    /// True if the diagnosed model with the network is the best method, or as good.
     pub fn holds(&self) -> bool {
         let best = self.reached.iter().flatten().map(|reached| reached.rms).fold(f64::INFINITY, f64::min);
         self.reached.last().copied().flatten().is_some_and(|last| is_as_good(last.rms, best))
     }
 
-    /// What share of the deviation under the way `of` the way `by` takes away; by number in [`WAYS`].
+    /// Share of the deviation under the method `of` that the method `by` removes; indices into [`WAYS`].
     fn taken_by(&self, by: usize, of: usize) -> Option<f64> {
         let rms = |way: usize| self.reached.get(way).copied().flatten().map(|reached| reached.rms);
         Some(1.0 - rms(by)? / rms(of)?)
     }
 
-    /// What share of the deviation that the diagnosed model leaves the network takes away.
+    /// Share of the diagnosed model's deviation that the network removes.
     pub fn taken(&self) -> Option<f64> {
         self.taken_by(4, 2)
     }
 
-    /// By how much the network changes what the diagnosed model leaves, mm.
+    /// Change of the diagnosed model's deviation by the network, mm.
     fn change(&self) -> f64 {
         let rms =
             |way: usize| self.reached.get(way).copied().flatten().map_or(f64::NAN, |reached| reached.rms);
@@ -104,7 +104,7 @@ impl Cell {
 }
 
 impl Outcome {
-    /// All that has to hold for the machine.
+    /// All checks of the machine.
     pub fn checks(&self) -> Vec<Check> {
         let all = |holds: &dyn Fn(&Cell) -> bool| self.cells.iter().all(holds);
         let far = match self.far {
