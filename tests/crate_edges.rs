@@ -1,4 +1,4 @@
-//! The crates depend on each other as `ARCHITECTURE.md` says, and in no other way.
+//! The dependencies between the crates are those of `ARCHITECTURE.md`, and no others.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -25,7 +25,7 @@ pub fn packages() -> BTreeMap<String, Value> {
         .expect("cargo runs");
     let metadata: Value = serde_json::from_slice(&output.stdout).expect("metadata is JSON");
     let packages = metadata["packages"].as_array().expect("packages");
-    // A reader's own controllers are none of the project's crates.
+    // A reader's own controllers do not belong to the project's crates.
     let own = root().join("controllers");
     let is_ours =
         |package: &&Value| !Path::new(package["manifest_path"].as_str().expect("a path")).starts_with(&own);
@@ -36,14 +36,14 @@ pub fn packages() -> BTreeMap<String, Value> {
         .collect()
 }
 
-/// The crates of the workspace that `package` depends on, development dependencies left out.
+/// The crates of the workspace on which `package` depends, without development dependencies.
 fn edges_of(package: &Value) -> BTreeSet<String> {
     let dependencies = package["dependencies"].as_array().expect("dependencies");
     let ours = dependencies.iter().filter(|d| d["path"].is_string() && d["kind"].is_null());
     ours.map(|d| short(d["name"].as_str().expect("name"))).collect()
 }
 
-/// The edges that cargo knows.
+/// The edges according to cargo.
 fn actual() -> Edges {
     packages().iter().map(|(name, package)| (name.clone(), edges_of(package))).collect()
 }
@@ -148,13 +148,13 @@ fn the_products_do_not_know_each_other() {
     }
 }
 
-/// Whether the documentation in `text` has an example in Rust, which `cargo test` runs as a test of its own.
+/// True if the documentation in `text` has an example in Rust, which `cargo test` runs as a test of its own.
 fn has_examples(text: &str) -> bool {
     let fences = text.lines().filter_map(|line| {
         let line = line.trim_start();
         line.strip_prefix("///").or_else(|| line.strip_prefix("//!"))?.trim_start().strip_prefix("```")
     });
-    // Fences come in pairs; the first of each says the language.
+    // Fences come in pairs; the first of each names the language.
     fences.step_by(2).any(|kind| matches!(kind.trim(), "" | "rust" | "no_run" | "should_panic"))
 }
 
@@ -162,7 +162,7 @@ fn is_library(target: &Value) -> bool {
     ["lib", "rlib"].iter().any(|kind| target["kind"][0] == *kind)
 }
 
-/// Looking for examples in a crate without any takes seconds of a build.
+/// A crate without documentation examples disables their tests: searching for them costs seconds of a build.
 #[test]
 fn examples_in_documentation_are_tests_where_there_are_some() {
     for (name, package) in &packages() {
@@ -177,7 +177,7 @@ fn examples_in_documentation_are_tests_where_there_are_some() {
     }
 }
 
-/// Source files that touch the file system themselves, and why.
+/// Source files that access the file system themselves, with the reason.
 const NOT_THROUGH_STORAGE: [(&str, &str); 12] = [
     ("storage/src/", "it is the one place"),
     ("recording/src/sqlite_bag.rs", "SQLite opens by path, once it is known to be a regular file"),
@@ -206,7 +206,7 @@ fn all_sources(folder: &Path, found: &mut Vec<String>) {
     }
 }
 
-/// The first line of `text` that touches the file system, without comments and the unit tests at its end.
+/// The first line of `text` that accesses the file system, without comments and the unit tests at its end.
 fn touches_files(text: &str) -> Option<&str> {
     let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or(text);
     let code = code.split("#[cfg(test)]\npub(crate) mod tests").next().unwrap_or(code);

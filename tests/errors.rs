@@ -1,7 +1,6 @@
-//! Every command given what it can't use: a file that is not there, a folder, nothing, nonsense; a place that can't be written to; values out
-//! of range; flags against each other; names that nobody has. Each ends with the documented exit code and one message that names what is
-//! wrong and says what to do next; nothing is printed beside it and nothing is left behind. What single files may get wrong inside, with
-//! line and column, is in `inputs`.
+//! Every command with invalid input: a missing file, a folder, an empty file, nonsense; a place that can't be written to; values out of range; contradicting
+//! flags; unknown names. Each call ends with the documented exit code and one message that names the fault and the next step; it prints nothing else and leaves
+//! no file. `inputs` tests faults inside single files, with line and column.
 
 use std::path::Path;
 
@@ -11,7 +10,7 @@ use tempfile::TempDir;
 /// The arm that comes with the project.
 const ARM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/arm.urdf");
 
-/// What tells a person what to do next; one of them is in every message.
+/// Words for the next step; every message has one of them.
 const NEXT_STEPS: [&str; 27] = [
     "run it with ",
     "write it as ",
@@ -42,7 +41,7 @@ const NEXT_STEPS: [&str; 27] = [
     "between ",
 ];
 
-/// A folder with one of each wrong file, and a recording that is in order.
+/// A folder with one of each wrong file, and a valid recording.
 fn folder() -> TempDir {
     let folder = fresh_folder();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
@@ -77,7 +76,7 @@ fn listing(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Calls in one folder, and what was wrong with what they said.
+/// Calls in one folder, and the faults of their messages.
 struct Tried {
     folder: Option<TempDir>,
     calls: usize,
@@ -89,7 +88,7 @@ impl Tried {
         Self { folder: Some(folder()), calls: 0, faults: Vec::new() }
     }
 
-    /// Calls the binary with the words of `line`, which has to end with `code`, say all of `said` and a next step.
+    /// Calls the binary with the words of `line`; expects `code`, all of `said` and a next step.
     fn refused(&mut self, line: &str, code: i32, said: &[&str]) {
         let arguments: Vec<&str> = line.split_whitespace().collect();
         let call = Call::new(self.folder.take().expect("a folder"), &arguments);
@@ -382,7 +381,7 @@ fn values_and_flags_that_cannot_be() {
 
 #[test]
 fn a_machine_that_is_not_fit_is_refused_only_where_that_was_asked_for() {
-    // Whether it is fit is the machine's affair; that it is said in the same way, ours.
+    // The fitness depends on the machine; the form of the message must not.
     let ran = Call::new(folder(), &["doctor", "--quick", "--require-rt"]).run();
     let code = ran.output.status.code();
     println!("{code:?}  {}", ran.stderr().trim());

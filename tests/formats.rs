@@ -1,4 +1,4 @@
-//! Recordings of every kind, from their import to what `compare` and `diagnose` make of them.
+//! Recordings of every kind, from their import to the results of `compare` and `diagnose`.
 
 use std::fmt::Write as _;
 use std::process::Command;
@@ -29,7 +29,7 @@ fn motion(joint: usize, t: f64) -> [f64; 3] {
     [amplitude * sin, amplitude * speed * cos, -amplitude * speed * speed * sin]
 }
 
-/// Time, positions and torques of `arm` with its own friction, and 3 N·m of dry friction more at the elbow, of every row.
+/// Time, positions and torques of `arm` with its own friction, plus 3 N·m of dry friction at the elbow, of every row.
 fn samples(arm: &Arm) -> Vec<[f64; 5]> {
     let mut workspace = Workspace::new(arm);
     let sample = |row: usize| {
@@ -37,7 +37,7 @@ fn samples(arm: &Arm) -> Vec<[f64; 5]> {
         let of = |k: usize| [0, 1].map(|joint| motion(joint, t)[k]);
         let (q, v, mut tau) = (of(0), of(1), [0.0; 2]);
         rnea(arm, &mut workspace, &q, &v, &of(2), &mut tau);
-        // What an encoder and a current sensor have of noise, repeatably.
+        // Repeatable noise like that of an encoder and a current sensor.
         let noise = |k: usize| 2.0 * ((k as f64 * 12.9898).sin() * 43_758.545_3).fract().abs() - 1.0;
         let shoulder = tau[0] + 2.0 * v[0] + 6.0 * v[0].signum() + 0.05 * noise(row);
         let elbow = tau[1] + 3.0 * v[1].signum() + 0.05 * noise(row + 7);
@@ -46,7 +46,7 @@ fn samples(arm: &Arm) -> Vec<[f64; 5]> {
     (0..ROWS).map(sample).collect()
 }
 
-/// A folder with `arm.urdf` and what `write` says of each row below `header` in `log.csv`.
+/// A folder with `arm.urdf` and, in `log.csv`, `header` and the text of `write` for each row.
 fn with_log(header: &str, write: impl Fn(&[f64; 5]) -> String) -> TempDir {
     let folder = fresh_folder();
     let urdf = folder.path().join("arm.urdf");
@@ -68,7 +68,7 @@ fn elbow_first(row: &[f64; 5]) -> String {
     [t, elbow, shoulder, of_elbow, of_shoulder].map(|x| format!("{x}").replace('.', ",")).join(";")
 }
 
-/// Errors of the torques of shoulder and elbow, N·m, and what else is said.
+/// Errors of the torques of shoulder and elbow, N·m, the JSON, and the call.
 fn compared(folder: TempDir, recording: &str) -> ([f64; 2], Value, Ran) {
     let ran = freeplay_in(
         folder,
@@ -89,7 +89,7 @@ fn compared(folder: TempDir, recording: &str) -> ([f64; 2], Value, Ran) {
     (errors, value, ran)
 }
 
-/// The shoulder is as its model says; the elbow has 3 N·m more.
+/// True if the shoulder agrees with its model and the elbow has 3 N·m more.
 fn is_right([shoulder, elbow]: [f64; 2]) -> bool {
     shoulder < 0.5 && (elbow - 3.0).abs() < 0.5
 }
@@ -115,7 +115,7 @@ fn joints_are_paired_by_name_from_any_form_to_any_other() {
         assert!(is_right(errors), "{out}: {errors:?}");
         ran = compared;
     }
-    // In the order that is asked for, by parts of the names; a CSV keeps the names.
+    // The joints in the requested order, by parts of their names; a CSV keeps the names.
     let asked = ["record", "import", "log.csv", "--joints", "shoulder,elbow", "--out", "s.csv"];
     let ran = freeplay_in(ran.folder, &asked).expect(0);
     let info = freeplay_in(ran.folder, &["record", "info", "s.csv"]).expect(0).stdout();
@@ -130,7 +130,7 @@ fn info_reads_a_file_by_its_mapping_and_asks_of_its_model() {
     let ran = freeplay_in(ran.folder, &[asked.as_slice(), &["--format", "json"]].concat()).expect(0);
     let value: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
     assert!(value["joints"] == 2 && value["setup"].is_array(), "{value:#}");
-    // A mapping that names columns which are not there is bad input.
+    // A mapping with names of missing columns is bad input.
     let mapping = ran.folder.path().join("r.mapping.toml");
     let text = std::fs::read_to_string(&mapping).expect("a mapping").replace("elbow_joint_pos", "wrist_pos");
     std::fs::write(mapping, text).expect("written");
@@ -144,7 +144,7 @@ fn joints_without_names_are_paired_by_number_and_that_is_said() {
     let (errors, value, ran) = compared(folder, "log.csv");
     assert!(is_right(errors), "{errors:?}");
     assert!(value["notes"].to_string().contains("paired by number: the recording has no names"), "{value:#}");
-    // Half of the names are not the arm's: no pairing would be right.
+    // Half of the names are not the arm's, so that no pairing would be right.
     std::fs::write(ran.folder.path().join("log.csv"), "t,elbow_joint_pos,hip_joint_pos\n0,0,0\n0.01,0,0\n")
         .expect("written");
     let ran =
@@ -163,7 +163,7 @@ fn a_joint_without_torque_is_left_out_and_the_rest_is_compared() {
     assert!(said.contains("tau1") && !said.contains("tau2     "), "{said}");
 }
 
-/// What cannot be guessed is refused with what is there, and nothing is written.
+/// The import refuses columns that it cannot guess, lists the existing ones, and writes nothing.
 #[test]
 fn what_is_not_understood_is_said() {
     let folder = fresh_folder();
@@ -184,7 +184,7 @@ fn python() -> Command {
     Command::new(std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned()))
 }
 
-/// Writes what `log.csv` holds in other forms.
+/// Writes the content of `log.csv` in other forms.
 const WRITER: &str = r#"
 import numpy, pandas, scipy.io
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -279,7 +279,7 @@ fn what_other_packages_write_is_compared_and_diagnosed() {
     }
 }
 
-/// A Parquet file of a time and a joint, three samples each, whose second page says that it is 2 GiB large when it is decompressed.
+/// A Parquet file of a time and a joint, three samples each, whose second page claims a decompressed size of 2 GiB.
 const LARGE_PAGE: &str = concat!(
     "504152311500153015302c1506150015061506000000000000000000009a9999999999b93f9a9999999999c93f150015feffffff0f15302c15061500",
     "1506150600000000000000000000000000000000e03f9a9999999999b93f1502193c3500180173150400150a250018017400150a2500180271310016",
@@ -287,7 +287,7 @@ const LARGE_PAGE: &str = concat!(
     "5a00000050415231",
 );
 
-/// What a file claims of itself takes no memory: the same error under a limit as without one.
+/// A claimed size takes no memory: the error under a memory limit is the same as without.
 #[test]
 fn a_recording_that_claims_more_than_it_holds_is_bad_input() {
     let folder = fresh_folder();

@@ -1,15 +1,15 @@
-//! The files of a crate name each other in one direction: no circle is longer than two files, and no room of the diagnosis looks up.
+//! Checks the references between files of a crate: no cycle is longer than two files, and no folder of the diagnosis refers to one above it.
 //!
-//! An arrow is a path in the code of a file (without comments and unit tests) that leads to another file of its crate: one that begins with
-//! `crate`, `super` or `self`. Names that a crate or a folder re-exports lead to the file that has them. What the file of a folder says of the
-//! files in that folder is no arrow: it is their list.
+//! A reference is a path in the code of a file (without comments and unit tests) to another file of its crate: one that begins with `crate`, `super` or `self`.
+//! Names that a crate or a folder re-exports refer to the file that defines them. Paths in the file of a folder to the files in that folder do not count: they
+//! are its list.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use crate::crate_edges::packages;
 
-/// The rooms of the diagnosis, each below the one before.
+/// The folders of the diagnosis, each below the one before.
 const ROOMS: [&str; 18] = [
     "statistics",
     "random",
@@ -37,7 +37,7 @@ type Words = Vec<String>;
 /// The source files of a crate by their paths without `.rs`, each with its code; the root of the crate is the empty path.
 struct Crate {
     files: BTreeMap<Words, String>,
-    /// What a file re-exports: where each name leads.
+    /// Re-exports of a file: the target of each name.
     exports: BTreeMap<Words, BTreeMap<String, Words>>,
 }
 
@@ -97,7 +97,7 @@ fn use_trees<'a>(code: &'a str, start: &'a str) -> impl Iterator<Item = &'a str>
     code.match_indices(start).filter_map(move |(at, _)| code[at + start.len()..].split(';').next())
 }
 
-/// The path `path`, as the file `file` writes it, from the root of the crate; `None` where it leads out of the crate.
+/// The path `path`, as written in the file `file`, from the root of the crate; `None` if it leads out of the crate.
 fn from_root(file: &Words, path: &str) -> Option<Words> {
     let path = words(path.split(" as ").next()?);
     let mut place = if path.first()? == "crate" { Words::new() } else { file.clone() };
@@ -133,7 +133,7 @@ impl Crate {
         Crate { files, exports }
     }
 
-    /// The file that has what is at `place`, also where a name is handed on from folder to folder.
+    /// The file that defines the item at `place`, also through re-exports from folder to folder.
     fn file_of(&self, place: &[String]) -> Words {
         let known = (0..=place.len()).rev().find(|&length| self.files.contains_key(&place[..length]));
         let (file, rest) = place.split_at(known.unwrap_or(0));
@@ -141,7 +141,7 @@ impl Crate {
         handed.filter(|next| *next != place).map_or_else(|| file.to_vec(), |next| self.file_of(next))
     }
 
-    /// The files that `file` names.
+    /// The files to which `file` refers.
     fn named(&self, file: &Words) -> BTreeSet<Words> {
         let code = &self.files[file];
         let mut paths: Vec<String> = use_trees(code, "use ").flat_map(leaves).collect();
@@ -159,7 +159,7 @@ impl Crate {
         named
     }
 
-    /// The arrows from file to file; the root of the crate, which lists its files, has none.
+    /// The references from file to file; the root of the crate, which lists its files, has none.
     fn arrows(&self) -> BTreeMap<String, BTreeSet<String>> {
         let files = self.files.keys().filter(|file| !file.is_empty());
         files
@@ -168,7 +168,7 @@ impl Crate {
     }
 }
 
-/// The groups of files that can all be reached from each other.
+/// The cycles: groups of files that refer to each other, directly or indirectly.
 fn circles(arrows: &BTreeMap<String, BTreeSet<String>>) -> BTreeSet<BTreeSet<&String>> {
     let reached = |start: &String| {
         let (mut seen, mut open) = (BTreeSet::new(), vec![start]);
@@ -215,7 +215,7 @@ fn no_room_of_the_diagnosis_looks_up() {
     assert!(upward.is_empty(), "{upward:?}");
 }
 
-/// The reader of paths sees what it is to see: a circle over a name that the root re-exports, and over a list of names.
+/// The reader of paths detects a cycle over a re-exported name of the root, and over a list of names.
 #[test]
 fn a_circle_over_re_exports_is_seen() {
     let file = |text: &str| code(text);

@@ -1,4 +1,4 @@
-//! The sandbox of an analyst: a hostile one tries every way out, and fails on each that the receipt calls closed.
+//! The sandbox of an analyst: a hostile one tries every channel, and fails on each that the receipt calls closed.
 
 use std::collections::BTreeMap;
 use std::net::{TcpListener, UdpSocket};
@@ -16,7 +16,7 @@ use tempfile::TempDir;
 /// A user without any right, where this test runs as root.
 const NOBODY: u32 = 65534;
 
-/// What the hostile analyst must not reach, held ready.
+/// Resources that the hostile analyst must not reach.
 struct Outside {
     folder: TempDir,
     name: String,
@@ -72,7 +72,7 @@ impl Outside {
         }
     }
 
-    /// What the hostile analyst says, run as `user` in the folder of its case.
+    /// The report of the hostile analyst, run as `user` in the folder of its case.
     fn attacked(&self, user: Option<u32>, sandboxed: bool) -> Value {
         let ports =
             [self.port.local_addr(), self.udp.local_addr()].map(|at| at.expect("a port").port().to_string());
@@ -112,7 +112,7 @@ impl Drop for Outside {
     }
 }
 
-/// How many ways were tried in each channel, and which of them led out.
+/// Number of attempts in each channel, and the successful ones.
 fn ways(said: &Value) -> BTreeMap<String, (usize, Vec<String>)> {
     let channels = said["tried"].as_object().expect("channels");
     let of = |tried: &Value| {
@@ -123,9 +123,9 @@ fn ways(said: &Value) -> BTreeMap<String, (usize, Vec<String>)> {
     channels.iter().map(|(name, tried)| (name.clone(), of(tried))).collect()
 }
 
-/// As `user`; with `foreign` a file of the case is another user's, so that the namespace of a user could not read it.
+/// Runs as `user`; with `foreign` a file of the case belongs to another user, so that a user namespace could not read it.
 fn closed_is_closed(user: Option<u32>, foreign: bool) {
-    // As `freeplay blind` does: what this test inherited is none of the analyst's.
+    // As `freeplay blind` does: the analyst must not inherit the files that this test inherited.
     close_fds::set_fds_cloexec(3, &[]);
     let free = ways(&Outside::new(user).attacked(user, false));
     let outside = Outside::new(user);
@@ -148,7 +148,7 @@ fn closed_is_closed(user: Option<u32>, foreign: bool) {
         count += tried;
     }
     println!("{count} ways tried");
-    // The ways are ways: without the sandbox each of these channels is open.
+    // The attempts work: without the sandbox each of these channels is open.
     for channel in [
         "files",
         "names and sizes of files",
@@ -163,7 +163,7 @@ fn closed_is_closed(user: Option<u32>, foreign: bool) {
     ] {
         assert!(!free[channel].1.is_empty(), "{channel}: no way out without the sandbox");
     }
-    // What no kernel with landlock leaves open.
+    // Channels that every kernel with landlock closes.
     if said["isolation"]["mechanism"].as_str().is_some_and(|words| words.contains("landlock ")) {
         for channel in
             ["files", "environment", "inherited files", "memory", "processes", "shared memory files"]
@@ -178,7 +178,7 @@ fn a_hostile_analyst_finds_closed_what_is_called_closed() {
     closed_is_closed(None, false);
 }
 
-/// As another user than root, for whom more is forbidden, and for whom a system may forbid namespaces.
+/// Runs as another user than root, with fewer permissions; a system may also forbid it namespaces.
 #[test]
 fn so_does_one_without_privileges() {
     if nix::unistd::geteuid().is_root() {
@@ -188,7 +188,7 @@ fn so_does_one_without_privileges() {
     }
 }
 
-/// Where Landlock stands alone, fewer channels are closed, and the others are called open.
+/// With Landlock alone, fewer channels are closed, and the receipt calls the others open.
 #[test]
 fn so_does_one_without_namespaces() {
     if nix::unistd::geteuid().is_root() {
@@ -198,7 +198,7 @@ fn so_does_one_without_namespaces() {
     }
 }
 
-/// What a shell leaves open or exports does not reach an analyst, and the receipt names every channel.
+/// An analyst inherits no open file and no variable of a shell, and the receipt names every channel.
 #[test]
 fn nothing_is_inherited() {
     let folder = crate::common::fresh_folder();

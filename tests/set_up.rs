@@ -1,5 +1,5 @@
-//! `freeplay diagnose`, `compare` and `record info` on a recording that is not read as its model means it: the verdict, the words, and the
-//! mapping that mends it.
+//! `freeplay diagnose`, `compare` and `record info` on a recording whose conventions differ from its model's: the verdict, the words, and the mapping that
+//! corrects it.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -13,7 +13,7 @@ fn faulty() -> String {
     faulty_with(|_, _| ())
 }
 
-/// The same, the torques changed by `what`, which sees the velocities.
+/// The same, with the torques changed by `what` as a function of the velocities.
 fn faulty_with(what: impl Fn(&mut [f64], &[f64])) -> String {
     let arm = paper_arm().arm;
     let n = arm.dof();
@@ -47,7 +47,7 @@ fn faulty_with(what: impl Fn(&mut [f64], &[f64])) -> String {
     text
 }
 
-/// The same recording under somebody else's names and units, as a file whose meaning is guessed.
+/// The same recording with foreign names and units, as a file whose meaning the reader guesses.
 fn foreign() -> String {
     let text = faulty();
     let mut rows = text.lines();
@@ -125,7 +125,7 @@ fn a_faulty_set_up_is_said_first_and_its_mapping_mends_it() {
     assert_eq!(kinds(&looked), expected);
 }
 
-/// The mapping that mends a guessed file names that file's own columns.
+/// The mapping that corrects a guessed file names that file's own columns.
 #[test]
 fn the_mapping_of_a_guessed_file_reads_that_file() {
     let folder = fresh_folder();
@@ -140,7 +140,7 @@ fn the_mapping_of_a_guessed_file_reads_that_file() {
     assert!(worst.fold(0.0, f64::max) < 0.05, "{:#}", compared["channels"]);
 }
 
-/// A position that stands still while its velocity moves: nothing was compared, so nobody is sent to run or compare the model as given.
+/// A position stands still while its velocity moves: there was no comparison, so that no message suggests running or comparing the model as given.
 #[test]
 fn a_frozen_position_ends_the_diagnosis_and_offers_no_model() {
     let text = faulty();
@@ -171,8 +171,8 @@ fn a_frozen_position_ends_the_diagnosis_and_offers_no_model() {
     }
 }
 
-/// What a short recording can't tell offers nothing: no model, no command with one, and no remedy but a longer recording. What an earlier diagnosis left in the same place
-/// would pass for its own.
+/// The diagnosis of a too short recording offers nothing: no model, no command with one, and no remedy but a longer recording. It removes the results of an
+/// earlier diagnosis in the same place, which would pass for its own.
 #[test]
 fn a_recording_that_cannot_tell_offers_no_model() {
     let rows: Vec<String> = faulty().lines().map(str::to_owned).collect();
@@ -204,7 +204,7 @@ fn a_recording_that_cannot_tell_offers_no_model() {
     }
 }
 
-/// A person pastes what is printed: every command ends well and reads the recording as it is mended.
+/// A person pastes the printed commands: each succeeds and reads the corrected recording.
 #[test]
 fn commands_behind_a_set_up_finding_read_the_mended_recording() {
     let commands = |screen: &str| -> Vec<String> {
@@ -215,7 +215,7 @@ fn commands_behind_a_set_up_finding_read_the_mended_recording() {
     std::fs::write(folder.path().join("run.csv"), faulty()).expect("a file");
     let given = ["--model", "paper", "--recording", "run.csv"];
     let looked = ["record", "info", "--model", "paper", "run.csv"];
-    // Each writes the mended reading, in a folder that is there only after the first.
+    // Each writes the mapping, in a folder that only the first one creates.
     for first in [&["diagnose"][..], &["compare"], &looked] {
         let arguments = if first.len() > 1 { first.to_vec() } else { [first, &given].concat() };
         let ran = Call::new(folder, &arguments).run().expect(0);

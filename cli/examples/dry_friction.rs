@@ -1,12 +1,13 @@
-//! How often dry friction of one joint is the only finding of a diagnosis, in closed loops that differ: its size, how long the joint stands, how stiff the feedback is, and the noise.
+//! Measures how often dry friction of one joint is the only finding of a diagnosis. The closed loops differ in the size of the friction, the time for which the
+//! joint stands, the stiffness of the feedback, and the noise.
 //!
 //! ```sh
 //! cargo build --release && cargo run --release -p freeplay --example dry_friction -- MODEL COUNT [FIRST_SEED]
 //! ```
 //!
-//! MODEL is an arm file without friction, of an arm that can swing by half a radian about its middle. Each case is a run of the plant with `computed-torque` that believes MODEL,
-//! and a diagnosis of its recording. A joint
-//! whose friction the feedback could not overcome, so that it swung by less than half of what it was told to, is counted apart.
+//! MODEL is an arm file without friction, of an arm that can swing by half a radian about its middle. Each case is a run of the plant with `computed-torque`,
+//! whose model is MODEL, and a diagnosis of its recording. A joint with more friction than the feedback overcomes, so that it swings by less than half of its
+//! commanded motion, is counted separately.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -22,7 +23,7 @@ type Fault = Box<dyn std::error::Error>;
 /// Length of a recording and time between rows of a path, s.
 const DURATION: f64 = 16.0;
 const STEP: f64 = 0.01;
-/// Most of the time that a joint is told to stand, as a share.
+/// Longest commanded standstill of a joint, as a share of the time.
 const REST: f64 = 0.5;
 
 /// One case.
@@ -31,7 +32,7 @@ struct Case {
     joint: usize,
     /// N·m.
     coulomb: f64,
-    /// Share of the time in which the joint is told to stand.
+    /// Share of the time of commanded standstill.
     rest: f64,
     /// rad/s.
     natural_frequency: f64,
@@ -84,7 +85,7 @@ impl Case {
     }
 }
 
-/// From 0 to 1 without a jump of speed.
+/// A smooth step from 0 to 1 with continuous speed.
 fn smooth(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
@@ -94,13 +95,13 @@ fn smooth(x: f64) -> f64 {
 enum Outcome {
     /// The run ended early: the arm was stopped.
     Stopped,
-    /// The joint swung by less than half of what it was told to.
+    /// The joint swung by less than half of its commanded motion.
     Stuck,
-    /// The diagnosis, and whether it is dry friction of this joint alone, with the truth inside its interval.
+    /// The diagnosis; whether dry friction of this joint is its only finding, and whether the interval contains the truth.
     Diagnosed { is_alone: bool, is_inside: bool, statement: String },
 }
 
-/// Runs the command with `arguments` in `folder`; its standard output, or `None` if a run was stopped.
+/// Runs the command with `arguments` in `folder`; returns its standard output, or `None` if a run was stopped.
 fn freeplay(folder: &Path, arguments: &[&str]) -> Result<Option<String>, Fault> {
     let own = std::env::current_exe()?;
     let built = own.parent().and_then(Path::parent).ok_or("the example lies in no folder of a build")?;
@@ -157,7 +158,7 @@ fn outcome(model: &str, names: &[String], case: &Case) -> Result<Outcome, Fault>
     Ok(Outcome::Diagnosed { is_alone, is_inside, statement: found["statement"].to_string() })
 }
 
-/// Width of the motion of `joint` in `recording` over that of its reference.
+/// Ratio of the range of `joint` in `recording` to that of its reference.
 fn followed(recording: &Path, joint: usize) -> Result<f64, Fault> {
     let recording = freeplay_recording::read(recording, None)?;
     let width = |column: &[f64]| {

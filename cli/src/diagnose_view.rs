@@ -1,4 +1,4 @@
-//! The view of a diagnosis that `freeplay diagnose` shows and writes.
+//! The output of `freeplay diagnose`: screen, JSON and files.
 
 use std::path::{Path, PathBuf};
 
@@ -15,13 +15,13 @@ use serde_json::Value;
 
 use crate::diagnose_args::DiagnoseArgs;
 
-/// The file of results that says how the recordings are to be read.
+/// The result file with the mapping that corrects the recordings.
 pub const SETUP: &str = "setup.toml";
 
 /// The endings of the single files that a diagnosis writes.
 pub const EXTENSIONS: [&str; 2] = ["toml", "json"];
 
-/// Everything that is shown.
+/// Data of the output.
 pub struct View<'a> {
     /// The options of the command.
     pub args: &'a DiagnoseArgs,
@@ -29,7 +29,7 @@ pub struct View<'a> {
     pub file: &'a ArmFile,
     /// The recordings.
     pub recordings: &'a [Recording],
-    /// The diagnosis that is shown.
+    /// The diagnosis.
     pub diagnosis: &'a Diagnosis,
 }
 
@@ -44,25 +44,25 @@ impl View<'_> {
         self.args.out.as_deref().filter(|out| target(out).is_some())
     }
 
-    /// The file that says how the recordings are to be read, where one is written.
+    /// The path of the corrected mapping, if one is written.
     pub fn setup_file(&self) -> Option<PathBuf> {
         self.diagnosis.mapping.as_ref().and_then(|_| Some(self.out()?.join(SETUP)))
     }
 
-    /// The mapping file by which the recordings are to be read: the mended reading, or else the one that was given.
+    /// The mapping file for the recordings: the corrected one, or else the one on the command line.
     pub fn reading(&self) -> Option<PathBuf> {
         self.setup_file().or_else(|| self.args.mapping.clone())
     }
 
-    /// The commands that use the model `model` of this diagnosis: one that compares it with the recording that judged, and one that moves it; by the scenario
-    /// of that recording where it has one.
+    /// The commands that use the model `model` of this diagnosis: one compares it with the recording that was held out, one moves it; by the scenario of that
+    /// recording if it has one.
     pub fn commands(&self, model: &Path) -> [String; 2] {
         let recording = self.args.recording.last().map_or(Path::new(""), PathBuf::as_path);
         let scenario = self.recordings.last().and_then(scenario_of);
         freeplay_diagnosis::page::commands(model, recording, self.reading().as_deref(), scenario.as_deref())
     }
 
-    /// The command that makes this diagnosis again with the mended reading, or that writes how the recordings are to be read.
+    /// The command that repeats this diagnosis with the corrected mapping, or that writes this mapping.
     pub fn again(&self) -> String {
         match (self.setup_file(), &self.args.mapping) {
             (Some(mended), _) => self.command(Some(&mended)),
@@ -70,13 +70,13 @@ impl View<'_> {
         }
     }
 
-    /// This diagnosis as a command that reads the recordings by `mapping`.
+    /// This diagnosis as a command with the mapping `mapping`.
     fn command(&self, mapping: Option<&Path>) -> String {
         let DiagnoseArgs { model, tip, recording, lowpass, .. } = self.args;
         diagnose_command(model, tip.as_deref(), recording, *lowpass, mapping)
     }
 
-    /// `freeplay.diagnosis/1`, with what it was made from.
+    /// `freeplay.diagnosis/1`, with its inputs.
     pub fn json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.diagnosis).map_err(Failure::internal)?;
         value["inputs"] = serde_json::json!({ "model": self.args.model, "recordings": self.args.recording });
@@ -92,8 +92,8 @@ impl View<'_> {
         Ok(value)
     }
 
-    /// Writes diagnosis.json, report.html and, where the recordings could tell, model.toml into the folder `out`, or the one of them that the ending of the
-    /// file `out` asks for. Paths in a diagnosis.json are those seen from its folder.
+    /// Writes diagnosis.json, report.html and, if the data sufficed, model.toml into the folder `out`, or the one of them that the ending of the file `out`
+    /// selects. Paths in a diagnosis.json are relative to its folder.
     pub fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
         let folder = target(out).map_or(out, |_| folder_of(out));
         let mut moved = json.clone();
@@ -111,7 +111,7 @@ impl View<'_> {
             None => {}
         }
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
-        // This diagnosis replaces an earlier one in the same folder. Files of that one would pass for files of this one.
+        // This diagnosis replaces an earlier one in the same folder, whose remaining files would look like its own.
         let model = out.join("model.toml");
         if self.diagnosis.has_model() {
             write(&model, &to_toml(&self.diagnosis.model))?;
@@ -136,12 +136,12 @@ impl View<'_> {
     }
 }
 
-/// The single file of results that `out` asks for.
+/// The single result file that `out` selects.
 pub fn target(out: &Path) -> Option<&'static str> {
     asked_file(out, &EXTENSIONS)
 }
 
-/// The scenario that a run left beside its `recording`; `None` of a recording of another machine.
+/// The scenario that a run left beside its `recording`; `None` for a recording of another machine.
 fn scenario_of(recording: &Recording) -> Option<PathBuf> {
     let is_of_a_run = recording.metadata.iter().any(|(key, _)| key == "scenario");
     let file = folder_of(&recording.origin).join("scenario.toml");

@@ -61,7 +61,7 @@ impl Target {
 /// Writes the model of `args`.
 ///
 /// # Errors
-/// A model that can't be read or that its effects leave impossible; a file that can't be written.
+/// A model that can't be read, or an impossible one with its effects; a file that can't be written.
 pub fn export(args: &ExportArgs) -> Result<Exit, Failure> {
     args.out.as_deref().map_or(Ok(()), check_target)?;
     let file = load_selected(&args.model, &Selection { tip: args.tip.clone(), joints: Vec::new() })?;

@@ -1,4 +1,4 @@
-//! `freeplay scenario`: whether a scenario can be run, what it comes to and where each value is from, its schema for editors.
+//! `freeplay scenario`: checks a scenario, shows each of its values with its origin, and prints the schema for editors.
 
 use std::path::{Path, PathBuf};
 
@@ -47,7 +47,7 @@ struct ShowArgs {
     set: Vec<String>,
 }
 
-/// Does what `args` say.
+/// Carries out the command in `args`.
 ///
 /// # Errors
 /// A scenario that can't be used.
@@ -60,7 +60,7 @@ pub fn scenario(args: &ScenarioArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Says what the scenario of `file` comes to.
+/// Prints the run that the scenario of `file` describes.
 fn check(file: &Path) -> Result<(), Failure> {
     let scenario = load(Some(file), &[])?;
     let at = |failure: Failure| Failure { message: located(Some(file), failure.message), ..failure };
@@ -93,7 +93,7 @@ fn check(file: &Path) -> Result<(), Failure> {
     ))
 }
 
-/// Prints every key with its value, as TOML, and behind it where the value is from.
+/// Prints every key with its value, as TOML, followed by the origin of the value.
 fn show(args: &ShowArgs) -> Result<(), Failure> {
     let scenario = load(args.scenario.as_deref(), &args.set)?;
     let text = match &args.scenario {
@@ -121,7 +121,7 @@ fn flatten(prefix: &str, table: &Table, lines: &mut Vec<(String, String)>) {
     }
 }
 
-/// Where values are from.
+/// Origin of the values.
 struct Origin<'a> {
     file: Option<&'a Path>,
     text: &'a str,
@@ -129,7 +129,7 @@ struct Origin<'a> {
 }
 
 impl Origin<'_> {
-    /// Where the value of `key` is from: the last --set of it or of a table it is in, the file, or the default.
+    /// The origin of the value of `key`: the last --set of it or of a table that contains it, the file, or the default.
     fn of(&self, key: &str) -> String {
         let holds =
             |outer: &str| key == outer || key.strip_prefix(outer).is_some_and(|rest| rest.starts_with('.'));

@@ -1,10 +1,10 @@
-//! What the facts of a machine mean for a run: one line an item, what to change in one line, and what the machine is fit for.
+//! Consequences of the facts of a machine for a run: one line per item, one line for the remedy, and the fitness of the machine.
 
 use clap::builder::styling::Style;
 use freeplay_terminal::styles::{BAD, GOOD, UNDECIDED};
 use serde::Serialize;
 
-/// How good a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Level {
@@ -12,7 +12,7 @@ pub enum Level {
     Ok,
     /// It costs something.
     Warn,
-    /// It makes the machine unfit for what [`Finding::spoils`] says.
+    /// It makes the machine unfit for the use [`Finding::spoils`].
     Fail,
 }
 
@@ -36,7 +36,7 @@ impl Level {
     }
 }
 
-/// What a machine can be fit for; each asks for all that those before it ask for.
+/// A use for which a machine can be fit; each has the requirements of those before it and further ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Use {
@@ -44,27 +44,27 @@ pub enum Use {
     Lockstep,
     /// Medians of latencies in real time.
     Medians,
-    /// Tails of latencies in real time: what is rare is then the program's, not the machine's.
+    /// Tails of latencies in real time: rare delays then come from the program, not from the machine.
     Tails,
 }
 
-/// One line.
+/// One line of the examination.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// What was looked at.
+    /// The examined item.
     pub item: &'static str,
-    /// How good it is.
+    /// Its severity.
     pub level: Level,
-    /// What was found.
+    /// The observation.
     pub found: String,
-    /// What to change, if anything.
+    /// The remedy, if any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
     /// The least demanding use that a failure spoils.
     pub spoils: Use,
 }
 
-/// What the machine is fit for.
+/// Fitness of the machine.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// Runs in lockstep.
@@ -78,7 +78,7 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// From all findings.
+    /// Derives the verdict from all findings.
     pub fn of(findings: &[Finding]) -> Self {
         let fails = |up_to: Use| {
             findings.iter().any(|finding| finding.level == Level::Fail && finding.spoils <= up_to)
@@ -95,17 +95,17 @@ impl Verdict {
     }
 }
 
-/// All is well with `item`.
+/// A finding that `item` is as it should be.
 pub fn ok(item: &'static str, found: impl Into<String>) -> Finding {
     Finding { item, level: Level::Ok, found: found.into(), remedy: None, spoils: Use::Tails }
 }
 
-/// Something about `item` costs something, and `remedy` helps.
+/// A finding that `item` costs something; `remedy` helps.
 pub fn warn(item: &'static str, found: impl Into<String>, remedy: impl Into<String>) -> Finding {
     Finding { level: Level::Warn, remedy: Some(remedy.into()), ..ok(item, found) }
 }
 
-/// Something about `item` spoils the use `spoils`, and `remedy` helps.
+/// A finding that `item` spoils the use `spoils`; `remedy` helps.
 pub fn fail(spoils: Use, item: &'static str, found: impl Into<String>, remedy: impl Into<String>) -> Finding {
     Finding { level: Level::Fail, spoils, ..warn(item, found, remedy) }
 }

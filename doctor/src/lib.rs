@@ -1,4 +1,4 @@
-//! `freeplay doctor`: is this machine fit for runs, for medians, for tails; and what to change.
+//! `freeplay doctor`: checks the fitness of this machine for runs, for medians and for tails of latencies, and names remedies.
 
 mod clocks;
 mod facts;
@@ -25,9 +25,9 @@ use crate::probe::{Probe, SystemState};
 
 pub use findings::{Finding, Level, Verdict};
 
-/// The SCHED_FIFO priority that a run asks for unless its scenario says otherwise.
+/// The SCHED_FIFO priority that a run requests unless its scenario sets another.
 pub const DEFAULT_PRIORITY: u8 = 80;
-/// The schema of what it prints as JSON.
+/// The schema of its JSON output.
 const SCHEMA: &str = "freeplay.doctor/1";
 
 /// Looks at the machine.
@@ -50,7 +50,7 @@ pub struct DoctorArgs {
     root: Option<PathBuf>,
 }
 
-/// What was found, and what it means.
+/// The facts, and the findings on them.
 pub struct Examination {
     findings: Vec<Finding>,
     verdict: Verdict,
@@ -58,7 +58,7 @@ pub struct Examination {
 }
 
 impl Examination {
-    /// A look at the machine without measuring anything: milliseconds.
+    /// Examines the machine without any measurement, in milliseconds.
     pub fn quick() -> Self {
         Self::of(Path::new("/"), None)
     }
@@ -69,17 +69,17 @@ impl Examination {
         Self { verdict: Verdict::of(&findings), findings, probe }
     }
 
-    /// The facts of the machine that timing depends on, with what the doctor says of them: for the results of a run.
+    /// The facts that affect timing, with the doctor's findings: for the results of a run.
     pub fn machine(&self) -> Value {
         let mut machine = json!(freeplay_shm::Machine::read());
         machine["doctor"] = json!({ "verdict": self.verdict, "findings": self.findings });
         machine
     }
 
-    /// What `--require-rt` asks for.
+    /// Checks the requirement of `--require-rt`.
     ///
     /// # Errors
-    /// [`Exit::Unfit`] with the lines that spoil it, unless the machine is fit for tails.
+    /// [`Exit::Unfit`] with the failed lines, unless the machine is fit for tails.
     pub fn require_rt(&self) -> Result<(), Failure> {
         if self.verdict.tails {
             return Ok(());
@@ -148,7 +148,7 @@ impl Examination {
     }
 }
 
-/// Looks at the machine, says what it is fit for and what to change.
+/// Examines the machine, prints its fitness and the remedies.
 ///
 /// # Errors
 /// [`Exit::Unfit`] with `--require-rt`; a file that can't be written.

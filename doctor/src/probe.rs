@@ -1,4 +1,4 @@
-//! What a look at files cannot tell: how late a sleeper wakes on this machine, and what holding the idle states off brings.
+//! Measurements beyond the files: the lateness of a sleeper's wake-up on this machine, and the effect of preventing deep idle states.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -16,32 +16,32 @@ use crate::facts::MachineCpuTime;
 
 /// `f_type` of tmpfs, `statfs(2)`.
 const TMPFS: u64 = 0x0102_1994;
-/// Who holds this file open with a zero in it keeps the cores out of deep idle states.
+/// A process that holds this file open with a zero in it keeps the cores out of deep idle states.
 const DMA_LATENCY: &str = "dev/cpu_dma_latency";
 /// Time between two ticks, ns.
 const PERIOD: u64 = 1_000_000;
 /// Ticks of each measurement.
 const TICKS: u64 = 1000;
-/// How long the run's own wait spins, ns.
+/// Spinning time of the run's own wait, ns.
 const SPIN: u64 = 200_000;
 
-/// What system calls say of the machine.
+/// State of the machine from system calls.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SystemState {
-    /// Where runs have their shared memory.
+    /// Folder of the runs' shared memory.
     pub shared_memory: PathBuf,
-    /// Whether that is on a tmpfs.
+    /// Whether it is on a tmpfs.
     pub is_tmpfs: bool,
-    /// Room there, bytes; `None` if it cannot be used.
+    /// Free space, bytes; `None` if it cannot be used.
     pub free: Option<u64>,
     /// Resolution of the clock, ns.
     pub resolution: u64,
-    /// Whether idle states may be held off.
+    /// Whether this process may prevent deep idle states.
     pub may_hold: bool,
 }
 
 impl SystemState {
-    /// Asks the system.
+    /// Reads the state from the system.
     pub fn read() -> Self {
         let shared_memory =
             std::env::var_os(SHM_ENV).map_or_else(|| PathBuf::from("/dev/shm"), PathBuf::from);
@@ -58,35 +58,35 @@ impl SystemState {
     }
 }
 
-/// How late a sleeper woke, ns.
+/// Lateness of a sleeper's wake-up, ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Lateness {
     /// Median.
     pub p50: u64,
     /// 99th percentile.
     pub p99: u64,
-    /// The latest.
+    /// Maximum.
     pub max: u64,
 }
 
-/// What was measured.
+/// Results of the measurement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Probe {
-    /// Under which scheduler.
+    /// The scheduler.
     pub scheduler: String,
-    /// How long it took, s.
+    /// Duration of the measurement, s.
     pub seconds: f64,
-    /// What reading the clock costs, ns.
+    /// Cost of reading the clock, ns.
     pub clock_cost: u64,
-    /// Asleep until the tick.
+    /// Lateness after sleeping until the tick.
     pub asleep: Lateness,
-    /// The same with the idle states held off, where that is allowed.
+    /// The same without deep idle states, if the system permits that.
     pub asleep_held: Option<Lateness>,
-    /// Asleep until 200 µs before the tick, then spinning: as runs wait.
+    /// Lateness after sleeping until 200 µs before the tick, then spinning, like runs.
     pub spun: Lateness,
-    /// Clock ticks stolen by the hypervisor meanwhile.
+    /// Clock ticks stolen by the hypervisor during the measurement.
     pub stolen: u64,
-    /// Clock ticks of all cores meanwhile.
+    /// Clock ticks of all cores during the measurement.
     pub clock_ticks: u64,
 }
 
@@ -94,7 +94,7 @@ impl Probe {
     /// Measures for about three seconds, at real-time `priority` if it is granted.
     ///
     /// # Errors
-    /// No thread for it.
+    /// The thread cannot be started.
     pub fn run(priority: u8) -> Result<Self, Failure> {
         // A thread of its own: the priority ends with it.
         let thread = std::thread::Builder::new().name("probe".to_owned()).spawn(move || measure(priority));
@@ -151,7 +151,7 @@ fn lateness(spin: u64) -> Result<Lateness, hdrhistogram::CreationError> {
     Ok(Lateness { p50: late.value_at_quantile(0.5), p99: late.value_at_quantile(0.99), max: late.max() })
 }
 
-/// The median of what two readings in a row are apart, ns.
+/// The median time between two consecutive readings of the clock, ns.
 fn clock_cost() -> u64 {
     let mut apart: Vec<u64> = (0..1001)
         .map(|_| {

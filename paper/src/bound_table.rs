@@ -1,9 +1,9 @@
-//! `freeplay bound`: the least deviation at sharp corners beside what the controllers reach, and how much of the way they go.
+//! `freeplay bound`: the least deviation at sharp corners compared with that of the controllers.
 //!
-//! What is printed as the optimum is found, not proved: a local search with all knowledge of the arm, from several starts (see `bound`),
-//! so that the true optimum can lie below it; and it counts no deviation outside the corners, so that no controller can reach it
-//! entirely. The share of the way is `(quasi-static − narx-qp)/(quasi-static − optimum)`, with the controllers' deviations from lockstep
-//! runs on the true plant in this process (see `cells`): feedback, torques that are held for a tick, and the first half second included.
+//! The printed optimum is found, not proved. A local search with full knowledge of the arm, from several starts (see `bound`), finds it, so that the true
+//! optimum can be lower; and it counts no deviation outside the corners, so that no controller can reach it entirely. The closed share is `(quasi-static −
+//! narx-qp)/(quasi-static − optimum)`, with the controllers' deviations from lockstep runs on the true plant in this process (see `cells`): with feedback,
+//! torques held for a tick, and the first half second.
 
 use std::fmt::Write as _;
 
@@ -35,12 +35,12 @@ pub struct BoundArgs {
     format: Format,
 }
 
-/// The optimum of one cell and what the controllers come to in it.
+/// The optimum of one cell and the results of the controllers in it.
 #[derive(Clone, Debug, Serialize)]
 struct Compared {
     bound: Bound,
     reached: Row,
-    /// Share of the way from quasi-static to the optimum that narx-qp goes: of the RMS, and of the maximum.
+    /// Share of the difference between quasi-static and the optimum that narx-qp closes: for the RMS, and for the maximum.
     closed: [f64; 2],
 }
 
@@ -59,10 +59,10 @@ impl Compared {
     }
 }
 
-/// Computes the bounds and prints them beside what the controllers reach.
+/// Computes the bounds and prints them with the results of the controllers.
 ///
 /// # Errors
-/// A clearance or a period that cannot be; runs that fail.
+/// An impossible clearance or period; runs that fail.
 pub fn bound(args: &BoundArgs) -> Result<Exit, Failure> {
     let cells = args.period.iter().flat_map(|&period| args.clearance.iter().map(move |&c| (period, c)));
     let cells: Vec<_> = cells.collect();

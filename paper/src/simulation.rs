@@ -1,7 +1,7 @@
-//! The paper's arm simulated inside this process, without plant and controller processes around it.
+//! A simulation of the paper's arm in this process, without plant and controller processes.
 //!
-//! The joints either follow the path exactly, or every tick is given τ = RNEA(q, v, q̈_d + 2ζω(q̇_d − v) + ω²(q_d − q)) of the
-//! six-joint model, ω = 50 rad/s, ζ = 1, applied at once and held for the tick: what the independent reference did.
+//! Either the joints follow the path exactly, or every tick applies τ = RNEA(q, v, q̈_d + 2ζω(q̇_d − v) + ω²(q_d − q)) of the six-joint model, ω = 50 rad/s, ζ
+//! = 1, at once and holds it for the tick, like the independent reference.
 
 use std::sync::Arc;
 
@@ -18,14 +18,14 @@ pub const JOINT: usize = 4;
 /// Length of a tick of the reference runs, s.
 pub const TICK: f64 = 1e-3;
 
-/// What is simulated.
+/// Set-up of a simulation.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Who moves the joints.
     pub drive: Drive,
     /// The reference path.
     pub path: PathSpec,
-    /// The play of joint 5; none for a perfect joint.
+    /// The play of joint 5; `None` for a perfect joint.
     pub play: Option<ClearanceTable>,
     /// Gravity along −z, m/s².
     pub gravity: f64,
@@ -35,7 +35,7 @@ pub struct Scene {
     pub substeps: u32,
 }
 
-/// A scene being simulated.
+/// A running simulation of a scene.
 pub struct Simulation {
     arm: Arm,
     path: Arc<JointPath>,
@@ -48,10 +48,10 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// The arm at the start of its path, the journal in the middle of its bearing, everything at rest in it.
+    /// The arm at the start of its path, the journal centred in its bearing, everything at rest.
     ///
     /// # Errors
-    /// A path, a clearance or a step that can't be used.
+    /// An invalid path, clearance or step.
     pub fn new(scene: &Scene) -> Result<Self, Failure> {
         let arm = paper_arm().arm.with_gravity(Vector3::new(0.0, 0.0, -scene.gravity));
         let path = Arc::new(JointPath::plan(&arm, &scene.path, 1.0 / TICK).map_err(Failure::input)?);
@@ -76,12 +76,12 @@ impl Simulation {
         })
     }
 
-    /// The arm with play as it is now.
+    /// The arm with play in its present state.
     pub fn system(&self) -> &System {
         &self.system
     }
 
-    /// The same, to take its peaks.
+    /// The same, mutable, to read and reset its peaks.
     pub fn system_mut(&mut self) -> &mut System {
         &mut self.system
     }
@@ -91,12 +91,12 @@ impl Simulation {
         self.path.duration()
     }
 
-    /// Positions, velocities and accelerations of the joints that the path asks for, as of the last [`Self::desired_tool`].
+    /// Desired positions, velocities and accelerations of the joints on the path, as of the last [`Self::desired_tool`].
     pub fn desired(&self) -> &[Vec<f64>; 3] {
         &self.desired
     }
 
-    /// Where the perfect arm would have the tool now, m.
+    /// Present tool position of the perfect arm, m.
     pub fn desired_tool(&mut self) -> Vector3<f64> {
         let [q, v, a] = &mut self.desired;
         self.path.at(self.system.time(), q, v, a);
@@ -109,7 +109,7 @@ impl Simulation {
         self.system.tool().translation.vector - desired
     }
 
-    /// Simulates one tick; the desired motion must be that of now, see [`Self::desired_tool`].
+    /// Simulates one tick; the desired motion must be up to date, see [`Self::desired_tool`].
     ///
     /// # Errors
     /// A motion that can no longer be integrated.

@@ -1,4 +1,4 @@
-//! Arrays with names, as NumPy and MATLAB keep them, as columns.
+//! Converts named arrays, as in files of NumPy and MATLAB, to columns.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -7,16 +7,16 @@ use crate::foreign::Foreign;
 use crate::input::Source;
 use crate::names::list;
 
-/// Numbers that are converted at a time.
+/// Numbers per conversion step.
 const BLOCK: usize = 1 << 12;
 
-/// The most columns that one file may have: a line of text that names them all is no longer than what is read.
+/// Largest number of columns of a file: a line of text with all their names would be no longer than the longest line of a CSV.
 const MAX_COLUMNS: usize = crate::line_guard::MAX_LINE / 2;
 
-/// The number in eight bytes, the least first.
+/// Decoder of a number from eight little-endian bytes.
 pub(crate) type Number = fn([u8; 8]) -> f64;
 
-/// An array of numbers, the last index running fastest.
+/// An array of numbers, the last index varying fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Array {
     pub name: String,
@@ -24,28 +24,28 @@ pub(crate) struct Array {
     pub values: Vec<f64>,
 }
 
-/// What the arrays of one file may come to, so that memory is bounded before anything is inflated.
+/// Memory budget for the arrays of one file, checked before inflation.
 #[derive(Debug)]
 pub(crate) struct Room {
-    /// Numbers that may still be read.
+    /// Remaining numbers.
     numbers: u64,
-    /// Samples that the file can hold: the times of a recording differ, so that each takes at least one bit of a compressed file.
+    /// Largest possible number of samples: the times of a recording differ, so that each takes at least one bit of a compressed file.
     samples: u64,
-    /// Arrays that are too long to be sampled at these times.
+    /// Arrays with more samples than this.
     pub too_long: Vec<String>,
 }
 
-/// An array is larger than the room that is left.
+/// An array exceeds the remaining budget.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct NoRoom;
 
 impl Room {
-    /// The room of a file of `length` bytes.
+    /// The budget for a file of `length` bytes.
     pub fn of(source: &Source, length: usize) -> Self {
         Self { numbers: source.limit, samples: (length as u64).saturating_mul(8), too_long: Vec::new() }
     }
 
-    /// How many numbers the array `name` of this `shape` has, which are then taken from the room; 0 for an array that is to be left out.
+    /// Takes the numbers of the array `name` of this `shape` from the budget and returns their count; 0 for an array to be skipped.
     pub fn take(&mut self, name: &str, shape: &[usize]) -> Result<usize, NoRoom> {
         if shape.contains(&0) {
             return Ok(0);
@@ -60,10 +60,10 @@ impl Room {
     }
 }
 
-/// `count` numbers of `size` bytes each from `input`, as `number` reads eight bytes, the least first.
+/// Reads `count` numbers of `size` bytes each from `input`; `number` decodes eight little-endian bytes.
 ///
 /// # Errors
-/// Where `input` fails, or ends before.
+/// An error of `input`, or its early end.
 pub(crate) fn numbers(
     input: &mut dyn Read,
     count: usize,
@@ -88,11 +88,11 @@ pub(crate) fn numbers(
     Ok(values)
 }
 
-/// Said of arrays that are all too long for the file they come from, or empty.
+/// The message for arrays that are all empty, or too long for their file.
 pub(crate) const NO_SAMPLES: &str = "its arrays are empty, or longer than the times of which so short a file can tell; write it again, with the time of each sample";
 
-/// The columns that `arrays` hold, and what `texts` say of the joints; none if there are no samples. Samples run along the length that most arrays
-/// share. The arrays were read within `room`.
+/// The columns in `arrays`, with the names of the joints from `texts`; `None` without samples. Samples run along the length that most arrays share. The arrays
+/// were read within `room`.
 pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>, room: Room) -> Option<Foreign> {
     let mut foreign = Foreign::default();
     let squeezed: Vec<Array> = arrays

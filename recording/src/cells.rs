@@ -1,15 +1,15 @@
-//! What stands in a cell of a text file: a number, a moment, a list, nothing, or text.
+//! Content of a cell of a text file: a number, a time of day, a list, nothing, or text.
 
-/// Spellings of "there is no number here", in lower case.
+/// Spellings of a missing number, in lower case.
 const NOTHING: [&str; 13] =
     ["", "nan", "+nan", "-nan", "na", "n/a", "<na>", "#n/a", "null", "none", "nat", "1.#qnan", "-1.#ind"];
 
-/// What a cell holds.
+/// Content of a cell.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Cell {
-    /// A number; NaN where the cell says that there is none.
+    /// A number; NaN for a missing one.
     Number(f64),
-    /// A moment, ns: since 1970, or since midnight where no day is given.
+    /// A time of day, ns: since 1970, or since midnight if the cell has no date.
     Moment(i128),
     /// Numbers in brackets.
     List(Vec<f64>),
@@ -19,7 +19,7 @@ pub(crate) enum Cell {
     Text,
 }
 
-/// What `cell` holds, with `decimal` before its decimals.
+/// The content of `cell`, with the decimal sign `decimal`.
 pub(crate) fn cell(cell: &[u8], decimal: u8) -> Cell {
     if let Some(value) = number(cell, decimal) {
         return Cell::Number(value);
@@ -35,7 +35,7 @@ pub(crate) fn cell(cell: &[u8], decimal: u8) -> Cell {
     list(text).unwrap_or(Cell::Text)
 }
 
-/// Whether a cell says that it holds nothing.
+/// True for a spelling of a missing value.
 pub(crate) fn is_nothing(text: &str) -> bool {
     let text = text.trim();
     text.len() <= 8 && NOTHING.contains(&text.to_ascii_lowercase().as_str())
@@ -72,13 +72,13 @@ fn list(text: &str) -> Option<Cell> {
     Some(numbers.map_or_else(|| Cell::Words(parts.iter().map(ToString::to_string).collect()), Cell::List))
 }
 
-/// A number as NumPy 2 writes it in a list, `np.float64(0.5)`, without what is around it.
+/// A number without its wrapping, as NumPy 2 writes it in a list: `np.float64(0.5)`.
 fn plain(part: &str) -> &str {
     let inner = part.strip_prefix("np.").and_then(|rest| rest.split_once('(')).map(|(_, inner)| inner);
     inner.and_then(|inner| inner.strip_suffix(')')).unwrap_or(part)
 }
 
-/// A moment as ISO 8601 and its relatives write it: `2026-01-31T12:30:00.25+01:00`, `2026-01-31 12:30:00`, `12:30:00.25`; ns.
+/// A time in ISO 8601 or a similar form: `2026-01-31T12:30:00.25+01:00`, `2026-01-31 12:30:00`, `12:30:00.25`; ns.
 fn moment(text: &str) -> Option<i128> {
     let (day, clock) = match text.split_once(['T', ' ']) {
         Some((day, clock)) => (days(day)?, clock),

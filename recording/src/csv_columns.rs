@@ -1,4 +1,4 @@
-//! The columns of a text file: what each holds, told from its first rows.
+//! The columns of a text file; the first rows determine the content of each.
 
 use csv::ByteRecord;
 
@@ -7,11 +7,11 @@ use crate::csv_form::{Form, text};
 use crate::guess::Sample;
 use crate::interpret::tidy;
 
-/// What a column of a file holds.
+/// Content of a column of a file.
 #[derive(Debug, Clone, PartialEq)]
 enum Held {
     Numbers,
-    /// Moments, read as seconds since the first one.
+    /// Times of day, read as seconds since the first one.
     Moments,
     /// So many numbers in each cell.
     Lists(usize),
@@ -22,17 +22,17 @@ enum Held {
 #[derive(Debug)]
 pub(crate) struct Columns {
     held: Vec<Held>,
-    /// The first moment, ns.
+    /// The first time of day, ns.
     begin: Option<i128>,
     /// Names of the numbers of a row.
     pub names: Vec<String>,
-    /// The file has no header: names are numbers.
+    /// The file has no header; names are numbers.
     pub numbered: bool,
     decimal: u8,
 }
 
 impl Columns {
-    /// Those of a file of the form `form` that has these first `rows`.
+    /// The columns of a file of the form `form` with these first `rows`.
     pub fn of(form: &Form, rows: &[ByteRecord]) -> Self {
         let cells = rows.iter().map(ByteRecord::len).max().unwrap_or(0);
         let (names, numbered) = match &form.header {
@@ -55,7 +55,7 @@ impl Columns {
         self.held.len()
     }
 
-    /// The numbers of `record`, to `row`; what is no number is handed to `odd` with the place of the number in the row, and missing.
+    /// Reads the numbers of `record` into `row`. Passes a cell that is not a number to `odd`, with the index of the number in the row, and sets NaN.
     ///
     /// # Errors
     /// Those of `odd`.
@@ -102,7 +102,7 @@ impl Columns {
         Ok(())
     }
 
-    /// The first `rows` as they look to whoever guesses what they are.
+    /// The first `rows` in the form for guessing the columns.
     pub fn sample(&mut self, rows: &[ByteRecord]) -> Sample {
         let mut sample = Sample::default();
         for record in rows {
@@ -133,7 +133,7 @@ impl Columns {
     }
 }
 
-/// `names` for rows of `cells` cells: without the empty one behind a separator at the end, with one for an index that has none.
+/// `names` for rows of `cells` cells: without the empty one behind a separator at the end, with an empty one for an index column without a name.
 fn fitted(mut names: Vec<String>, cells: usize, rows: &[ByteRecord]) -> Vec<String> {
     let is_empty = |record: &ByteRecord, column: usize| {
         record.get(column).is_none_or(|cell| cell.trim_ascii().is_empty())
@@ -142,13 +142,13 @@ fn fitted(mut names: Vec<String>, cells: usize, rows: &[ByteRecord]) -> Vec<Stri
     if names.last().is_some_and(String::is_empty) && last_is_empty(names.len() - 1) {
         names.pop();
     } else if names.len() + 1 == cells && rows.iter().all(|row| row.len() == cells) && are_names(rows) {
-        // As R writes tables: the rows have names, their column has none.
+        // R writes such tables: the rows have names, their column has none.
         names.insert(0, String::new());
     }
     names
 }
 
-/// Whether the first cells of `rows` are texts, or count on: names of rows.
+/// True if the first cells of `rows` are names of rows: texts, or consecutive numbers.
 fn are_names(rows: &[ByteRecord]) -> bool {
     let first = |row: &ByteRecord| number(row.get(0).unwrap_or_default(), b'.');
     let counts =
@@ -156,7 +156,7 @@ fn are_names(rows: &[ByteRecord]) -> bool {
     (rows.len() > 1 && counts) || rows.iter().all(|row| first(row).is_none())
 }
 
-/// What column number `column` holds, by the first of its cells that hold anything.
+/// The content of column number `column`, from its first non-empty cells.
 fn held(rows: &[ByteRecord], column: usize, decimal: u8) -> Held {
     let mut cells = rows.iter().filter_map(|row| row.get(column)).map(|bytes| cell(bytes, decimal));
     let is_nothing = |cell: &Cell| matches!(cell, Cell::Number(value) if value.is_nan());

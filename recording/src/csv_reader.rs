@@ -1,5 +1,4 @@
-//! Reading a recording from CSV and its relatives: what separates cells and decimals, where the header is and what columns hold is told
-//! from the first lines.
+//! Reading a recording from CSV and its relatives: the first lines determine separator, decimal sign, header and the content of the columns.
 
 use std::io::{self, Cursor, Read};
 
@@ -19,17 +18,17 @@ use crate::recording::Recording;
 use crate::squeeze::Squeeze;
 use crate::table::Table;
 
-/// After how many rows the size of the whole is estimated.
+/// Number of rows after which the total size is estimated.
 const ROWS_TO_ESTIMATE: u64 = 1000;
-/// Bytes at the beginning by which the form is told, and lines of them that it takes at least, if these are long.
+/// Bytes at the beginning that determine the form, and the least number of lines among them if the lines are long.
 const HEAD: usize = 1 << 16;
 const FEWEST_LINES: usize = 8;
-/// Rows by which it is told what columns hold.
+/// Number of rows that determine the content of the columns.
 const SAMPLE: usize = 32;
 
 type Lines<R> = Reader<LineGuard<R>>;
 
-/// Reads a text with columns, row by row: ours, those that `mapping` makes ours, or those whose names tell.
+/// Reads a text with columns, row by row. The columns have the contract's names, or get them from `mapping` or from a guess by their names.
 pub(crate) fn read(
     mut input: impl Read,
     source: &Source,
@@ -86,7 +85,7 @@ fn head(input: &mut impl Read, source: &Source) -> Result<Vec<u8>, ReadError> {
     }
 }
 
-/// `head` without the line that it may cut.
+/// `head` without a last incomplete line.
 fn whole_lines(head: &[u8]) -> &[u8] {
     if head.len() < HEAD {
         return head;
@@ -105,7 +104,7 @@ fn sampled(text: &[u8], form: &Form) -> Vec<ByteRecord> {
     records.into_iter().filter(|record| !is_comment(record)).collect()
 }
 
-/// A line of comment among the data, or one with nothing in it.
+/// True for a comment line among the data, and for an empty line.
 fn is_comment(record: &ByteRecord) -> bool {
     let first = record.get(0).unwrap_or_default().trim_ascii_start();
     first.starts_with(b"#")
@@ -120,7 +119,7 @@ struct Rows {
     table: Table,
     /// The first whole second of a time in two columns.
     base: Option<f64>,
-    /// The first row with another number of cells than the header, and how many it has.
+    /// The first row with another number of cells than the header, and this number.
     misfits: Option<(Row, usize)>,
 }
 
@@ -153,7 +152,7 @@ impl Rows {
         self.table.into_recording()
     }
 
-    /// Whether a row has the cells of the header, but for empty ones behind them; counts those that have not.
+    /// True if a row has as many cells as the header, apart from empty ones at its end; counts the other rows.
     fn fits(&mut self, record: &ByteRecord, at: Row) -> bool {
         let expected = self.columns.cells();
         let more = record.iter().skip(expected).any(|cell| !cell.trim_ascii().is_empty());
@@ -167,7 +166,7 @@ impl Rows {
     }
 }
 
-/// A cell of the file's number `place` that holds text: an error in a column that is used, else noted.
+/// A cell with text in column `place` of the file: an error if the column is used, else a note.
 #[cold]
 fn odd_cell(mapped: &Mapped, table: &mut Table, place: usize, at: Row, text: &str) -> Result<(), ReadError> {
     let is_from =
@@ -185,7 +184,7 @@ fn odd_cell(mapped: &Mapped, table: &mut Table, place: usize, at: Row, text: &st
     Ok(())
 }
 
-/// What to do about a cell that is no number.
+/// The remedy for a cell that is not a number.
 fn remedy(text: &str) -> &'static str {
     if text.contains(',') && text.replacen(',', ".", 1).parse::<f64>().is_ok() {
         "write decimals with a point instead of a comma"
@@ -194,7 +193,7 @@ fn remedy(text: &str) -> &'static str {
     }
 }
 
-/// Reads the next line that is not blank and says where it is; none at the end.
+/// Reads the next line that is not blank, with its place; `None` at the end.
 fn next<R: Read>(
     lines: &mut Lines<R>,
     record: &mut ByteRecord,
@@ -208,7 +207,7 @@ fn next<R: Read>(
     }
 }
 
-/// The error behind an error of the CSV parser, which passes on those of its input and has none of its own here.
+/// The cause of an error of the CSV parser, which passes on errors of its input and has none of its own here.
 fn not_read(error: csv::Error, source: &Source) -> ReadError {
     let error = match error.into_kind() {
         ErrorKind::Io(error) => error,

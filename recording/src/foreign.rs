@@ -1,4 +1,4 @@
-//! A table in memory from a file that holds whole columns: Parquet, NumPy, MATLAB; or from a recording whose columns are to be named again.
+//! A table in memory from a file with whole columns (Parquet, NumPy, MATLAB), or from a recording whose columns get new names.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -11,9 +11,9 @@ use crate::place::Row;
 use crate::recording::{Event, Recording};
 use crate::table::{JOINTS_KEY, Table};
 
-/// Rows by which it is told what columns are.
+/// Number of rows that determine the content of the columns.
 const SAMPLE: usize = 32;
-/// Steps between one episode and the next, where both count from zero: far more than what counts as a gap.
+/// Gap between one episode and the next, in steps, if both count from zero: far above the threshold of a gap.
 const APART: f64 = 50.0;
 
 /// Columns of numbers with their names, all of one length.
@@ -21,11 +21,11 @@ const APART: f64 = 50.0;
 pub(crate) struct Foreign {
     pub names: Vec<String>,
     pub columns: Vec<Vec<f64>>,
-    /// Columns that are seconds since the first moment.
+    /// Columns in seconds since the first time of day.
     pub moments: HashSet<usize>,
-    /// The columns have no names but their numbers.
+    /// Numbers name the columns.
     pub numbered: bool,
-    /// The joints' names, where the file has such a list.
+    /// The joints' names, if the file has such a list.
     pub joints: Vec<String>,
     pub metadata: Vec<(String, String)>,
     pub events: Vec<Event>,
@@ -55,12 +55,12 @@ impl Foreign {
         self.columns.push(values);
     }
 
-    /// Values of each column.
+    /// Number of values in each column.
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
     }
 
-    /// Adds the rows of `other`, which has the same columns; those that it has not are missing there.
+    /// Adds the rows of `other`, which has the same columns; a missing column gives NaN there.
     pub fn append(&mut self, other: &Self) {
         let rows = other.rows();
         for (name, column) in self.names.iter().zip(&mut self.columns) {
@@ -71,7 +71,7 @@ impl Foreign {
         }
     }
 
-    /// Lays episodes, each of which counts its time from zero, one after the other.
+    /// Concatenates episodes, each of which counts its time from zero.
     pub fn lay_episodes_out(&mut self) {
         let place = |name: &str| self.names.iter().position(|known| known == name);
         let (Some(time), Some(episode)) = (place("timestamp"), place("episode_index")) else { return };
@@ -98,7 +98,7 @@ impl Foreign {
         }
     }
 
-    /// The recording that these columns are: by `mapping`, by their own names, or guessed.
+    /// The recording of these columns: by `mapping`, by their own names, or guessed.
     ///
     /// # Errors
     /// See [`ReadError`].

@@ -1,10 +1,10 @@
-//! The columns of a recording that is written row by row.
+//! The columns for writing a recording row by row.
 
 use std::path::PathBuf;
 
 use crate::names::{ColumnError, Group, ORIENTATION, Roles, TOOL};
 
-/// The columns of a recording that is going to be written, checked.
+/// The columns of a recording to be written, checked.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
     columns: Vec<String>,
@@ -15,7 +15,7 @@ impl Layout {
     /// [`Layout::of`].
     ///
     /// # Errors
-    /// The names make no recording: see [`ColumnError`].
+    /// The names form no recording: see [`ColumnError`].
     pub fn new(columns: impl IntoIterator<Item = impl Into<String>>) -> Result<Self, ColumnError> {
         let columns: Vec<String> = columns.into_iter().map(Into::into).collect();
         Roles::new(&columns, None)?;
@@ -24,7 +24,7 @@ impl Layout {
 
     /// The layout in the order of the contract: `t`, the groups for every one of `joints` joints in the
     /// order of [`Group::ALL`], the tool's position and orientation if `tool`, then `others`.
-    /// Positions are always there.
+    /// Positions are always included.
     ///
     /// # Errors
     /// One of `others` is a name of the contract, a repetition or unprintable; or there are no joints.
@@ -47,7 +47,7 @@ impl Layout {
         &self.columns
     }
 
-    /// Where `t` stands in a row.
+    /// Index of `t` in a row.
     pub(crate) fn time(&self) -> usize {
         self.columns.iter().position(|name| name == "t").expect("Roles::new refuses names without t")
     }
@@ -60,14 +60,13 @@ pub struct Summary {
     pub file: PathBuf,
     /// Rows in it.
     pub rows: u64,
-    /// Events in it; a CSV has no place for them.
+    /// Events in it; a CSV file has none.
     pub events: u64,
     /// Its size, bytes.
     pub bytes: u64,
 }
 
-/// When to hand over what has gathered: after [`Pace::SECONDS`] of data or [`Pace::BYTES`], so that a
-/// recorder that is killed loses no more than that.
+/// Decides when to hand over the collected rows: after [`Pace::SECONDS`] of data or [`Pace::BYTES`], so that a killed recorder loses no more than that.
 #[derive(Debug, Default)]
 pub(crate) struct Pace {
     since: Option<f64>,
@@ -78,7 +77,7 @@ impl Pace {
     const SECONDS: f64 = 0.25;
     const BYTES: usize = 256 * 1024;
 
-    /// Counts `bytes` written at time `t`, s; says whether to hand over now.
+    /// Counts `bytes` written at time `t`, s; true if the rows are due.
     pub fn due(&mut self, t: f64, bytes: usize) -> bool {
         self.bytes += bytes;
         let since = *self.since.get_or_insert(t);

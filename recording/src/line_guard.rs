@@ -1,6 +1,6 @@
-//! Watches the lines of a CSV before the CSV parser sees them: bounds their length and counts them.
+//! Reads the lines of a CSV before the CSV parser: limits their length and counts them.
 //!
-//! The parser's own count is off behind blank lines and CRLF, since it begins a record where the last one ended.
+//! The parser's own count is wrong behind blank lines and CRLF, since it begins a record at the end of the last one.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -9,7 +9,7 @@ use std::io::{self, Read};
 /// The longest line that is read, bytes: some 40 000 columns.
 pub(crate) const MAX_LINE: usize = 1 << 20;
 
-/// A line longer than [`MAX_LINE`]: travels through the CSV parser inside an [`io::Error`].
+/// A line longer than [`MAX_LINE`]; the CSV parser passes it on inside an [`io::Error`].
 #[derive(Debug)]
 pub(crate) struct LongLine {
     /// Its number, counted from 1.
@@ -24,20 +24,19 @@ impl fmt::Display for LongLine {
 
 impl std::error::Error for LongLine {}
 
-/// Passes bytes on and fails at a line that is too long. A line end inside quotes ends no line, so that a
-/// quote that is never closed is found too.
+/// Passes bytes on and fails at a line that is too long. A line end inside quotes ends no line, so that the guard also detects a quote that is never closed.
 pub(crate) struct LineGuard<R> {
     input: R,
     /// Bytes passed on.
     offset: u64,
-    /// The line that is being read, counted from 1, and the bytes of it so far.
+    /// The current line, counted from 1, and its bytes so far.
     line: u64,
     length: usize,
     quoted: bool,
     /// Line ends inside quotes, since the line began.
     lines_within: u64,
     previous: u8,
-    /// Offset and number of the lines that are not blank and not yet asked for.
+    /// Offset and number of the lines that are not blank and not yet requested.
     starts: VecDeque<(u64, u64)>,
 }
 
@@ -56,8 +55,8 @@ impl<R: Read> LineGuard<R> {
         }
     }
 
-    /// The number of the first line that is not blank and begins at `offset` or behind it. Offsets must not
-    /// decrease from call to call: lines before them are forgotten.
+    /// The number of the first line that is not blank and begins at `offset` or behind it. Offsets must not decrease from call to call: the guard forgets
+    /// earlier lines.
     pub fn line_from(&mut self, offset: u64) -> u64 {
         while self.starts.front().is_some_and(|(start, _)| *start < offset) {
             self.starts.pop_front();
@@ -65,7 +64,7 @@ impl<R: Read> LineGuard<R> {
         self.starts.front().map_or(self.line, |(_, line)| *line)
     }
 
-    /// Takes note of bytes that neither end a line nor quote anything.
+    /// Processes bytes that neither end a line nor quote anything.
     fn see_plain(&mut self, bytes: &[u8]) {
         let Some(last) = bytes.last() else { return };
         self.begin_line();
@@ -74,7 +73,7 @@ impl<R: Read> LineGuard<R> {
         self.offset += bytes.len() as u64;
     }
 
-    /// Takes note of a line end or a quote.
+    /// Processes a line end or a quote.
     fn see_special(&mut self, byte: u8) {
         if byte == b'"' {
             self.begin_line();
@@ -139,7 +138,7 @@ mod tests {
         let expected = [("a", 1), ("b", 3), ("c", 5), ("d", 6), ("\"\"\"g", 8), (" h", 9), ("i", 10)];
         for (start, line) in expected {
             let offset = text.find(start).expect("in the text") as u64;
-            // As the parser asks: from the end of the line before, blank lines included.
+            // As the parser calls it: from the end of the line before, blank lines included.
             assert_eq!(guard.line_from(offset.saturating_sub(u64::from(start == "b"))), line, "{start:?}");
         }
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with a mapping file, and what to do about it.
+//! Errors of a mapping file, each with its remedy.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::place::Place;
 
-/// Why a mapping can't be used. The message names the mapping file, line, column, value and what to do.
+/// Reason why a mapping can't be used. The message names the mapping file, line, column, value and remedy.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum MappingError {
@@ -15,55 +15,55 @@ pub enum MappingError {
     Unreadable {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// Not TOML, an unknown key, one missing or of the wrong type.
     #[error("{at}: {message}")]
     Syntax {
-        /// Where.
+        /// The place.
         at: Place,
         /// The cause in plain words, and the line with a mark.
         message: String,
     },
-    /// A unit that the quantity is not given in.
+    /// A unit that does not fit the quantity.
     #[error("{at}: {key}.unit = {unit:?} is none of its units: {known}; give one of these")]
     Unit {
-        /// Where.
+        /// The place.
         at: Place,
         /// The quantity.
         key: &'static str,
-        /// What is given.
+        /// The unit.
         unit: String,
-        /// What may be given.
+        /// The valid units.
         known: String,
     },
-    /// A separator or decimal sign that no CSV has.
+    /// An invalid separator or decimal sign.
     #[error("{at}: {key} = {value:?} cannot be; give a single ASCII character other than a digit or a quote")]
     Sign {
-        /// Where.
+        /// The place.
         at: Place,
         /// The key.
         key: &'static str,
-        /// What is given.
+        /// The value.
         value: char,
     },
-    /// A number that is none.
+    /// NaN or infinity.
     #[error("{at}: {key}.{what} holds {value}; give finite numbers")]
     NotFinite {
-        /// Where.
+        /// The place.
         at: Place,
         /// The quantity.
         key: &'static str,
         /// The key in its table.
         what: &'static str,
-        /// What is given.
+        /// The value.
         value: f64,
     },
     /// A named column is not in the recording.
     #[error("{at}: {key}.columns: {recording} has no column {column:?}; it has {found}: correct the name")]
     NoColumn {
-        /// Where.
+        /// The place.
         at: Place,
         /// The quantity.
         key: &'static str,
@@ -71,29 +71,29 @@ pub enum MappingError {
         recording: Box<Place>,
         /// The column.
         column: String,
-        /// The columns that are there, shortened.
+        /// The columns of the recording, shortened.
         found: String,
     },
-    /// Another number of columns, names or numbers than the quantity has.
+    /// The number of columns, names or numbers differs from that of the quantity.
     #[error("{at}: {key}: {found} {what}, expected {expected}; give one for each")]
     Count {
-        /// Where.
+        /// The place.
         at: Place,
         /// The quantity.
         key: &'static str,
         /// Columns, names, factors and so on.
         what: &'static str,
-        /// How many there are.
+        /// The number found.
         found: usize,
-        /// How many there should be.
+        /// The number expected.
         expected: usize,
     },
-    /// A joint by a number that none has.
+    /// A joint number that does not exist.
     #[error("{at}: relative: there is no joint {number}; give a number from 1 to {joints}")]
     NoJoint {
-        /// Where.
+        /// The place.
         at: Place,
-        /// What is given.
+        /// The number.
         number: usize,
         /// Joints of the recording.
         joints: usize,
@@ -101,13 +101,13 @@ pub enum MappingError {
     /// One column for two quantities.
     #[error("{at}: column {column:?} is named for {one} and for {other}; name it once")]
     Twice {
-        /// Where the second stands.
+        /// The place of the second quantity.
         at: Place,
         /// The column.
         column: String,
-        /// The first name of ours.
+        /// The contract's name of the first quantity.
         one: String,
-        /// The second.
+        /// The contract's name of the second quantity.
         other: String,
     },
 }

@@ -1,11 +1,11 @@
-//! One chunk of a MCAP: taken apart only if all of it is sound.
+//! One chunk of an MCAP file, which is unpacked only if all of it is sound.
 
 use std::borrow::Cow;
 use std::io::Read;
 
 use mcap::records::{ChunkHeader, Record, op};
 
-/// The largest record and the largest chunk, decompressed, that is read; bytes.
+/// The largest permitted record and the largest permitted chunk, decompressed; bytes.
 pub(crate) const MAX_RECORD: u64 = 64 << 20;
 
 /// Opcode (1 byte) and length (8 bytes).
@@ -14,20 +14,20 @@ pub(crate) const FRAME: usize = 9;
 /// Bytes of a chunk before the name of its compression: start, end, size, checksum.
 const BEFORE_NAME: usize = 28;
 
-/// The name of the compression as it stands in a chunk: its length and its letters.
+/// The name of the compression as stored in a chunk: its length and its letters.
 pub(crate) const ZSTD: [u8; 8] = [4, 0, 0, 0, b'z', b's', b't', b'd'];
 
-/// Where [`ZSTD`] stands behind the beginning of a chunk's record.
+/// Offset of [`ZSTD`] from the beginning of a chunk's record.
 pub(crate) const ZSTD_AT: usize = FRAME + BEFORE_NAME;
 
 /// The bytes of a zstd chunk's body in front of the compressed ones.
 pub(crate) const CHUNK_HEAD: usize = BEFORE_NAME + ZSTD.len() + 8;
 
-/// Why a chunk is not taken apart.
+/// Reason why a chunk is not unpacked.
 pub(crate) enum ChunkFault {
     /// It contradicts itself or its checksum.
     Damaged(String),
-    /// It is compressed in a way that this crate does not read.
+    /// This crate does not support its compression.
     Compression(String),
 }
 
@@ -40,14 +40,14 @@ impl From<&str> for ChunkFault {
 /// The records of a chunk, all of which parse.
 pub(crate) struct Chunk<'b> {
     records: Cow<'b, [u8]>,
-    /// Bytes of the body that the chunk itself says it has.
+    /// Length of the body that the chunk itself claims, bytes.
     pub length: usize,
-    /// A checksum vouches for the content.
+    /// Whether a checksum confirmed the content.
     pub is_verified: bool,
 }
 
 impl<'b> Chunk<'b> {
-    /// Reads the `body` of a chunk; bytes behind its end are left alone.
+    /// Parses the `body` of a chunk; ignores bytes behind its end.
     pub fn parse(body: &'b [u8]) -> Result<Self, ChunkFault> {
         let parsed = mcap::parse_record(op::CHUNK, body);
         let parsed =
@@ -67,7 +67,7 @@ impl<'b> Chunk<'b> {
         Ok(chunk)
     }
 
-    /// Bytes of the body of a zstd chunk, as far as the beginning `head` of the body tells.
+    /// Length of the body of a zstd chunk, bytes, from the beginning `head` of the body.
     pub fn length_in(head: &[u8]) -> Option<usize> {
         let size: [u8; 8] = head.get(CHUNK_HEAD - 8..CHUNK_HEAD)?.try_into().ok()?;
         let size = u64::from_le_bytes(size);
@@ -76,7 +76,7 @@ impl<'b> Chunk<'b> {
 
     /// Opcode and body of each record that carries data.
     pub fn records(&self) -> impl Iterator<Item = (u8, &[u8])> {
-        // Their framing was checked by `parse`.
+        // `parse` has checked their framing.
         Framed(&self.records).map_while(Result::ok).filter(|(opcode, _)| carries_data(*opcode))
     }
 }

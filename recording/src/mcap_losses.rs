@@ -1,23 +1,23 @@
-//! What damage in a MCAP costs: how many samples, of which time.
+//! Losses by damage in an MCAP file: number and time of the lost samples.
 //!
-//! A recorder numbers its messages (`sequence`, from 0), so that a gap tells how many are missing; the statistics of the summary tell how
-//! many are missing at the end. The times are those of the samples on either side.
+//! A recorder numbers its messages (`sequence`, from 0), so that a gap gives the number of missing ones; the statistics of the summary give the number missing
+//! at the end. The times are those of the samples on either side.
 
-/// Damaged stretches that are described one by one.
+/// Largest number of damaged stretches with a line of their own.
 const DESCRIBED: usize = 8;
 
-/// A stretch that could not be read, and the samples around it.
+/// An unreadable stretch, and the samples around it.
 #[derive(Debug)]
 struct Loss {
     offset: u64,
     what: String,
     after: Option<f64>,
     before: Option<f64>,
-    /// Samples that are missing; unknown where messages have no numbers.
+    /// Number of missing samples; `None` if messages have no numbers.
     samples: Option<u64>,
 }
 
-/// The losses of a recording, as its messages come.
+/// Collects the losses of a recording, message by message.
 #[derive(Debug, Default)]
 pub(crate) struct Losses {
     closed: Vec<Loss>,
@@ -26,23 +26,23 @@ pub(crate) struct Losses {
     /// Number and time of the last sample.
     last: Option<(u32, f64)>,
     rows: u64,
-    /// Two samples without damage between them do not follow each other in number.
+    /// Two consecutive samples without damage between them have non-consecutive numbers.
     is_unnumbered: bool,
 }
 
 impl Losses {
-    /// The stretch at `offset` cannot be read.
+    /// Records an unreadable stretch at `offset`.
     pub fn damage(&mut self, offset: u64, what: String) {
         self.open.push((offset, what));
     }
 
-    /// The first stretch that could not be read: its offset, and what is wrong.
+    /// The first unreadable stretch: its offset, and the fault.
     pub fn first(&self) -> Option<(u64, &str)> {
         let closed = self.closed.first().map(|loss| (loss.offset, loss.what.as_str()));
         closed.or_else(|| self.open.first().map(|(offset, what)| (*offset, what.as_str())))
     }
 
-    /// A sample was read: its number and its time, s.
+    /// Records a sample: its number and its time, s.
     pub fn sample(&mut self, number: u32, t: f64) {
         let expected = self.last.map_or(0, |(number, _)| number.wrapping_add(1));
         let missing = u64::from(number.wrapping_sub(expected));
@@ -64,7 +64,7 @@ impl Losses {
         self.closed.push(Loss { offset, what, after, before, samples });
     }
 
-    /// One line for each loss. `written` is the number of samples that the file says it has.
+    /// One line for each loss. `written` is the number of samples that the file claims.
     pub fn describe(mut self, written: Option<u64>) -> Vec<String> {
         let missing: u64 = self.closed.iter().filter_map(|loss| loss.samples).sum();
         self.close(None, written.map(|written| written.saturating_sub(self.rows + missing)));

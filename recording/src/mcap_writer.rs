@@ -19,7 +19,7 @@ use crate::tick::{
     self, COLUMNS_KEY, EVENT_SCHEMA, EVENT_TOPIC, EVENT_TYPE, METADATA_NAME, TICK_TOPIC, TICK_TYPE,
 };
 
-/// Records that are complete only together (a chunk and its index), on their way to the file.
+/// Records that are complete only together (a chunk and its index), before they go to the file.
 struct Gathering {
     bytes: Vec<u8>,
     output: Output,
@@ -38,9 +38,9 @@ impl Write for Gathering {
     }
 }
 
-/// Writes a recording as MCAP: one topic `/freeplay/tick` with a `float64` field per column, `log_time` = `t`
-/// (0 for negative times); events on `/freeplay/event`; a metadata record `freeplay`. Without its
-/// end the file is readable up to the last complete chunk. See [`crate::RowWriter`] for the rest.
+/// Writes a recording as MCAP: one topic `/freeplay/tick` with a `float64` field per column, `log_time` = `t` (0 for negative times); events on
+/// `/freeplay/event`; a metadata record `freeplay`. A file without its end is readable up to the last complete chunk. See [`crate::RowWriter`] for further
+/// properties.
 pub struct McapWriter {
     file: PathBuf,
     /// `None` after an error.
@@ -66,7 +66,7 @@ impl fmt::Debug for McapWriter {
 }
 
 impl McapWriter {
-    /// Begins a MCAP. Of metadata with the same key, the last is kept.
+    /// Begins an MCAP file. Of metadata with the same key, the last is kept.
     ///
     /// # Errors
     /// [`WriteError::Create`], [`WriteError::Stopped`].
@@ -74,7 +74,7 @@ impl McapWriter {
         McapWriter::of(path, Output::live(path), layout, metadata)
     }
 
-    /// Begins a MCAP that appears whole, once it is finished.
+    /// Begins an MCAP file that appears under its name only when it is complete.
     pub(crate) fn replace(
         path: &Path,
         layout: &Layout,
@@ -137,7 +137,7 @@ impl McapWriter {
         self.channel = inner.add_channel(schema, TICK_TOPIC, "cdr", &exact)?;
         let schema = inner.add_schema(EVENT_TYPE, "jsonschema", EVENT_SCHEMA.as_bytes())?;
         self.event_channel = inner.add_channel(schema, EVENT_TOPIC, "json", &BTreeMap::new())?;
-        // What describes all messages stands in a chunk of its own: damage to the first samples leaves the later ones readable.
+        // The description of all messages is in a chunk of its own: damage to the first samples leaves the later ones readable.
         inner.flush()?;
         self.inner = Some(Box::new(inner));
         Ok(())
@@ -174,7 +174,7 @@ impl McapWriter {
         self.send(self.event_channel, self.events, event.t, &text)
     }
 
-    /// Writes what is left, then the index, and closes the file.
+    /// Writes the remaining rows, then the index, and closes the file.
     ///
     /// # Errors
     /// As [`crate::RowWriter::finish`].
@@ -192,7 +192,7 @@ impl McapWriter {
         Ok(Summary { file: self.file.clone(), rows: self.rows, events: self.events, bytes })
     }
 
-    /// Writes a message, and the chunk if it is time for it.
+    /// Writes a message, and the chunk if it is due.
     fn send(&mut self, channel_id: u16, number: u64, t: f64, data: &[u8]) -> Result<(), WriteError> {
         let Some(inner) = &mut self.inner else {
             return Err(WriteError::Closed { file: self.file.clone() });
@@ -226,7 +226,7 @@ impl McapWriter {
     }
 }
 
-/// Seconds as the nanoseconds of a MCAP, which knows no time before 0.
+/// Seconds in nanoseconds of an MCAP file, which has no time before 0.
 fn nanoseconds(t: f64) -> u64 {
     (t * 1e9).round() as u64
 }

@@ -12,7 +12,7 @@ use crate::foreign::Foreign;
 use crate::input::Source;
 use crate::names::{list, shorten};
 
-/// What an array file holds.
+/// Content of an array file.
 enum Held {
     Numbers(Array),
     Texts(Vec<String>),
@@ -20,10 +20,10 @@ enum Held {
     Other(String),
 }
 
-/// The longest header and the longest list of names that is read, bytes.
+/// Longest permitted header and longest list of names, bytes.
 const MAX_TEXT: usize = 1 << 20;
 
-/// The arrays of the `.npz` in `bytes`. Headers are read before anything else is inflated.
+/// The arrays of the `.npz` in `bytes`. The reader reads the headers before it inflates anything else.
 ///
 /// # Errors
 /// [`ReadError::Unusable`] for an archive without arrays, or one that is damaged.
@@ -74,7 +74,7 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
     Ok(foreign)
 }
 
-/// The one array of the `.npy` in `bytes`, whose columns have numbers for names.
+/// The single array of the `.npy` in `bytes`; numbers name its columns.
 ///
 /// # Errors
 /// [`ReadError::Unusable`].
@@ -95,7 +95,7 @@ pub(crate) fn read_single(bytes: &[u8], source: &Source) -> Result<Foreign, Read
     }
 }
 
-/// The array that `input` holds, or what is wrong with it.
+/// The array in `input`, or its fault.
 fn array(name: &str, input: &mut dyn Read, room: &mut Room) -> Result<Held, String> {
     let header = header(input).ok_or("no NumPy array, or its header is cut")?;
     let kind = value_of(&header, "descr").ok_or("its header has no descr")?.trim_matches(['\'', '"']);
@@ -127,7 +127,7 @@ fn array(name: &str, input: &mut dyn Read, room: &mut Room) -> Result<Held, Stri
     Ok(Held::Numbers(Array { name: name.to_owned(), shape, values }))
 }
 
-/// The text of the header that `input` begins with.
+/// The text of the header at the beginning of `input`.
 fn header(input: &mut dyn Read) -> Option<String> {
     let mut start = [0; 8];
     input.read_exact(&mut start).ok()?;
@@ -143,7 +143,7 @@ fn header(input: &mut dyn Read) -> Option<String> {
     String::from_utf8(header).ok()
 }
 
-/// The value of `key` in the literal of a Python dictionary of texts, truths and tuples of numbers.
+/// The value of `key` in the literal of a Python dictionary of texts, booleans and tuples of numbers.
 fn value_of<'h>(header: &'h str, key: &str) -> Option<&'h str> {
     let (_, behind) = header.split_once(&format!("'{key}':"))?;
     let behind = behind.trim_start();
@@ -155,7 +155,7 @@ fn value_of<'h>(header: &'h str, key: &str) -> Option<&'h str> {
     Some(&behind[..end])
 }
 
-/// Bytes of a number of the type `letter`, and the number in eight of them, the least first.
+/// Bytes of a number of the type `letter`, and its decoder from eight little-endian bytes.
 fn number_of(letter: &str) -> Option<(usize, Number)> {
     Some(match letter {
         "f8" => (8, f64::from_le_bytes),
@@ -183,7 +183,7 @@ fn texts(body: &[u8], length: usize, is_big: bool) -> Vec<String> {
     body.chunks_exact((4 * length).max(4)).map(text).collect()
 }
 
-/// An array whose first index runs fastest, with its last index running fastest.
+/// Reorders an array whose first index varies fastest so that its last index does.
 pub(crate) fn turned(shape: &[usize], values: &[f64]) -> (Vec<usize>, Vec<f64>) {
     let [rows, columns] = *shape else { return (shape.to_vec(), values.to_vec()) };
     let turned = (0..rows * columns).map(|k| values[(k % columns) * rows + k / columns]).collect();

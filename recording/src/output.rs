@@ -5,12 +5,12 @@ use std::path::Path;
 
 use freeplay_storage::{AtomicFile, LiveFile};
 
-/// Where bytes go that may have to be taken back.
+/// A byte sink that can be truncated.
 pub(crate) trait Store: Write + Send {
-    /// Forgets everything after the first `length` bytes.
+    /// Removes everything after the first `length` bytes.
     fn cut(&mut self, length: u64) -> io::Result<()>;
 
-    /// Makes all that was written durable; what appears only whole appears now.
+    /// Makes all written bytes durable; an atomic file appears now.
     fn finish(self: Box<Self>) -> io::Result<()>;
 }
 
@@ -34,12 +34,11 @@ impl Store for AtomicFile {
     }
 }
 
-/// Bytes that are handed to the system at a time. A call that takes in more keeps its core for longer: 100 kB for 0.15 to 2.5 ms on a kernel
-/// that does not preempt itself, in which a loop on that core misses its tick.
+/// Bytes per system call. A longer call occupies its core for longer: 100 kB for 0.15 to 2.5 ms on a kernel without preemption, in which a loop on that core
+/// misses its tick.
 const PIECE: usize = 4096;
 
-/// A store that ends at a block's end whatever happens: when a block cannot be written whole, the part
-/// that was written is taken back, and no later block is accepted.
+/// A store that always ends at the end of a block: if a block cannot be written completely, the written part is removed, and no later block is accepted.
 pub(crate) struct Output {
     store: Box<dyn Store>,
     kept: u64,
@@ -52,7 +51,7 @@ impl Output {
         Ok(Output::over(Box::new(LiveFile::create(path)?)))
     }
 
-    /// Begins a file that appears whole, once it is finished.
+    /// Begins a file that appears under its name only when it is finished.
     pub fn atomic(path: &Path) -> io::Result<Self> {
         Ok(Output::over(Box::new(AtomicFile::create(path)?)))
     }
@@ -62,7 +61,7 @@ impl Output {
         Output { store, kept: 0, failed: false }
     }
 
-    /// Closes the store, unless a block could not be written; its size, bytes.
+    /// Closes the store, unless a block could not be written; returns its size, bytes.
     pub fn finish(self) -> io::Result<u64> {
         if self.failed {
             return Err(io::Error::other("an earlier block could not be written"));
@@ -84,7 +83,7 @@ impl Output {
             }
             Err(error) => {
                 self.failed = true;
-                // A device or a pipe cannot be cut: then nobody reads it back either.
+                // A device or a pipe cannot be truncated, but nobody reads it back either.
                 let _ = self.store.cut(self.kept);
                 Err(error)
             }

@@ -15,17 +15,17 @@ use crate::input::Source;
 use crate::names::list;
 use crate::parquet_claims::{Claims, Refused, check_depth, check_rows};
 
-/// Records that are read at a time.
+/// Records per read.
 const BATCH: usize = 1 << 14;
-/// Parts of a path that only say that there is a list.
+/// Parts of a path that only mark a list.
 const OF_LISTS: [&str; 6] = ["list", "element", "item", "array", "bag", "array_element"];
-/// Who writes our own export.
+/// Writer of Freeplay's own export.
 pub(crate) const CREATED_BY: &str = "freeplay";
 
 /// The columns of `file`.
 ///
 /// # Errors
-/// [`ReadError::Unusable`] for a file that is damaged, or says more of itself than it can hold; [`ReadError::TooLarge`].
+/// [`ReadError::Unusable`] for a file that is damaged, or claims more than it can contain; [`ReadError::TooLarge`].
 pub(crate) fn read(file: InputFile, source: &Source) -> Result<Foreign, ReadError> {
     let damaged = |Refused(what): Refused| ReadError::Unusable {
         file: source.file.to_path_buf(),
@@ -59,7 +59,7 @@ pub(crate) fn read(file: InputFile, source: &Source) -> Result<Foreign, ReadErro
     Ok(foreign)
 }
 
-/// The name of a column, without what only says that there is a list.
+/// The name of a column, without parts that only mark a list.
 fn name(column: &ColumnDescriptor) -> String {
     let parts = column.path().parts();
     let named =
@@ -67,18 +67,18 @@ fn name(column: &ColumnDescriptor) -> String {
     named.map(|(_, part)| part.as_str()).collect::<Vec<_>>().join(".")
 }
 
-/// One column as it is stored: its values, and of which row each is.
+/// One stored column: its values, and the row of each.
 struct Leaf {
     name: String,
     values: Vec<f64>,
-    /// Numbers of each row; none where each row has one.
+    /// Count of numbers of each row; `None` if each row has one.
     widths: Option<Vec<usize>>,
     is_moment: bool,
 }
 
 impl Leaf {
-    /// The column number `column`, whose pages are in `pages`; none if it holds no numbers, or lists of lists. Its numbers are taken from `claims`, those of
-    /// a list when it is laid out.
+    /// The column number `column`, whose pages are in `pages`; `None` for a column without numbers, or with lists of lists. Its numbers count against `claims`;
+    /// those of a list do so when it is laid out.
     fn of(
         reader: &impl FileReader,
         pages: &impl ChunkReader,
@@ -124,7 +124,7 @@ impl Leaf {
         Ok(Some(Self { name: name(&raw.descriptor), values: raw.values, widths, is_moment }))
     }
 
-    /// Adds it to `foreign`: a list as one column for each of its places.
+    /// Adds the column to `foreign`; a list becomes one column for each of its positions.
     fn add_to(self, foreign: &mut Foreign, rows: usize, claims: &mut Claims) -> Result<(), Refused> {
         let found = self.widths.as_ref().map_or(self.values.len(), Vec::len);
         if found != rows {
@@ -154,7 +154,7 @@ impl Leaf {
     }
 }
 
-/// What is read of a column so far.
+/// The values of a column read so far.
 struct Raw {
     descriptor: std::sync::Arc<ColumnDescriptor>,
     is_list: bool,
@@ -162,13 +162,13 @@ struct Raw {
     widths: Vec<usize>,
 }
 
-/// Whether values of the type `kind` are read as numbers.
+/// True if values of the type `kind` are read as numbers.
 fn is_number(kind: Type) -> bool {
     !matches!(kind, Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY)
 }
 
 impl Raw {
-    /// Checks what `metadata` and the pages say of the column number `column` before it is decoded.
+    /// Checks the claims of `metadata` and of the pages on the column number `column` before decoding.
     fn check(
         &self,
         metadata: &ParquetMetaData,
@@ -187,11 +187,11 @@ impl Raw {
             }
             all += values;
         }
-        // A list has as many numbers as its longest row in each.
+        // A list column gets the width of its longest row in every row.
         if self.is_list { claims.fits(all) } else { claims.take(all) }
     }
 
-    /// Takes all of one row group.
+    /// Reads one row group.
     ///
     /// Source: Dremel encoding, <https://parquet.apache.org/docs/file-format/nestedencoding/>.
     fn take<T: DataType>(
@@ -233,7 +233,7 @@ impl Raw {
     }
 }
 
-/// How many of a column's units are a second, if it holds moments.
+/// Units per second of a column of times; `None` for other columns.
 fn seconds(column: &ColumnDescriptor) -> Option<f64> {
     match (column.logical_type_ref(), column.converted_type()) {
         (Some(LogicalType::Timestamp(timestamp)), _) => Some(match timestamp.unit {

@@ -1,24 +1,24 @@
-//! Where the columns of a recording come from: the file's own columns with all that was done to them, so that a correction of the recording can be
-//! written as a mapping of the same file.
+//! Sources of the columns of a recording: the file's own columns with all conversions, so that a correction of the recording can be written as a mapping of the
+//! same file.
 
 use std::fmt::Write as _;
 
 use crate::reread::Relative;
 
-/// The columns of one quantity as they stand in a file, and what they are multiplied by and so on, column by column.
+/// The columns of one quantity in the file, with scale, offset and so on, column by column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Quantity {
     /// The name of its table in a mapping: `t`, `q`, `qd`, `tau`, `q_ref`, `q_link`, `tool`, `orientation`.
     pub key: String,
-    /// Names of the file's columns; empty where a joint has none.
+    /// Names of the file's columns; empty for a joint without one.
     pub columns: Vec<String>,
     /// Factors to SI.
     pub scale: Vec<f64>,
-    /// What is taken off the scaled values, SI; none is zero throughout.
+    /// Offsets, subtracted from the scaled values, SI; an empty list means zero.
     pub offset: Vec<f64>,
-    /// Whether jumps by whole turns are taken out.
+    /// Whether jumps by whole turns are removed.
     pub unwrap: bool,
-    /// How late the columns are, s.
+    /// Delay of the columns, s.
     pub delay: f64,
 }
 
@@ -29,9 +29,9 @@ pub struct Sources {
     pub form: String,
     /// The quantities.
     pub quantities: Vec<Quantity>,
-    /// Positions that hold another joint's: joint, other (from 0) and factor.
+    /// Positions that contain another joint's: joint, other (from 0) and factor.
     pub relative: Vec<(usize, usize, f64)>,
-    /// Whether the arm's weight is missing from the torques of the file.
+    /// Whether the torques of the file lack the arm's weight.
     pub gravity_compensated: bool,
 }
 
@@ -43,7 +43,7 @@ impl Quantity {
         Self { key: key.to_owned(), columns, scale, offset, unwrap: false, delay: 0.0 }
     }
 
-    /// Whether it is one of the joints.
+    /// True for a quantity of joints.
     pub fn is_of_joints(&self) -> bool {
         !matches!(self.key.as_str(), "t" | "tool" | "orientation")
     }
@@ -57,7 +57,7 @@ impl Quantity {
 }
 
 impl Sources {
-    /// Takes the joints at `order`, in that order.
+    /// Keeps the joints at the indices `order`, in that order.
     pub(crate) fn reorder(&mut self, order: &[usize]) {
         for quantity in self.quantities.iter_mut().filter(|quantity| quantity.is_of_joints()) {
             if order.iter().all(|&place| place < quantity.columns.len()) {
@@ -77,7 +77,7 @@ impl Sources {
         self.relative = relative.iter().filter_map(from_one).collect();
     }
 
-    /// The text of a mapping file, with the names of the joints where there are any.
+    /// The text of a mapping file, with the names of the joints if there are any.
     pub fn to_toml(&self, joints: &[String]) -> String {
         let mut text = self.form.clone();
         if !joints.is_empty() {
@@ -148,7 +148,7 @@ mod tests {
         }
     }
 
-    /// What a guess or a mapping made of a file's columns, written as a mapping again, makes the same of them.
+    /// The mapping written for a guessed or mapped recording gives the same recording again.
     #[test]
     fn the_sources_of_a_recording_are_a_mapping_that_reads_it_again() {
         let rows: String =

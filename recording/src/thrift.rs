@@ -1,7 +1,7 @@
-//! Thrift's compact protocol, as far as sizes in a Parquet file are written in it.
+//! Thrift's compact protocol, as far as a Parquet file uses it for sizes.
 //!
-//! Source: Apache Thrift, "Thrift compact protocol encoding". Nothing is kept, so that no length that a file claims takes memory. What Parquet's
-//! own structures never hold (sets, maps, lists of truths) is refused: readers differ in how long these are.
+//! Source: Apache Thrift, "Thrift compact protocol encoding". The parser keeps no values, so that no length claimed in a file takes memory. It refuses types
+//! that Parquet's own structures never contain (sets, maps, lists of booleans): readers differ in their length.
 
 use std::io::{self, Read};
 
@@ -10,10 +10,10 @@ pub(crate) const I32: u8 = 5;
 pub(crate) const LIST: u8 = 9;
 pub(crate) const STRUCT: u8 = 12;
 
-/// The most structures in structures.
+/// Largest depth of nested structures.
 pub(crate) const DEEPEST: usize = 64;
 
-/// The bytes of a structure, of which at most `left` may be read.
+/// The bytes of a structure; at most `left` may be read.
 pub(crate) struct Thrift<R> {
     input: R,
     left: u64,
@@ -31,8 +31,8 @@ impl<R: Read> Thrift<R> {
         self.taken
     }
 
-    /// Lets `take` have the number and the kind of each field of a structure. `take` reads the field and returns `Some(true)`, or leaves it and returns
-    /// `Some(false)`. None if the structure is damaged, as everywhere here.
+    /// Calls `take` with the number and the kind of each field of a structure. `take` either reads the field and returns `Some(true)`, or leaves it and returns
+    /// `Some(false)`. Returns `None` for a damaged structure, like all functions here.
     pub fn fields(
         &mut self,
         mut take: impl FnMut(&mut Self, i64, u8) -> Option<bool>,
@@ -65,11 +65,11 @@ impl<R: Read> Thrift<R> {
         Some((value >> 1) as i64 ^ -((value & 1) as i64))
     }
 
-    /// Passes over a value of this `kind` with at most `depth` structures in structures.
+    /// Skips a value of this `kind` with at most `depth` nested structures.
     fn skip(&mut self, kind: u8, depth: usize) -> Option<()> {
         let depth = depth.checked_sub(1)?;
         match kind {
-            // A truth is in its field's kind.
+            // The field's kind contains a boolean.
             1 | 2 => Some(()),
             3 => self.pass(1),
             4..=6 => self.varint().map(drop),
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn numbers_and_kinds_of_fields_are_told_and_the_rest_is_passed_over() {
-        // 1: i32 -3; 3: text "ab"; 20: structure of a truth; 21: list of two i64.
+        // 1: i32 -3; 3: text "ab"; 20: structure with a boolean; 21: list of two i64.
         let bytes = [0x15, 5, 0x28, 2, b'a', b'b', 0x0c, 40, 0x11, 0, 0x19, 0x26, 2, 4, 0, 0xff];
         let mut thrift = Thrift::new(&bytes[..], bytes.len() as u64);
         let mut seen = Vec::new();

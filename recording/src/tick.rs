@@ -1,4 +1,4 @@
-//! The form of a row in a MCAP: a ROS 2 message of `float64` fields, one per column.
+//! The form of a row in an MCAP file: a ROS 2 message of `float64` fields, one per column.
 //!
 //! Source: OMG DDSI-RTPS 2.3, §10 (CDR, representation identifier 0x0001 is little-endian); ROS 2
 //! "About interfaces" for the definition language. All fields are 8 bytes wide and the first begins at
@@ -16,14 +16,14 @@ pub(crate) const EVENT_TOPIC: &str = "/freeplay/event";
 pub(crate) const EVENT_TYPE: &str = "freeplay.Event";
 /// The definition of an event.
 pub(crate) const EVENT_SCHEMA: &str = r#"{"title":"freeplay.Event","type":"object","properties":{"t":{"type":"number"},"kind":{"type":"string"},"text":{"type":"string"}},"required":["t","kind","text"]}"#;
-/// The metadata record, and the key of a channel's metadata that holds the exact column names.
+/// The metadata record, and the key of a channel's metadata with the exact column names.
 pub(crate) const METADATA_NAME: &str = "freeplay";
 pub(crate) const COLUMNS_KEY: &str = "columns";
 
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
-/// The definition of the message: one `float64` per column. Names of the contract stand as they are,
-/// others as near as ROS 2 allows (`[a-z][a-z0-9_]*`, no double and no last underscore).
+/// The definition of the message: one `float64` per column. Names of the contract stay, other names become the nearest ones that ROS 2 permits
+/// (`[a-z][a-z0-9_]*`, no double and no last underscore).
 pub(crate) fn definition(columns: &[String]) -> String {
     let mut taken: HashSet<String> = columns.iter().filter(|name| **name == field(name)).cloned().collect();
     let mut text = String::new();
@@ -44,7 +44,7 @@ pub(crate) fn definition(columns: &[String]) -> String {
     text
 }
 
-/// The nearest name that ROS 2 allows.
+/// The nearest name that ROS 2 permits.
 fn field(column: &str) -> String {
     let plain: String = column
         .chars()
@@ -54,7 +54,7 @@ fn field(column: &str) -> String {
     if joined.starts_with(|c: char| c.is_ascii_lowercase()) { joined } else { format!("c{joined}") }
 }
 
-/// The fields of a definition, or the line that is no `float64`.
+/// The fields of a definition, or the first line with another type than `float64`.
 pub(crate) fn fields(definition: &str) -> Result<Vec<String>, String> {
     let lines = definition.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
     lines
@@ -75,7 +75,7 @@ pub(crate) fn encode(row: &[f64], message: &mut Vec<u8>) {
     }
 }
 
-/// Reads a row of as many values as `row` has; otherwise says what is wrong.
+/// Reads a row with as many values as `row` has; else returns the fault.
 pub(crate) fn decode(message: &[u8], row: &mut [f64]) -> Result<(), String> {
     let Some(body) = message.strip_prefix(&ENCAPSULATION) else {
         let head = &message[..message.len().min(4)];

@@ -1,6 +1,6 @@
-//! Compressed files that would inflate to far more than they can tell of: refused, or read without what is too much, in little memory.
+//! Compressed files that would inflate to far more data than they can validly contain: the reader refuses them, or skips the excess, in little memory.
 //!
-//! In a process of its own, since the most memory that a process ever had is the kernel's count.
+//! In a process of its own, since the kernel counts the peak memory of a process.
 
 use std::fs::File;
 use std::io::{Cursor, Read, Write, copy, repeat};
@@ -10,13 +10,13 @@ use flate2::Compression;
 use flate2::write::{DeflateEncoder, ZlibEncoder};
 use freeplay_recording::read;
 
-/// Numbers of an array of zeros: 256 MiB as bytes, 2 GiB as they are kept.
+/// Number of elements of an array of zeros: 256 MiB as bytes, 2 GiB in memory.
 const ZEROS: u64 = 1 << 28;
 
-/// Memory that all these files together may take, KiB.
+/// Memory limit for all these files together, KiB.
 const MOST_KIB: u64 = 64 << 10;
 
-/// The most memory that this process ever had, KiB.
+/// Peak memory of this process, KiB.
 fn peak_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("a process");
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("the peak");
@@ -36,7 +36,7 @@ fn numbers(values: &[f64]) -> Cursor<Vec<u8>> {
     Cursor::new(values.iter().flat_map(|value| value.to_le_bytes()).collect())
 }
 
-/// A file in an archive: its name and what it holds.
+/// A file in an archive: its name and its content.
 type Member = (&'static str, Box<dyn Read>);
 
 /// Writes an archive of `members`, each deflated.
@@ -72,7 +72,7 @@ fn zip(path: &Path, members: Vec<Member>) {
     std::fs::write(path, file).expect("a file");
 }
 
-/// An element of a MAT-file: a type and its data, filled up to a multiple of eight bytes.
+/// An element of a MAT-file: a type and its data, padded to a multiple of eight bytes.
 fn element(kind: u32, data: &[u8]) -> Vec<u8> {
     let mut element = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
     element.extend(data);
@@ -103,7 +103,7 @@ fn sizes(sizes: &[u32]) -> Vec<u8> {
     sizes.iter().flat_map(|size| size.to_le_bytes()).collect()
 }
 
-/// The names of arrays and what is wrong with a file of them.
+/// Arrays, and the expected message for a file with them.
 fn archives() -> Vec<(Vec<Member>, &'static str)> {
     let zeros = || repeat(0).take(ZEROS);
     let none = || std::io::empty();
@@ -150,7 +150,7 @@ fn what_a_file_may_inflate_to_is_bounded_before_it_is_inflated() {
     mat(&path, 4, &sizes(&[1, 1 << 28]), 1 << 28);
     refused("no arrays of numbers");
 
-    // What is too much beside a sound recording is left out of it.
+    // The reader skips an excessive array beside a sound recording.
     zip(
         &path,
         vec![

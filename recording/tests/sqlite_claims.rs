@@ -1,6 +1,6 @@
-//! SQLite files that are no bag of stored messages, or hold more of them than their pages do: refused, in little time and memory.
+//! SQLite files that are not bags of stored messages, or claim more messages than their pages contain: the reader refuses them in little time and memory.
 //!
-//! In a process of its own, since the most memory that a process ever had is the kernel's count.
+//! In a process of its own, since the kernel counts the peak memory of a process.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::channel;
@@ -9,10 +9,10 @@ use std::time::Duration;
 use freeplay_recording::{ReadError, Recording, read};
 use rusqlite::Connection;
 
-/// Memory that all these files together may take, KiB: twice the largest message.
+/// Memory limit for all these files together, KiB: twice the largest message.
 const MOST_KIB: u64 = 160 << 10;
 
-/// How long one of them may take before it counts as endless.
+/// A file that takes longer counts as endless.
 const LONGEST: Duration = Duration::from_secs(120);
 
 /// Bytes of a page.
@@ -25,14 +25,14 @@ const MESSAGES: &str =
 /// Rows without end.
 const ENDLESS: &str = "AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)";
 
-/// The most memory that this process ever had, KiB.
+/// Peak memory of this process, KiB.
 fn peak_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("a process");
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("the peak");
     line.trim().trim_end_matches("kB").trim().parse().expect("a number")
 }
 
-/// Reads `path` in a thread, so that what is endless ends the test.
+/// Reads `path` in a thread, so that an endless read fails the test.
 fn read_in_time(path: &Path) -> Result<Recording, ReadError> {
     let (told, tells) = channel();
     let path = path.to_owned();
@@ -56,23 +56,23 @@ fn joint_state(time: u32) -> Vec<u8> {
     let mut data = vec![0, 1, 0, 0];
     let word = |data: &mut Vec<u8>, word: u32| data.extend(word.to_le_bytes());
     word(&mut data, time);
-    // Nanoseconds; an empty frame, its end and what fills it up; one name.
+    // Nanoseconds; an empty frame id, its terminator and padding; one name.
     [0, 1, 0, 1, 2].iter().for_each(|it| word(&mut data, *it));
     data.extend(b"a\0\0\0");
     word(&mut data, 1);
-    // Numbers of eight bytes stand at multiples of eight behind the first four bytes.
+    // Eight-byte numbers are aligned to multiples of eight behind the first four bytes.
     data.resize(4 + (data.len() - 4).next_multiple_of(8), 0);
     data.extend(f64::from(time).sin().to_le_bytes());
     [0, 0].iter().for_each(|it| word(&mut data, *it));
     data
 }
 
-/// A bag with `count` joint states, and whatever else `more` makes.
+/// A bag with `count` joint states, and the further objects of `more`.
 fn bag(folder: &Path, count: u32, more: &str) -> PathBuf {
     let path = database(folder, &[TOPICS, MESSAGES, more]);
     let database = Connection::open(&path).expect("a database");
     for row in 0..count {
-        // Stored in another order than that of their times.
+        // The order of storage differs from that of the times.
         let time = (row * 7) % count;
         let values = (row + 1, i64::from(time) * 1_000_000_000, joint_state(time));
         database.execute("INSERT INTO messages VALUES (?1, 1, ?2, ?3)", values).expect("inserted");
@@ -80,7 +80,7 @@ fn bag(folder: &Path, count: u32, more: &str) -> PathBuf {
     path
 }
 
-/// Databases that compute what they hold: their statements, and what is said of them.
+/// Databases that compute their content: their statements, and the expected message.
 fn computed() -> Vec<(Vec<String>, &'static str)> {
     let view = |name: &str, columns: &str| format!("CREATE VIEW {name} {ENDLESS} SELECT {columns} FROM n;");
     let messages = "i AS id, 1 AS topic_id, i AS timestamp, zeroblob(100) AS data";
@@ -159,7 +159,7 @@ fn messages_are_in_the_order_of_their_times_and_views_beside_them_are_no_matter(
     assert_eq!(recording.q[0], times.iter().map(|time| time.sin()).collect::<Vec<_>>());
 }
 
-/// A page of a table that names `child` as often as it can.
+/// A page of a table with as many references to `child` as fit.
 fn interior(child: u32) -> Vec<u8> {
     let cells = (PAGE - 12) / 8;
     let mut page = vec![5, 0, 0];
@@ -199,7 +199,7 @@ fn pages_that_are_named_again_and_again_are_no_endless_table() {
         let mut bytes = std::fs::read(&path).expect("a file");
         let pages = bytes.len() / PAGE;
         let leaf = bytes[(root as usize - 1) * PAGE..root as usize * PAGE].to_vec();
-        // From the root by way of the last pages to the leaf, each page many times.
+        // From the root through the last pages to the leaf, each page many times.
         let way: Vec<usize> = std::iter::once(root as usize).chain(pages - LEVELS..=pages).collect();
         for pair in way.windows(2) {
             bytes[(pair[0] - 1) * PAGE..pair[0] * PAGE].copy_from_slice(&interior(pair[1] as u32));

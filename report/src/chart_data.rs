@@ -1,4 +1,4 @@
-//! What the script in the page is told of a chart: JSON, small, with nothing in it that a browser could take for HTML.
+//! The data of a chart for the script in the page: small JSON without any text that a browser could take for HTML.
 
 use serde::{Serialize, Serializer};
 
@@ -6,7 +6,7 @@ use crate::chart::{Axis, Chart, Mark, Scale, Series, Style};
 use crate::colours::Colours;
 use crate::thin::{extremes, pick, spread};
 
-/// A chart made ready: points in order, drawable, thinned.
+/// A prepared chart: points sorted, drawable, thinned.
 #[derive(Debug, Serialize)]
 pub(crate) struct ChartData<'a> {
     plane: bool,
@@ -16,14 +16,14 @@ pub(crate) struct ChartData<'a> {
     group: &'a str,
     height: u32,
     in_view: Vec<Short>,
-    /// The different sets of x values; series that share one name it by its place.
+    /// The distinct lists of x values; series that share a list refer to it by index.
     grids: Vec<Vec<Short>>,
     series: Vec<SeriesData<'a>>,
     marks: Vec<MarkData<'a>>,
-    /// How many points are drawn, and how many there were.
+    /// Number of drawn points, and of all points.
     #[serde(skip)]
     drawn_of: (usize, usize),
-    /// What was left out in drawing, in words.
+    /// Omissions in the drawing, in words.
     #[serde(skip)]
     pub(crate) remarks: Vec<String>,
 }
@@ -48,7 +48,7 @@ struct SeriesData<'a> {
     y: Vec<Short>,
 }
 
-/// Upright from one x to another, which may be the same, or level at one y.
+/// A vertical line or band from one x to another, which may be equal, or a horizontal line at one y.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 enum MarkData<'a> {
@@ -56,7 +56,7 @@ enum MarkData<'a> {
     Level { y: Short, label: &'a str },
 }
 
-/// A number as short as it can be written; `null` unless finite.
+/// A number in its shortest form; `null` unless finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Short(f64);
 
@@ -74,7 +74,7 @@ impl Serialize for Short {
 }
 
 impl<'a> ChartData<'a> {
-    /// Makes a chart ready, with at most `most` points in each series.
+    /// Prepares a chart, with at most `most` points in each series.
     pub(crate) fn new(chart: &'a Chart, colours: &Colours<'_>, most: usize) -> Self {
         let mut data = Self {
             plane: chart.plane,
@@ -91,7 +91,7 @@ impl<'a> ChartData<'a> {
             remarks: Vec::new(),
         };
         if chart.series.iter().any(|series| series.style == Style::Bars) {
-            // Bars that do not begin at zero tell the wrong story.
+            // Bars that do not begin at zero would mislead.
             data.in_view.extend(placed(chart.y.scale, 0.0));
         }
         for series in &chart.series {
@@ -104,12 +104,12 @@ impl<'a> ChartData<'a> {
         data
     }
 
-    /// Whether there is anything to draw.
+    /// True without anything to draw.
     pub(crate) fn is_empty(&self) -> bool {
         self.series.iter().all(|series| series.y.iter().all(|y| !y.0.is_finite()))
     }
 
-    /// The JSON, fit for a `script` element: `<`, `>` and `&` are written as escapes.
+    /// The JSON, safe in a `script` element: `<`, `>` and `&` are written as escapes.
     pub(crate) fn to_json(&self) -> String {
         let json = serde_json::to_string(self).expect("numbers and strings alone always make JSON");
         json.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
@@ -154,7 +154,7 @@ impl<'a> AxisData<'a> {
 }
 
 impl<'a> MarkData<'a> {
-    /// None for a mark that has no place on the axes.
+    /// `None` for a mark outside the domain of the axes.
     fn new(mark: &'a Mark, chart: &Chart) -> Option<Self> {
         let across = |x: f64| placed(chart.x.scale, x);
         let label = mark.label();
@@ -166,7 +166,7 @@ impl<'a> MarkData<'a> {
     }
 }
 
-/// Where a value lies on a scale, before the logarithm; NaN where the scale has no place for it.
+/// The value on its scale, before the logarithm; NaN outside the domain of the scale.
 fn on_scale(scale: Scale, value: f64) -> f64 {
     let placed = match scale {
         Scale::Linear => value,
@@ -177,7 +177,7 @@ fn on_scale(scale: Scale, value: f64) -> f64 {
     if placed.is_finite() { placed } else { f64::NAN }
 }
 
-/// A single value for the script; none where the scale has no place for it.
+/// A single value for the script; `None` outside the domain of the scale.
 fn placed(scale: Scale, value: f64) -> Option<Short> {
     let value = on_scale(scale, value);
     value.is_finite().then_some(Short(value))
@@ -187,7 +187,7 @@ fn positive(value: f64) -> f64 {
     if value > 0.0 { value } else { f64::NAN }
 }
 
-/// The points that have a place on the axes: of a trace in order of x, of a plane as they come. Gaps stay, as NaN.
+/// The points within the domain of the axes: of a trace in order of x, of a plane in the given order. Gaps stay, as NaN.
 fn drawable(chart: &Chart, series: &Series) -> (Vec<f64>, Vec<f64>) {
     let mut points: Vec<(f64, f64)> = series
         .x
@@ -203,7 +203,7 @@ fn drawable(chart: &Chart, series: &Series) -> (Vec<f64>, Vec<f64>) {
     points.into_iter().unzip()
 }
 
-/// The numbers with about `digits` significant digits, and more where they differ by little beside their size.
+/// The numbers with about `digits` significant digits, and more if their differences are small relative to their size.
 fn shortened(values: &[f64], digits: usize) -> Vec<Short> {
     let finite = || values.iter().copied().filter(|value| value.is_finite());
     let (low, high) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));

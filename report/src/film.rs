@@ -42,7 +42,7 @@ pub struct Moving {
     pub name: String,
     /// Points by frame, equally many in each.
     pub frames: Vec<Vec<[f64; 2]>>,
-    /// Of a dot, how many frames back its trail goes; 0 for a line.
+    /// Length of a dot's trail, in frames; 0 for a line.
     pub trail: usize,
 }
 

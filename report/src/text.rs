@@ -1,12 +1,12 @@
-//! How a number is written.
+//! Formatting of numbers.
 //!
-//! Tables, tiles and the terminal use the same functions, so that a number reads the same wherever it stands. The
-//! minus sign is the ASCII one: what is copied out of a report can be pasted into a spreadsheet.
+//! Tables, tiles and the terminal use the same functions, so that a number looks the same everywhere. The minus sign is the ASCII one, so that numbers can be
+//! pasted from a report into a spreadsheet.
 
-/// What is written where there is no number.
+/// Text for a missing number.
 pub const NOTHING: &str = "–";
 
-/// How many digits a number is written with.
+/// Number of digits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Digits {
     /// That many decimals.
@@ -79,7 +79,7 @@ fn significant(value: f64, count: usize) -> String {
     }
 }
 
-/// `-0.00` says nothing that `0.00` does not.
+/// Removes the sign of `-0.00`, which carries no information.
 fn without_negative_zero(written: String) -> String {
     let zero = written.starts_with('-') && !written.contains(|c: char| ('1'..='9').contains(&c));
     if zero { written[1..].to_owned() } else { written }

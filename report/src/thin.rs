@@ -2,16 +2,16 @@
 
 /// Points of all charts of a document together; at most about 20 bytes each in the file.
 pub(crate) const MOST_IN_DOCUMENT: usize = 230_000;
-/// Points of one series, where the document has room for them.
+/// Points of one series, if the document has room for them.
 pub(crate) const MOST_IN_SERIES: usize = 12_000;
-/// Points of one series, however many series there are.
+/// Least number of points of one series, however many series there are.
 pub(crate) const LEAST_IN_SERIES: usize = 400;
 
 /// At most `most` points (but at least five) of the curve y(x), with every peak kept.
 ///
-/// The points are split into runs of equal length; of each run the lowest and the highest point are kept, and of a run
-/// with gaps (y not finite) the first of them; the first and the last point of all are kept too. So the curve has the
-/// same minimum and maximum within each run, and no gap is closed. `x` must be ascending; of unequal lengths the surplus is ignored.
+/// The points are split into runs of equal length. The result has the lowest and the highest point of each run, the first gap (y not finite) of a run with
+/// gaps, and the first and the last point of all. So the curve has the same minimum and maximum within each run, and no gap is closed. `x` must be ascending;
+/// of unequal lengths the surplus is ignored.
 #[must_use]
 pub fn thin(x: &[f64], y: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
     let length = x.len().min(y.len());
@@ -19,13 +19,12 @@ pub fn thin(x: &[f64], y: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
     (pick(x, &kept), pick(y, &kept))
 }
 
-/// The values at those positions.
+/// The values at these indices.
 pub(crate) fn pick(values: &[f64], positions: &[usize]) -> Vec<f64> {
     positions.iter().map(|&i| values[i]).collect()
 }
 
-/// Positions, ascending, of at most `most` points that keep first, last and, in each run, the extremes of every
-/// coordinate. All coordinates have the same length.
+/// Indices, ascending, of at most `most` points that keep first, last and, in each run, the extremes of every coordinate. All coordinates have the same length.
 pub(crate) fn extremes(coordinates: &[&[f64]], most: usize) -> Vec<usize> {
     let length = coordinates.first().map_or(0, |values| values.len());
     if length <= most {
@@ -49,8 +48,8 @@ pub(crate) fn extremes(coordinates: &[&[f64]], most: usize) -> Vec<usize> {
     kept
 }
 
-/// Positions, ascending, of at most `most` points of a cloud (but at least eight): every n-th, so that dense parts stay
-/// dense, and the extremes of both coordinates.
+/// Indices, ascending, of at most `most` points of a cloud (but at least eight): every n-th, so that dense parts stay dense, and the extremes of both
+/// coordinates.
 pub(crate) fn spread(x: &[f64], y: &[f64], most: usize) -> Vec<usize> {
     let length = x.len().min(y.len());
     if length <= most {

@@ -1,16 +1,16 @@
-//! Text whose every character a reader can see.
+//! Text without invisible characters.
 //!
-//! Names come from files, arguments and the environment. A terminal obeys the control characters in them, and a reader never sees
-//! those that have no width or turn the direction of writing round. Such characters are written as JSON, TOML and most programming
-//! languages write them, `\u202e`: a JSON text stays the same JSON text.
+//! Names come from files, arguments and the environment. A terminal obeys the control characters in them, and a reader never sees those that have no width or
+//! reverse the direction of writing. This module escapes such characters as JSON, TOML and most programming languages do, `\u202e`: a JSON text keeps its
+//! meaning.
 
 use std::borrow::Cow;
 
-/// Characters without a picture that Rust's own escaping takes for letters or marks (Unicode: `Default_Ignorable_Code_Point`).
+/// Characters without a glyph that Rust's own escaping takes for letters or marks (Unicode: `Default_Ignorable_Code_Point`).
 const FILLERS: [char; 8] =
     ['\u{34f}', '\u{115f}', '\u{1160}', '\u{17b4}', '\u{17b5}', '\u{180f}', '\u{3164}', '\u{ffa0}'];
 
-/// `text` with every character escaped that a reader could not see, but for line breaks.
+/// `text` with every invisible character escaped, except line breaks.
 ///
 /// ```
 /// use freeplay_report::visible;
@@ -32,13 +32,13 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     escaped(text, is_visible)
 }
 
-/// Whether a reader can see `c`: printable as Rust's escaping has it, or a space.
+/// True if a reader can see `c`: printable by the rules of Rust's escaping, or a space.
 #[must_use]
 pub fn is_visible(c: char) -> bool {
     if c.is_ascii() {
         return c == ' ' || c.is_ascii_graphic();
     }
-    // A mark is printable behind a letter alone: `é` may be written as two characters.
+    // A combining mark is printable only behind a letter: `é` may consist of two characters.
     let after_a_letter: String = ['e', c].iter().collect();
     let mut written = after_a_letter.escape_debug().skip(1);
     written.next() == Some(c) && !FILLERS.contains(&c)

@@ -1,10 +1,8 @@
-//! The guard of an executable: a process whose only work is to end with its parent, and to take along all that the executable
-//! has started.
+//! The guard of an executable: a process that only waits for the end of its parent, and then ends together with all processes that the executable has started.
 //!
-//! The system kills a child with its parent (see [`crate::process::die_with_parent`]), but no grandchild: not the interpreter
-//! that a script of the shell has started, not the worker of a controller. So each executable shares a process group with a guard,
-//! which was there first, and which waits for the end of its standard input: the other end of that pipe is closed with
-//! `freeplay run`, however that ends.
+//! The system kills a child with its parent (see [`crate::process::die_with_parent`]), but no grandchild: not the interpreter that a shell script has started,
+//! not the worker of a controller. So each executable shares a process group with a guard, which starts first and waits for the end of its standard input: the
+//! other end of that pipe closes with `freeplay run`, however that ends.
 
 use std::io::Read;
 use std::os::unix::process::CommandExt;
@@ -15,13 +13,13 @@ use rustix::process::{Pid, Signal, getpgrp, kill_process_group};
 
 use crate::exit::{Exit, Failure};
 
-/// A process group with a guard; all of it is killed when this is dropped.
+/// A process group with a guard; dropping it kills the whole group.
 pub struct Group {
     guard: Child,
 }
 
 impl Group {
-    /// A group of the guard alone.
+    /// A group with the guard alone.
     ///
     /// # Errors
     /// A process that can't be started.
@@ -36,7 +34,7 @@ impl Group {
         })
     }
 
-    /// Lets `command` start in this group.
+    /// Makes `command` start in this group.
     pub fn take(&self, command: &mut Command) {
         command.process_group(self.guard.id().cast_signed());
     }
@@ -45,19 +43,19 @@ impl Group {
 impl Drop for Group {
     fn drop(&mut self) {
         if let Some(group) = Pid::from_raw(self.guard.id().cast_signed()) {
-            // Errors here mean that all of them are gone already.
+            // An error means that the group has ended already.
             let _ = kill_process_group(group, Signal::KILL);
         }
         let _ = self.guard.wait();
     }
 }
 
-/// The process of the guard: waits for the end of standard input, then kills its process group with itself.
+/// The guard's main function: waits for the end of standard input, then kills its process group with itself.
 ///
 /// # Errors
-/// What the system says.
+/// The system's error.
 pub fn guard() -> Result<Exit, Failure> {
-    // A terminal that hangs up tells the whole session. The guard ends last.
+    // A closing terminal signals the whole session. The guard ends last.
     crate::process::stop_on_signals(&Arc::default())?;
     let mut nothing = Vec::new();
     let _ = std::io::stdin().read_to_end(&mut nothing);

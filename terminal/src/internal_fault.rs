@@ -1,8 +1,8 @@
 //! Faults of the program itself: a panic, and an allocation that fails. Each ends the process with [`Exit::Internal`] and one line.
 //!
-//! The standard library reports a failed allocation with its size, and aborts. No code of this program runs after that: an analyst, a
-//! generator or a controller dies with its parent, and a plant whose parent is gone removes the run from shared memory. SIGBUS, which the
-//! system sends for a write to shared memory that has been filled or cut meanwhile, ends a process in the same way and without a word.
+//! The standard library reports a failed allocation with its size, and aborts. No code of this program runs after that: an analyst, a generator or a controller
+//! dies with its parent, and a plant without its parent removes the run from shared memory. The system sends SIGBUS for a write to shared memory that was
+//! filled up or truncated meanwhile; the signal ends a process in the same way, without a message.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
@@ -18,11 +18,10 @@ use crate::messages;
 /// Whether a panic has been reported. Further panics are its consequences, as in a scope that joins a thread.
 static IS_REPORTED: AtomicBool = AtomicBool::new(false);
 
-/// Calls `work`. A panic in it is reported in one line and becomes [`Exit::Internal`], and so does an abort of the process, or
-/// shared memory that is taken away.
+/// Calls `work`. A panic in it is reported in one line and becomes [`Exit::Internal`]; so does an abort of the process, or the loss of shared memory.
 ///
 /// # Errors
-/// Those of `work`; what the system says of the handler.
+/// Those of `work`; the system's error for the handler.
 pub fn guarded(work: impl FnOnce() -> Result<Exit, Failure>) -> Result<Exit, Failure> {
     let code = i32::from(Exit::Internal as u8);
     for signal in [SIGABRT, SIGBUS] {
@@ -30,7 +29,7 @@ pub fn guarded(work: impl FnOnce() -> Result<Exit, Failure>) -> Result<Exit, Fai
             .map_err(Failure::internal)?;
     }
     std::panic::set_hook(Box::new(report));
-    // `work` is not called again, and owns what it works with.
+    // `work` is not called again, and owns its data.
     catch_unwind(AssertUnwindSafe(work)).unwrap_or(Ok(Exit::Internal))
 }
 

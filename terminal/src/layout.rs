@@ -1,27 +1,27 @@
-//! Text as wide as the terminal: long lines are wrapped between words, tables are narrowed. Where there is no terminal, lines stay whole.
+//! Text as wide as the terminal: long lines are wrapped between words, tables are narrowed. Without a terminal, lines stay whole.
 
 use comfy_table::{ContentArrangement, Table, presets};
 use textwrap::core::display_width;
 use textwrap::{Options, WordSeparator, wrap};
 
-/// Width of text where there is no terminal, characters.
+/// Width of text without a terminal, characters.
 const WIDTH: usize = 118;
-/// Tables and texts need this width even where the terminal is narrower.
+/// Least width of tables and texts, even on a narrower terminal.
 const LEAST_WIDTH: usize = 40;
-/// A label at the start of a line ends within so many columns; the lines that continue it begin where its text does.
+/// A label at the start of a line ends within this number of columns; continuation lines begin where its text does.
 const LONGEST_LABEL: usize = 20;
 
-/// Width of what a person reads, characters: the terminal's, else that of a usual one.
+/// Width of text for a person, characters: the terminal's, or else a usual one.
 pub fn width() -> usize {
     terminal_width().unwrap_or(WIDTH)
 }
 
-/// Width of the terminal that standard output goes to, characters.
+/// Width of the terminal on standard output, characters.
 pub fn terminal_width() -> Option<usize> {
     width_of(terminal_size::terminal_size_of(std::io::stdout()))
 }
 
-/// Width of the terminal that standard error goes to, characters.
+/// Width of the terminal on standard error, characters.
 pub(crate) fn error_width() -> Option<usize> {
     width_of(terminal_size::terminal_size_of(std::io::stderr()))
 }
@@ -30,7 +30,7 @@ fn width_of(size: Option<(terminal_size::Width, terminal_size::Height)>) -> Opti
     size.map(|(terminal_size::Width(width), _)| usize::from(width).max(LEAST_WIDTH))
 }
 
-/// An empty table without lines, at most as wide as the terminal.
+/// An empty table without rules, at most as wide as the terminal.
 #[must_use]
 pub fn text_table() -> Table {
     let mut table = Table::new();
@@ -50,7 +50,7 @@ pub fn wrapped(text: &str, width: usize) -> String {
             return line.to_owned();
         }
         let indent = " ".repeat(indent(line).min(width / 2));
-        // Lines are cut at spaces alone, never within a path or a number.
+        // Lines break at spaces only, never within a path or a number.
         let options = Options::new(width)
             .break_words(false)
             .word_separator(WordSeparator::AsciiSpace)
@@ -60,13 +60,13 @@ pub fn wrapped(text: &str, width: usize) -> String {
     text.split('\n').map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// Whether `line` is a command to copy, with or without a label.
+/// True if `line` is a command to copy, with or without a label.
 fn is_command(line: &str) -> bool {
     let text = line.get(indent(line)..).unwrap_or(line);
     text.trim_start().starts_with("freeplay ")
 }
 
-/// The column at which the text of `line` begins: behind its spaces, and behind a label that two spaces part from the text.
+/// The column at which the text of `line` begins: behind its spaces, and behind a label that two spaces separate from the text.
 fn indent(line: &str) -> usize {
     let start = line.len() - line.trim_start().len();
     let label = line[start..].find("  ").filter(|length| *length <= LONGEST_LABEL);

@@ -1,21 +1,21 @@
-//! What every command does at its edges, towards a person, a shell and the system.
+//! Common parts of all commands for the interaction with a person, a shell and the system.
 //!
 //! - [`exit`]: the exit codes, and [`Failure`](exit::Failure), the error that ends a command with one of them.
-//! - [`command_line`]: what is wrong with a command line.
+//! - [`command_line`]: errors of a command line.
 //! - [`arguments`]: values of options that several commands share.
 //! - [`internal_fault`]: panics and failed allocations, as one line and an exit code.
 //! - [`output`]: results, on standard output.
 //! - [`layout`]: text and tables as wide as the terminal.
-//! - [`flags`]: what every command understands: --quiet, --verbose, --color.
+//! - [`flags`]: options of every command: --quiet, --verbose, --color.
 //! - [`messages`]: progress, notes and details, on standard error.
-//! - [`styles`]: the colours of words that say how something came out.
-//! - [`files`]: files that a person names, and errors that say what to do.
-//! - [`progress`]: how far long work is, in one line.
+//! - [`styles`]: the colours of words of verdict.
+//! - [`files`]: files named on the command line, and errors with remedies.
+//! - [`progress`]: the progress of long work, in one line.
 //! - [`outside`]: names from arguments and the environment, kept on one line.
-//! - [`target`]: whether `--out` names a file or a folder.
+//! - [`target`]: the decision whether `--out` names a file or a folder.
 //! - [`process`]: signals and parents.
 //! - [`running`]: child processes that end with their owner.
-//! - [`guard`]: the process that ends an executable, with all that it has started, with its run.
+//! - [`guard`]: the process that ends an executable and all its child processes together with its run.
 //! - [`parallel`]: the same work for many cases, on several cores.
 //! - [`hex`]: bytes as text.
 

@@ -1,7 +1,7 @@
-//! Standard output and standard error, each of which may be a pipe that nobody reads to its end.
+//! Standard output and standard error, each of which may be a pipe whose reader stops early.
 //!
-//! All text passes through here, and [`shown`] escapes what no reader could see: names that come from files, arguments or the
-//! environment cannot speak to the terminal. Only [`raw`] writes bytes as they are, for scripts and manual pages of this program.
+//! All text passes through here, and [`shown`] escapes invisible characters: names from files, arguments or the environment cannot control the terminal. Only
+//! [`raw`] writes bytes unchanged, for scripts and manual pages of this program.
 
 use std::io::{Error, ErrorKind, Write};
 
@@ -13,7 +13,7 @@ use crate::layout::{error_width, terminal_width, wrapped};
 use crate::styles::STYLES;
 use crate::{outside, step_line};
 
-/// Writes `text` for a program or an editor: JSON and TOML, whose values and lines stay the same.
+/// Writes `text` for a program or an editor: JSON and TOML, with values and lines unchanged.
 ///
 /// # Errors
 /// Standard output can't be written otherwise.
@@ -23,8 +23,7 @@ pub fn say(text: &str) -> Result<(), Failure> {
     written(std::io::stdout().lock().write_all(visible(&text).as_bytes()))
 }
 
-/// Writes `text` for a person, as wide as the terminal. It may have styles: they are left out where --color, `NO_COLOR` or the lack of a
-/// terminal says so.
+/// Writes `text` for a person, wrapped to the width of the terminal. Styles in it are removed if --color, `NO_COLOR` or the lack of a terminal requires that.
 ///
 /// # Errors
 /// As [`say`].
@@ -33,7 +32,7 @@ pub fn show(text: &str) -> Result<(), Failure> {
     written(anstream::stdout().lock().write_all(fitted(shown(text), terminal_width()).as_bytes()))
 }
 
-/// Writes `text`, all of it this program's own, as it is.
+/// Writes `text`, which contains only this program's own words, unchanged.
 ///
 /// # Errors
 /// As [`say`].
@@ -41,7 +40,7 @@ pub fn raw(text: &str) -> Result<(), Failure> {
     written(std::io::stdout().lock().write_all(text.as_bytes()))
 }
 
-/// Writes a line to standard error; where that is not possible, there is nobody to tell.
+/// Writes a line to standard error; ignores errors, since there is no other way to report them.
 pub fn tell(line: &str) {
     step_line::clear();
     let _ = writeln!(anstream::stderr().lock(), "{}", fitted(shown(line), error_width()));
@@ -52,7 +51,7 @@ fn fitted(text: String, width: Option<usize>) -> String {
     width.map_or_else(|| text.clone(), |width| wrapped(&text, width))
 }
 
-/// `text` as it is shown: styles of this program are kept, everything else that no reader could see is escaped.
+/// `text` for display: keeps this program's styles and escapes all other invisible characters.
 pub fn shown(text: &str) -> String {
     let text = outside::on_one_line(text);
     let mut rest = text.as_ref();
@@ -65,9 +64,9 @@ pub fn shown(text: &str) -> String {
     shown + &visible(rest)
 }
 
-/// The first words of `text` in one of our styles, from the style's first byte to its reset: what is before, the words, what is after.
+/// Splits `text` at its first words in one of our styles, from the style's first byte to its reset: the text before, the words, the text after.
 ///
-/// Words with another escape sequence in them are not ours, nor is a style without its reset.
+/// Words that contain another escape sequence are not ours, nor is a style without its reset.
 fn first_styled(text: &str) -> Option<(&str, &str, &str)> {
     let mut from = 0;
     loop {

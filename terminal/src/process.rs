@@ -10,17 +10,17 @@ use signal_hook::flag::{register, register_conditional_shutdown};
 
 use crate::exit::{Exit, Failure};
 
-/// Whether a signal that asks this process to end does so at once.
+/// Whether a signal ends this process at once.
 static ENDS_AT_ONCE: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
-/// Makes SIGINT, SIGTERM and SIGHUP end this process at once with the exit code of an interruption, until [`stop_on_signals`]
-/// has something to be left in order.
+/// Makes SIGINT, SIGTERM and SIGHUP end this process at once with the exit code of an interruption, until a call of [`stop_on_signals`] by a command that has
+/// to finish in order.
 ///
 /// # Errors
-/// What the system says.
+/// The system's error.
 pub fn end_on_signals() -> Result<(), Failure> {
     let at_once = ENDS_AT_ONCE.get_or_init(|| Arc::new(AtomicBool::new(true)));
-    // The first handler of a signal is there before it knows what to do: a signal in between would be lost. It waits instead.
+    // The first handler of a signal is set before its action, so that a signal in between would be lost. Blocking the signal makes it wait.
     let mut waiting = SigSet::empty();
     [INTERRUPT, TERMINATE, HANG_UP].into_iter().for_each(|signal| waiting.add(signal));
     let before = waiting.thread_swap_mask(SigmaskHow::SIG_BLOCK).map_err(Failure::internal)?;
@@ -31,30 +31,30 @@ pub fn end_on_signals() -> Result<(), Failure> {
     registered.map_err(Failure::internal)
 }
 
-/// Makes SIGINT, SIGTERM and SIGHUP set `stop`, and a file that reaches the largest size allowed (`ulimit -f`) an error of the
-/// write like a full disk, where it would end the process.
+/// Makes SIGINT, SIGTERM and SIGHUP set `stop`. A file that reaches the largest permitted size (`ulimit -f`) makes the write fail like a full disk, instead of
+/// ending the process.
 ///
 /// # Errors
-/// What the system says.
+/// The system's error.
 pub fn stop_on_signals(stop: &Arc<AtomicBool>) -> Result<(), Failure> {
     for signal in stop_signals() {
         register(signal, Arc::clone(stop)).map_err(Failure::internal)?;
     }
-    // Nobody reads the flag: that the signal is handled is enough for the write to return.
+    // No code reads the flag: handling the signal suffices for the write to return.
     register(SIGXFSZ, Arc::default()).map_err(Failure::internal)?;
     // Last, so that no signal in between is lost.
     leave_signals_alone();
     Ok(())
 }
 
-/// Ends what [`end_on_signals`] has begun.
+/// Reverts [`end_on_signals`].
 pub fn leave_signals_alone() {
     if let Some(at_once) = ENDS_AT_ONCE.get() {
         at_once.store(false, Ordering::Relaxed);
     }
 }
 
-/// The signals that ask a process to end. Whoever was started with SIGHUP ignored, as `nohup` does, goes on without a terminal.
+/// The signals that ask a process to end. A process that was started with SIGHUP ignored, as by `nohup`, continues without a terminal.
 fn stop_signals() -> impl Iterator<Item = i32> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -63,16 +63,16 @@ fn stop_signals() -> impl Iterator<Item = i32> {
     [SIGINT, SIGTERM].into_iter().chain(hears_hang_ups.then_some(SIGHUP))
 }
 
-/// Asks the system to kill this process when its parent, the process `parent`, dies, so that a killed `freeplay run` leaves
-/// none. It holds for a program that takes this process over, too, whatever it does about signals.
+/// Asks the system to kill this process when its parent, the process `parent`, dies, so that a killed `freeplay run` leaves no process. This also holds for a
+/// program that replaces this process, whatever it does about signals.
 ///
 /// # Errors
-/// What the system says; or the parent is gone already.
+/// The system's error; or the parent is gone already.
 pub fn die_with_parent(parent: u32) -> Result<(), Failure> {
     end_with_parent(parent, Signal::KILL)
 }
 
-/// The same, but the signal is SIGTERM, for a process that has something to be left in order.
+/// The same with SIGTERM, for a process that has to finish in order.
 ///
 /// # Errors
 /// As [`die_with_parent`].
@@ -82,7 +82,7 @@ pub fn stop_with_parent(parent: u32) -> Result<(), Failure> {
 
 fn end_with_parent(parent: u32, signal: Signal) -> Result<(), Failure> {
     set_parent_process_death_signal(Some(signal)).map_err(Failure::internal)?;
-    // The parent may have died before the system was asked.
+    // The parent may have died before this call.
     if is_parent_alive(parent) {
         Ok(())
     } else {
@@ -90,7 +90,7 @@ fn end_with_parent(parent: u32, signal: Signal) -> Result<(), Failure> {
     }
 }
 
-/// Whether the process `parent`, which started this one, still lives: an orphan has another parent.
+/// True if the process `parent`, which started this one, still lives: an orphan has another parent.
 pub fn is_parent_alive(parent: u32) -> bool {
     getppid().is_some_and(|pid| pid.as_raw_nonzero().get().cast_unsigned() == parent)
 }

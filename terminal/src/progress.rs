@@ -1,4 +1,4 @@
-//! How far a long command is: one line that is rewritten on a terminal, from the first moment on; where there is none, a plain line now and then.
+//! Progress of a long command: on a terminal one line, rewritten from the start; otherwise a plain line from time to time.
 
 use std::fmt::Write;
 use std::io::IsTerminal;
@@ -10,27 +10,27 @@ use crate::flags::is_quiet;
 use crate::output::tell;
 use crate::step_line;
 
-/// Time between two pictures of a line that is rewritten.
+/// Time between two updates of the rewritten line.
 const PICTURE: Duration = Duration::from_millis(200);
 /// Time between two plain lines.
 const LINE: Duration = Duration::from_secs(10);
 
-/// A bar on standard error up to `length`, which looks as the `template` of `indicatif` says, with the time left behind it.
+/// A bar on standard error up to `length`, in the form of the `template` of `indicatif`, followed by the remaining time.
 pub fn bar(length: u64, template: &str) -> ProgressBar {
     dressed(ProgressBar::new(length), &format!("{template}{{left}}"), left)
 }
 
-/// A line with `words` for what takes `seconds` by the clock.
+/// A line with `words` for work that takes `seconds` of real time.
 pub fn clock(words: String, seconds: f64) -> ProgressBar {
     let told = move |state: &ProgressState, out: &mut dyn Write| {
         let passed = state.elapsed().as_secs_f64();
-        // A line that can't be written is not shown.
+        // A failed write is ignored.
         let _ = write!(out, "{passed:.0} s, {} left", in_words(seconds - passed));
     };
     dressed(ProgressBar::new_spinner(), "{spinner} {msg} {left}", told).with_message(words)
 }
 
-/// Says in the line that is rewritten that `words` is being done; whether there is a terminal for it.
+/// Shows `words` in the rewritten line as the present work; true if there is a terminal for it.
 pub fn step(words: &str) -> bool {
     if is_quiet() || !std::io::stderr().is_terminal() {
         return false;
@@ -59,20 +59,21 @@ fn dressed(
     bar
 }
 
-/// The time left behind a bar, once there is something to tell it from.
+/// The remaining time of a bar, once there is an estimate.
 fn left(state: &ProgressState, out: &mut dyn Write) {
     if let Some(length) = state.len().filter(|length| (1..*length).contains(&state.pos())) {
-        // A line that can't be written is not shown.
+        // A failed write is ignored.
         let _ = write!(out, ", about {} left", time_left(state.elapsed(), state.pos(), length));
     }
 }
 
-/// The time left of `length` steps of which `done` took the time `passed`, in words. Steps of a campaign take minutes: a mean that forgets would rise while one lasts.
+/// The remaining time, in words, for `length` steps of which `done` took the time `passed`. Steps of a campaign take minutes: a moving mean would rise during a
+/// step.
 fn time_left(passed: Duration, done: u64, length: u64) -> String {
     in_words(passed.as_secs_f64() * (length - done.min(length)) as f64 / done.max(1) as f64)
 }
 
-/// `seconds` as a person counts them.
+/// `seconds` in units for people.
 fn in_words(seconds: f64) -> String {
     match seconds.max(0.0) {
         short if short < 100.0 => format!("{short:.0} s"),
@@ -81,7 +82,7 @@ fn in_words(seconds: f64) -> String {
     }
 }
 
-/// Tells in plain lines how far `bar` is, for as long as it lasts.
+/// Prints the progress of `bar` in plain lines until it ends.
 fn tell_now_and_then(bar: &ProgressBar) {
     let bar = bar.downgrade();
     let lines = move || {
@@ -94,11 +95,11 @@ fn tell_now_and_then(bar: &ProgressBar) {
             }
         }
     };
-    // Without a thread there are no such lines, and nothing else is lost.
+    // Without the thread these lines are missing, but nothing else.
     let _ = std::thread::Builder::new().name("progress".to_owned()).spawn(lines);
 }
 
-/// The `line`, unless it is the one that was `said` last: in minutes, a command gets no further for a while.
+/// The `line`, unless it equals the last one, `said`: a command may make no progress for minutes.
 fn news(said: &mut String, line: String) -> Option<&str> {
     if *said == line {
         return None;
@@ -107,7 +108,7 @@ fn news(said: &mut String, line: String) -> Option<&str> {
     Some(said)
 }
 
-/// How far `bar` is, in a line.
+/// The progress of `bar`, in a line.
 fn plain(bar: &ProgressBar) -> String {
     let passed = in_words(bar.elapsed().as_secs_f64());
     let words =

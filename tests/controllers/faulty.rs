@@ -3,10 +3,10 @@
 //! `FREEPLAY_FAULT` names it: `nan@100` from tick 100 on, `nan@50+5,100` for five ticks before that, too. `pause` makes the
 //! file `FREEPLAY_RESUME.paused` and waits for `FREEPLAY_RESUME`, so that a test can act in the middle of a run.
 //!
-//! `ride`, `push`, `shake`, `leap`, `replay`, `future` and `lies` are the strategies of a hostile controller, drawn from `FREEPLAY_SEED`; the
-//! last one and `times` lie about the clock, too.
+//! `ride`, `push`, `shake`, `leap`, `replay`, `future` and `lies` are the strategies of a hostile controller, drawn from `FREEPLAY_SEED`; the last one and
+//! `times` also send false times.
 //!
-//! It speaks the messages itself, since the SDK would not let it misbehave.
+//! It writes the messages itself, since the SDK would not permit the faults.
 
 mod hostile;
 
@@ -26,7 +26,7 @@ use hostile::Hostile;
 
 type Failure = Box<dyn std::error::Error>;
 
-/// What goes wrong, and from which tick on for how many.
+/// A fault, its first tick and its duration.
 struct Fault {
     name: String,
     when: Vec<(u64, u64)>,
@@ -134,7 +134,7 @@ fn answer(good: &mut ComputedTorque, state: &State, slot: u32) -> Command {
     }
 }
 
-/// Positions that come gently to rest where they were `last`, and stay, wherever the reference goes.
+/// Positions that come gently to rest at `last`, and stay there, wherever the reference goes.
 fn freeze(last: Option<&Command>, command: &mut Command) {
     let Some(last) = last else { return };
     let (period, rate) = (1e-3, 20.0);
@@ -146,7 +146,7 @@ fn freeze(last: Option<&Command>, command: &mut Command) {
     }
 }
 
-/// What the process does instead of answering.
+/// Misbehaves instead of answering.
 fn misbehave(fault: &Fault, run: &RunInfo) {
     match fault.name.as_str() {
         "abort" => std::process::abort(),
@@ -170,7 +170,7 @@ fn sleep_for_ever() -> ! {
     }
 }
 
-/// Tells the test that this process waits, and waits until it is let go on.
+/// Tells the test that this process waits, and waits until the test lets it continue.
 fn pause() {
     let resume = PathBuf::from(std::env::var_os("FREEPLAY_RESUME").expect("FREEPLAY_RESUME names a file"));
     std::fs::write(resume.with_extension("paused"), "").expect("the test can be told");
@@ -179,7 +179,7 @@ fn pause() {
     }
 }
 
-/// What is wrong with the command.
+/// Applies the fault to the command.
 fn spoil(fault: &str, state: &State, command: &mut Command) {
     let joint = 1;
     match fault {
@@ -189,9 +189,9 @@ fn spoil(fault: &str, state: &State, command: &mut Command) {
         "speeding" => command.velocity[joint] = 1e6,
         "jolting" => command.acceleration[joint] = -1e9,
         "huge" => command.value = [1e9; MAX_JOINTS],
-        // Positions, whatever is asked for.
+        // Positions, although the run may require torques.
         "positions" => command.value = state.reference_next.q,
-        // Within the range of the paper's second joint, 4000 N·m, and further from any torque that holds it than that.
+        // Within the range of the paper's second joint, 4000 N·m, and farther from any torque that holds it than that.
         "jump" if state.mode == Mode::Torque.code() => {
             command.value[joint] = 3999.0_f64.copysign(-command.value[joint])
         }
@@ -208,7 +208,7 @@ fn spoil(fault: &str, state: &State, command: &mut Command) {
                 *value = joint.limits.effort;
             }
         }
-        // All of them cannot be: received before it was published, sent before it was received, parts longer than the whole.
+        // Impossible times: received before it was published, sent before it was received, parts longer than the whole.
         "times" => match state.tick % 4 {
             0 => command.received_ns = 1,
             1 => command.sent_ns = command.received_ns - 1,

@@ -1,11 +1,11 @@
-//! A controller that wants to break the arm: computed torque at first, then a strategy with all that is random in it drawn from a seed.
+//! A controller that tries to break the arm: computed torque at first, then a strategy with random values from a seed.
 
 use freeplay_arm::{Limits, paper_arm};
 use freeplay_shm::{Command, MAX_JOINTS, Mode, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Length of a tick that steps are meant for, s.
+/// Length of a tick for the steps, s.
 const PERIOD: f64 = 1e-3;
 /// Joints of the paper's arm.
 const JOINTS: usize = 6;
@@ -18,9 +18,9 @@ pub struct Hostile {
     strategy: String,
     random: ChaCha8Rng,
     limits: Vec<Limits>,
-    /// Share of a limit that is used in a tick, by joint.
+    /// Share of a limit used in a tick, by joint.
     share: [f64; JOINTS],
-    /// Where each joint is led.
+    /// Direction of motion of each joint.
     direction: [f64; JOINTS],
     /// Ticks after which directions change.
     turn: u64,
@@ -28,11 +28,11 @@ pub struct Hostile {
 }
 
 impl Hostile {
-    /// One that follows `strategy`, drawn from `seed`; none if there is no such strategy.
+    /// A controller with `strategy`, drawn from `seed`; `None` if there is no such strategy.
     pub fn new(strategy: &str, seed: u64) -> Option<Self> {
         let strategy = STRATEGIES.iter().find(|known| **known == strategy)?;
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        // From steps that any gate lets pass to the whole limit at once.
+        // From steps that pass any gate to the whole limit at once.
         let share = std::array::from_fn(|_| 10.0_f64.powf(random.random_range(-4.0..0.0)));
         let direction = std::array::from_fn(|_| if random.random_bool(0.5) { 1.0 } else { -1.0 });
         Some(Self {
@@ -46,7 +46,7 @@ impl Hostile {
         })
     }
 
-    /// Makes of the sound answer `command` to `state` what is sent instead, and what is sent before it, if something is.
+    /// Replaces the sound answer `command` to `state` by a hostile one; returns a message to be sent before it, if any.
     pub fn spoil(&mut self, state: &State, command: &mut Command) -> Option<Command> {
         let sound = *command;
         if state.tick.is_multiple_of(self.turn) {
@@ -66,7 +66,7 @@ impl Hostile {
         old
     }
 
-    /// Torques: `ride` goes to the limits step by step, `push` always with the motion, `shake` from limit to limit, `leap` all at once.
+    /// Torques: `ride` goes to the limits step by step, `push` always acts with the motion, `shake` jumps from limit to limit, `leap` goes to a limit at once.
     fn push(&mut self, state: &State, command: &mut Command) {
         let before = self.sent.last().map_or(command.value, |last| last.value);
         for (joint, before) in before.into_iter().enumerate().take(JOINTS) {
@@ -82,7 +82,7 @@ impl Hostile {
         }
     }
 
-    /// Positions: `ride` moves at the speed limit, `push` the same and says that it stands, `shake` turns each tick, `leap` goes at once.
+    /// Positions: `ride` moves at the speed limit, `push` too but claims zero velocity, `shake` reverses each tick, `leap` jumps at once.
     fn drive(&mut self, state: &State, command: &mut Command) {
         for joint in 0..JOINTS {
             let limits = &self.limits[joint];
@@ -90,7 +90,7 @@ impl Hostile {
             let speed = self.sent.last().map_or(state.qd[joint], |last| last.velocity[joint]);
             let turn = if self.strategy == "shake" && state.tick.is_multiple_of(2) { -1.0 } else { 1.0 };
             let towards = turn * self.direction[joint];
-            // No faster than the acceleration limit allows, so that the gate may let it pass.
+            // No faster than the acceleration limit allows, so that the gate may pass it.
             let change = limits.acceleration * PERIOD * self.share[joint].sqrt();
             let speed = (speed + towards * change).clamp(-limits.velocity, limits.velocity);
             let step = match self.strategy.as_str() {
@@ -104,7 +104,7 @@ impl Hostile {
         }
     }
 
-    /// An old command as if it were new.
+    /// Sends an old command as a new one.
     fn replay(&mut self, command: &mut Command) {
         if !self.sent.is_empty() && self.random.random_bool(0.9) {
             let old = self.sent[self.random.random_range(0..self.sent.len())];
@@ -112,7 +112,7 @@ impl Hostile {
         }
     }
 
-    /// One or several fields with random bits, or with what is most wrong.
+    /// Fills one or several fields with random bits, or with extreme values.
     fn lie(&mut self, command: &mut Command) {
         let random = &mut self.random;
         for _ in 0..random.random_range(1..3) {

@@ -1,6 +1,6 @@
-//! FMUs as controllers: FMI 2.0 and 3.0 answer as a native controller does; bad ones end in one error or a safe run.
+//! FMUs as controllers: FMI 2.0 and 3.0 answer like a native controller; invalid ones end in one error or a safe run.
 //!
-//! The FMUs are built by the C compiler that links Rust; without one these tests say so and pass.
+//! The C compiler that links Rust builds the FMUs; without one these tests print a message and pass.
 
 use std::path::Path;
 use std::process::Command;
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 use super::tools::{here, python};
 use crate::common::{Call, fresh_folder};
 
-/// A description with inputs and outputs called as `names` say.
+/// A description with inputs and outputs named `names`.
 fn description(version: &str, names: [&str; 2]) -> String {
     let [reference, command] = names;
     let mut variables = String::new();
@@ -73,7 +73,7 @@ fn pack(folder: &Path, name: &str, description: &str, at: &str, library: &[u8]) 
     std::fs::write(folder.join(name), freeplay_fmi::archive(&entries).expect("an archive")).expect("written");
 }
 
-/// Renames an entry of the archive `file` to a name that no writer gives it.
+/// Renames an entry of the archive `file` to a name that no writer would choose.
 fn led_out(file: &Path, from: &[u8], to: &[u8]) {
     let mut bytes = std::fs::read(file).expect("an archive");
     let found: Vec<usize> =
@@ -309,7 +309,7 @@ class NAME(BASE):
         return True
 "#;
 
-/// An FMU in `folder` of the class in [`IN_PYTHON`] number `index`: its name, and the library that it needs; `None` where Python lacks either.
+/// An FMU in `folder` of the class number `index` in [`IN_PYTHON`]: its name, and the library that it needs; `None` if Python lacks either.
 fn python_fmu(folder: &Path, index: usize) -> Option<(String, String)> {
     let (package, [name, base], head) = IN_PYTHON[index];
     let library = python_library(package)?;
@@ -335,7 +335,7 @@ fn fmus_in_python_answer_as_the_native_controller_does() {
     }
 }
 
-/// Whether each fault of the exam is borne, by its kind.
+/// The verdict on each kind of fault of the exam.
 fn verdicts(exam: &Value) -> Vec<(String, bool)> {
     let lists = ["verdicts", "surroundings"].map(|list| exam[list].as_array().expect("a list").iter());
     let word = |verdict: &Value| verdict["kind"].as_str().or(verdict["fault"].as_str()).map(str::to_owned);

@@ -1,4 +1,4 @@
-//! Real machines: what a diagnosis of some recordings finds, replayed in MuJoCo on a recording that it has not seen.
+//! Real machines: the effects found in some recordings, replayed in MuJoCo on a held-out recording.
 
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,7 @@ const PENDULUM: Set = Set {
     held: &["test_1.csv", "test_2.csv", "test_3_swing.csv"],
 };
 
-/// The histories of earthquakes begin within the gap, where only the recorded force says: a file of MuJoCo has no recording to begin from.
+/// The recorded earthquakes begin within the gap, where only the recorded force determines the position: a file of MuJoCo has no recording to start from.
 const DAMPER: Set = Set {
     folder: "brfd_backlash",
     model: "damper.urdf",
@@ -56,13 +56,13 @@ const SERVOS: Set = Set {
     held: &["test_frequency_sweep.csv", "test_large_amplitude.csv", "test_coupled_joints.csv"],
 };
 
-/// The folder of the recordings; says that the test skips where they or MuJoCo are not there.
+/// The folder of the recordings; reports a skipped test if they or MuJoCo are missing.
 fn recordings() -> Option<PathBuf> {
     let folder = freeplay_skip::recordings()?;
     has("mujoco, numpy, scipy").then_some(folder)
 }
 
-/// Diagnoses `set` and exports both models: `sheet.xml` and `full.xml`; `said.toml` has those effects of the found model that the file says.
+/// Diagnoses `set` and exports both models: `sheet.xml` and `full.xml`; `said.toml` has those effects of the found model that the file expresses.
 fn exported(set: &Set, recordings: &Path) -> TempDir {
     let file = |name: &str| recordings.join(set.folder).join(name).display().to_string();
     let sheet = file(set.model);
@@ -85,12 +85,12 @@ fn exported(set: &Set, recordings: &Path) -> TempDir {
     folder
 }
 
-/// The arm file `text` without the effects of which the list `unsaid` names all, and without the parts of shafts that it names.
+/// The arm file `text` without the effects that the list `unsaid` names completely, and without the parts of shafts that it names.
 fn without(text: &str, unsaid: &[Value]) -> String {
     let mut table: toml::Table = toml::from_str(text).expect("TOML");
     if let Some(effects) = table.get_mut("effect").and_then(toml::Value::as_array_mut) {
         for effect in effects.iter_mut().filter_map(toml::Value::as_table_mut) {
-            // A shaft whose parts are not said in full.
+            // A shaft that is only partly expressed.
             let Some(joint) = effect.get("joint").and_then(toml::Value::as_str).map(str::to_owned) else {
                 continue;
             };
@@ -118,8 +118,8 @@ fn without(text: &str, unsaid: &[Value]) -> String {
     toml::to_string(&table).expect("TOML")
 }
 
-/// Prints the channels of `set`, and fails where MuJoCo takes less than nine tenths of the error away that the model itself does. A channel
-/// in which that is less than a fifth of the error says nothing.
+/// Prints the channels of `set`, and fails if MuJoCo reduces the error by less than nine tenths of the reduction by the model itself. A channel with a
+/// reduction of less than a fifth does not count.
 fn round_trip(set: &Set, recordings: &Path) {
     println!("{}", set.folder);
     let mut folder = exported(set, recordings);
@@ -131,7 +131,7 @@ fn round_trip(set: &Set, recordings: &Path) {
         let (after, kept) = compared(kept, "said.toml", &held);
         let [mut there_before, there_after] = replayed(kept.path(), &held);
         if there_after.keys().all(|name| name.starts_with('q')) {
-            // Without servos MuJoCo has no more to say than the commands.
+            // Without servos MuJoCo knows no more than the commands.
             there_before = before.clone();
         }
         folder = kept;
@@ -155,7 +155,7 @@ fn round_trip(set: &Set, recordings: &Path) {
     assert!(short.is_empty(), "{short:?}");
 }
 
-/// By channel, how much of the error goes in the model itself and in MuJoCo.
+/// Reduction of the error by channel, by the model itself and in MuJoCo.
 fn taken<'a>(own: [&'a Errors; 2], theirs: [&Errors; 2]) -> Vec<(&'a str, [f64; 2])> {
     let channels = own[0].keys().filter(|name| theirs[1].contains_key(*name));
     channels

@@ -15,7 +15,7 @@ use crate::common::{Call, fresh_folder};
 /// Root mean square errors by channel.
 pub type Errors = BTreeMap<String, f64>;
 
-/// Effects that MJCF has words for, the machine that has them, and where in it.
+/// Effects that MJCF can express, the machine that has them, and the joint.
 const KINDS: [(&str, Machine, Option<usize>); 19] = [
     ("coulomb_friction", Machine::SixBench, None),
     ("viscous_friction", Machine::SixBench, None),
@@ -35,11 +35,12 @@ const KINDS: [(&str, Machine, Option<usize>); 19] = [
     ("time_delay", Machine::SixBench, None),
     ("joint_elasticity", Machine::SixBench, None),
     ("backlash", Machine::SixBench, None),
-    // A bearing whose axis is level: its journal rests. About an upright axis nothing but the arm's own motion presses it; see the last test.
+    // A bearing with a level axis, on which the journal rests. In a bearing with an upright axis only the arm's own motion presses the journal; see the last
+    // test.
     ("joint_clearance", Machine::Paper, Some(4)),
 ];
 
-/// `model` with the effects that `truth` names.
+/// `model` with the effects in `truth`.
 fn with_effects(model: &str, truth: &freeplay_concealed::Truth) -> String {
     let mut text = model.to_owned();
     for effect in &truth.effects {
@@ -54,7 +55,7 @@ fn with_effects(model: &str, truth: &freeplay_concealed::Truth) -> String {
     text
 }
 
-/// Leaves the first half of the rows of `recording`.
+/// Keeps the first half of the rows of `recording`.
 fn first_half(recording: &Path) {
     let text = std::fs::read_to_string(recording).expect("a recording");
     let rows = text.lines().count().div_ceil(2);
@@ -62,7 +63,7 @@ fn first_half(recording: &Path) {
     std::fs::write(recording, half.join("\n") + "\n").expect("written");
 }
 
-/// What `freeplay compare` says of `model` on the recording `held`.
+/// The errors of `model` on the recording `held` according to `freeplay compare`.
 pub fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
     let asked = [
         "compare",
@@ -86,7 +87,7 @@ pub fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
     (errors, ran.folder)
 }
 
-/// What MuJoCo says of both models on it.
+/// The errors of both models on it according to MuJoCo.
 pub fn replayed(folder: &Path, held: &str) -> [Errors; 2] {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/examples/replay_in_mujoco.py");
     let mut command = Command::new(python());
@@ -95,7 +96,7 @@ pub fn replayed(folder: &Path, held: &str) -> [Errors; 2] {
     ["sheet.xml", "full.xml"].map(|model| errors[model].clone())
 }
 
-/// The same of `second.csv` in each of `folders`, by one process: packages are loaded once.
+/// The same for `second.csv` in each of `folders`, by one process, which loads the packages once.
 fn all_replayed(folders: &[TempDir]) -> Vec<[Errors; 2]> {
     let script = "import json, pathlib, sys
 sys.path.insert(0, sys.argv[1])
@@ -117,7 +118,7 @@ fn printed(mut command: Command) -> Vec<u8> {
     output.stdout
 }
 
-/// A machine with a concealed effect of `kind`: both models in MJCF, beside its recording, and the errors of both as `freeplay compare` has them.
+/// A machine with a concealed effect of `kind`: both models in MJCF, beside its recording, and the errors of both according to `freeplay compare`.
 fn exported(kind: &str, machine: Machine, joint: Option<usize>) -> ([Errors; 2], TempDir) {
     let demand = Demand { kind: kind.to_owned(), joint, severity: Severity::Strong };
     let case = Case {
@@ -157,7 +158,7 @@ fn mujoco_takes_away_what_the_model_itself_takes_away() {
     for (((kind, ..), [before, after]), [there_before, there_after]) in
         KINDS.into_iter().zip(own).zip(all_replayed(&folders))
     {
-        // The channel in which the model itself takes most away, as a share of the error.
+        // The channel in which the model itself reduces the error most, as a share of it.
         let share = |name: &String| (before[name] - after[name]) / before[name];
         let channel = before
             .keys()
@@ -182,8 +183,8 @@ fn mujoco_takes_away_what_the_model_itself_takes_away() {
     assert!(short.is_empty(), "{short:?}");
 }
 
-/// Radial play about an upright axis: the journal is pressed aside by the arm's motion, and stays in its bearing in MuJoCo, too. Where a motion turns
-/// round fast the journal flies, and flights of two tools differ by where they begin.
+/// Radial play about an upright axis: the arm's motion presses the journal aside, and it stays in its bearing in MuJoCo, too. Where a motion reverses fast the
+/// journal flies, and the flights in two tools differ by their starting points.
 #[test]
 fn mujoco_keeps_a_journal_about_an_upright_axis_where_the_plant_has_it() {
     if !has("mujoco, numpy, scipy") {

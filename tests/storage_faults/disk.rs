@@ -1,12 +1,12 @@
-//! A disk that loses power: what survives of the calls in a log.
+//! A disk that loses power: the surviving effects of the calls in a log.
 //!
-//! File data survive from a sync of the file on, names from a sync of their folder on (POSIX promises no more). What a system writes out on
-//! its own account may survive, too; the worst of these mixtures are tried, as ALICE does (Pillai et al. 2014).
+//! File data survive from a sync of the file on, names from a sync of their folder on (POSIX promises no more). Data that a system writes on its own account
+//! may survive, too; the tests try the worst of these mixtures, like ALICE (Pillai et al. 2014).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What survives beyond what was synced.
+/// Data that survive beyond the synced ones.
 #[derive(Clone, Copy, Debug)]
 pub enum Survives {
     /// Nothing.
@@ -61,7 +61,7 @@ pub struct Call {
 }
 
 impl Call {
-    /// The calls in the text of a log.
+    /// Parses the calls in the text of a log.
     pub fn parse_all(text: &str) -> Vec<Call> {
         let parse = |line: &str| {
             let mut fields = line.split('\t').map(str::to_owned);
@@ -107,7 +107,7 @@ impl Disk {
         }
     }
 
-    /// Makes `call`; relative paths begin at `here`.
+    /// Carries out `call`; relative paths begin at `here`.
     pub fn make(&mut self, call: &Call, here: &Path) {
         if !call.is_ok {
             return;
@@ -161,7 +161,7 @@ impl Disk {
         self.durable.extend(now.map(|(name, node)| (name.clone(), node.clone())));
     }
 
-    /// The files after a power cut: name, bytes, and what the file would have come to.
+    /// The files after a power cut: name, bytes, and the full content without the cut.
     pub fn after_cut(&self, survives: Survives) -> Vec<(PathBuf, Vec<u8>, String)> {
         let names = match survives {
             Survives::Nothing | Survives::Data => &self.durable,

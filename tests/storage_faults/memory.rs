@@ -1,8 +1,7 @@
-//! Processes that may not have the memory they ask for: each command under many limits of its address space (`ulimit -v`), from the least under
-//! which the program starts to the one that is enough for the command. Each ends with a clear message and a documented exit code, old data are
-//! intact, nothing is left in shared memory.
+//! Processes that run out of memory: each command runs under several limits of its address space (`ulimit -v`), from the least under which the program starts
+//! to the least that is enough for the command. Each ends with a clear message and a documented exit code, old data are intact, and shared memory is empty.
 //!
-//! `FREEPLAY_MEMORY_LIMITS=N` plays N limits of each command instead of a few.
+//! `FREEPLAY_MEMORY_LIMITS=N` tests N limits of each command instead of a few.
 
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -10,16 +9,16 @@ use std::process::Command;
 use super::{Subject, contents, on_all_cores};
 use crate::common::{Call, FREEPLAY, Ran, fresh_folder, left_in_shared_memory, until};
 
-/// Limits of each command, unless another number is asked for.
+/// Limits of each command, unless the environment requests another number.
 const LIMITS: u64 = 6;
 
-/// Limits just below the one that is enough, where what fails is at the end of the work.
+/// Limits just below the sufficient one, at which the end of the work fails.
 const CLOSE: u64 = 2;
 
 /// Every command succeeds under this limit, KiB.
 const PLENTY: u64 = 4 << 20;
 
-/// How finely the least limit that is enough is looked for: this part of the limit.
+/// Resolution of the search for the least sufficient limit: one part in so many.
 const GRAIN: u64 = 32;
 
 /// The program with `arguments`, and `kib` KiB of address space for each of its processes.
@@ -31,8 +30,8 @@ fn limited(folder: tempfile::TempDir, kib: u64, arguments: &[&str]) -> Call {
     call
 }
 
-/// The least limit, KiB, above `below` under which `succeeds`, as far as that is more likely with more memory: doubled until it is enough, as a command that
-/// fails ends soonest, then halved. Where several processes share the work, a smaller one is enough now and then.
+/// The least limit, KiB, above `below` under which `succeeds`, if success becomes likelier with more memory. The search doubles the limit until it suffices,
+/// since a failing command ends soonest, then halves the interval. If several processes share the work, a smaller limit suffices occasionally.
 fn least(mut below: u64, succeeds: impl Fn(u64) -> bool) -> u64 {
     let mut enough = 2 * below;
     while enough < PLENTY && !succeeds(enough) {
@@ -50,12 +49,12 @@ pub fn least_to_start() -> u64 {
     least(1024, |kib| limited(fresh_folder(), kib, &["--version"]).run().output.status.success())
 }
 
-/// Plays `subject` under many limits from `starts` KiB on, under which the program starts; how many of them were too little.
+/// Runs `subject` under several limits from `starts` KiB on, under which the program starts; returns the number of insufficient ones.
 pub fn starve(subject: &Subject, starts: u64) -> usize {
     let good = Call::new(subject.folder(), &subject.arguments).run().expect(0);
     let good = contents(good.folder.path());
     let enough = least(starts, |kib| {
-        // A process that the machine starts too late is no matter of memory.
+        // A process that the machine starts too late is not a matter of memory.
         let ran = limited(subject.folder(), kib, &subject.arguments).run();
         !matches!(ran.output.status.code(), None | Some(3 | 70))
     });
@@ -83,7 +82,7 @@ fn starve_at(subject: &Subject, kib: u64, good: &BTreeMap<std::path::PathBuf, Ve
     if code != 0 {
         assert_is_told(&ran, &at);
     }
-    // The plant of a run that was aborted removes what is in shared memory after it.
+    // The plant of an aborted run removes the files in shared memory after it.
     until("nothing in shared memory", || {
         left_in_shared_memory(ran.shm.path(), ran.pid).is_empty().then_some(())
     });
@@ -91,7 +90,7 @@ fn starve_at(subject: &Subject, kib: u64, good: &BTreeMap<std::path::PathBuf, Ve
     code
 }
 
-/// Fails unless one line says what happened: of the process that had too little memory, and perhaps another of the one that started it.
+/// Fails unless one line reports the failure: that of the process with too little memory, and perhaps another of its parent.
 fn assert_is_told(ran: &Ran, at: &dyn Fn() -> String) {
     let stderr = ran.stderr();
     let is_message =

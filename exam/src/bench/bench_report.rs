@@ -1,4 +1,4 @@
-//! What a bench came to, as JSON and as HdrHistogram's files; in words: `bench_words`, as HTML: `bench_page`.
+//! The result of a bench, as JSON and as HdrHistogram's files; in words: `bench_words`, as HTML: `bench_page`.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ const SCHEMA: &str = "freeplay.bench/1";
 pub const CLOCK: &str = "bare clock loop";
 /// Name of the bare transport.
 pub const EXCHANGE: &str = "bare iceoryx2";
-/// The stages in the order of the tick, with what they are called.
+/// The stages in the order of the tick, with their names.
 pub const STAGES: [(&str, &str); 11] = [
     ("wake_up_uncorrected", "wake-up, of ticks waited for"),
     ("wake_up", "lateness, of all ticks"),
@@ -34,13 +34,13 @@ pub const STAGES: [(&str, &str); 11] = [
     ("round_trip_uncorrected", "round trip, uncorrected"),
 ];
 
-/// All that a bench came to.
+/// All results of a bench.
 pub struct Report<'a> {
     /// The scenario of a block.
     pub scenario: &'a Scenario,
-    /// The machine, with what the doctor says of it.
+    /// The machine, with the doctor's findings.
     pub machine: Value,
-    /// What holds.
+    /// The verdicts.
     pub verdicts: Verdicts,
     /// The controllers against the yardsticks.
     pub contests: &'a [Contest],
@@ -51,7 +51,7 @@ pub struct Report<'a> {
 }
 
 impl Report<'_> {
-    /// Who was measured, yardsticks first, each with its histograms of all blocks.
+    /// The measured controllers and yardsticks, yardsticks first, each with its histograms of all blocks.
     pub fn measured(&self) -> Vec<(String, ByStage)> {
         let mut all = vec![
             (CLOCK.to_owned(), merged(self.blocks.iter().map(|block| &block.clock))),
@@ -64,7 +64,7 @@ impl Report<'_> {
         all
     }
 
-    /// Writes `bench.json`, `report.html` and a `.hlog` and `.hgrm` of each that was measured into `out`; the JSON.
+    /// Writes `bench.json`, `report.html` and a `.hlog` and `.hgrm` of each measured one into `out`; returns the JSON.
     ///
     /// # Errors
     /// A file that can't be written.
@@ -115,7 +115,7 @@ impl Report<'_> {
         misses.take(most).collect()
     }
 
-    /// Where the budget of `controller` breaks, in words; `None` where no load was added.
+    /// The compute time at which `controller` exceeds the budget, in words; `None` if no load was added.
     pub fn cliff_words(&self, controller: &str) -> Option<String> {
         if self.cliff.is_empty() {
             return None;
@@ -133,7 +133,7 @@ impl Report<'_> {
         })
     }
 
-    /// What is asked of all together, each with whether it holds.
+    /// Requirements on all controllers together, each with its result.
     pub fn verdict_lines(&self) -> [(bool, String); 3] {
         let [wake_up, transport, caused] = self.verdicts.hold();
         let number = |ratio: Option<f64>| {
@@ -168,7 +168,7 @@ impl Report<'_> {
     }
 }
 
-/// How many deadlines were missed for each cause.
+/// Number of missed deadlines for each cause.
 pub fn causes_alone(contest: &Contest) -> String {
     let each = contest.causes.iter().map(|(cause, count)| format!("{} {count}", cause.replace('_', " ")));
     each.collect::<Vec<_>>().join(", ")

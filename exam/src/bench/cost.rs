@@ -1,5 +1,5 @@
-//! What looking on costs the loop: blocks that are neither recorded nor watched, more of the same as a control, blocks that are recorded and
-//! blocks that are watched take turns, and their stages are set against those of the first.
+//! Cost of recording and of the live view for the loop. Plain blocks, further plain blocks as a control, recorded blocks and watched blocks alternate; the
+//! module compares their stages with those of the first.
 
 use std::collections::BTreeMap;
 
@@ -21,10 +21,10 @@ use crate::bench::figures::{QUANTILES, Ratio, add};
 
 /// The schema of `cost.json`.
 const SCHEMA: &str = "freeplay.cost/1";
-/// What the p99 of a stage may be of the same without recording or live view.
+/// Largest permitted ratio of the p99 of a stage to that without recording or live view.
 const MOST: f64 = 1.05;
 
-/// What the blocks of one kind left: their histograms added up, and of each block the quantiles alone, since histograms are large.
+/// Results of the blocks of one kind: their summed histograms, and of each block only the quantiles, since histograms are large.
 #[derive(Default)]
 struct Measured {
     all: ByStage,
@@ -53,20 +53,20 @@ fn quantiles(histogram: &Histogram<u64>) -> [f64; QUANTILES.len()] {
     QUANTILES.map(|(_, quantile)| histogram.value_at_quantile(quantile) as f64)
 }
 
-/// Ways to look on.
+/// Number of kinds of blocks.
 const KINDS: usize = 4;
 
-/// A way to look on.
+/// Kind of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Looking {
-    /// Nobody does.
+    /// Neither recording nor live view.
     Plain,
-    /// Nobody does either: what chance alone makes of the ratios.
+    /// Neither, too: the control shows the ratios that chance alone causes.
     Control,
-    /// An MCAP recording is written.
+    /// With an MCAP recording.
     Recorded,
-    /// The live view of a terminal is drawn.
+    /// With the live view of a terminal.
     Watched,
 }
 
@@ -83,26 +83,26 @@ impl Looking {
     }
 }
 
-/// One stage, with somebody looking on over without.
+/// One stage: ratio with recording or live view to without.
 #[derive(Debug, Serialize)]
 struct Cost {
     stage: &'static str,
     looking: Looking,
     /// At p50, p99 and p99.9.
     ratios: [Option<Ratio>; 3],
-    /// Whether p99 is within its limit.
+    /// Verdict on the limit of p99.
     verdict: Told,
 }
 
-/// What the blocks tell of a limit.
+/// Verdict of the blocks on a limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Told {
-    /// Their median is within it at 95 %.
+    /// Their median is within the limit at 95 %.
     Holds,
-    /// The limit lies between the bounds of their median: more blocks or a quieter machine could tell.
+    /// The limit lies within the confidence interval of their median: more blocks or a quieter machine could decide.
     Open,
-    /// Their median is beyond it at 95 %.
+    /// Their median is beyond the limit at 95 %.
     Fails,
 }
 
@@ -124,7 +124,7 @@ impl Told {
     }
 }
 
-/// Measures on `stand` with its first controller in `pairs` blocks of each kind, and says.
+/// Measures on `stand` with its first controller in `pairs` blocks of each kind, and prints the results.
 ///
 /// # Errors
 /// A run that fails; results that can't be written.

@@ -1,5 +1,5 @@
-//! The yardsticks: a bare loop on an absolute clock, and bare iceoryx2 with the same messages at the same pace. Both wait as runs do, on
-//! the same cores and at the same priority, each in processes of its own.
+//! The yardsticks: a bare loop on an absolute clock, and bare iceoryx2 with the same messages at the same rate. Both wait like runs, on the same cores and at
+//! the same priority, each in separate processes.
 
 use std::path::PathBuf;
 use std::time::{Instant, SystemTime};
@@ -13,16 +13,16 @@ use freeplay_shm::{
 };
 use freeplay_terminal::exit::{Exit, Failure};
 
-/// How long before a tick the loops stop sleeping, ns: as in runs.
+/// The loops stop sleeping this long before a tick, ns, like runs.
 const SPIN_NS: u64 = 200_000;
-/// How long before the next tick a command is given up, ns: as in runs.
+/// The plant gives up a command this long before the next tick, ns, like runs.
 const JUDGING_NS: u64 = 50_000;
-/// How long the end that answers lets pass before it does, ns: about what the fastest controller computes. Else the answer would be there
-/// before the other end has begun to look for it, which no command of a controller is.
+/// Delay of the answering end, ns: about the compute time of the fastest controller. Without it the answer would arrive before the other end polls for it,
+/// which no controller achieves.
 const THOUGHT_NS: u64 = 10_000;
-/// How long the two ends wait for each other, ns.
+/// Time limit for the two ends to meet, ns.
 const PATIENCE_NS: u64 = 10_000_000_000;
-/// Joints of the messages; they are of one size for any number.
+/// Number of joints in the messages, whose size does not depend on it.
 const JOINTS: usize = 6;
 
 /// A part in a yardstick.
@@ -106,7 +106,7 @@ fn wake(args: &YardstickArgs, stages: &mut Stages) {
     }
 }
 
-/// The command that answers `state`, if it comes before `deadline`.
+/// The command that answers `state`; `None` if it does not arrive before `deadline`.
 fn command(plant: &BarePlant, state: &State, deadline: u64) -> Result<Option<(Command, u64)>, Failure> {
     loop {
         let command = plant.next_command().map_err(Failure::internal)?;
@@ -127,7 +127,7 @@ fn exchange(
 ) -> Result<(), Failure> {
     let mut state = State::new(run, JOINTS);
     let patience = now_ns() + PATIENCE_NS;
-    // The other end may still be opening: tick 0 is said until it is answered.
+    // The other end may still be opening: tick 0 is repeated until it is answered.
     while command(&plant, &state, now_ns() + args.period)?.is_none() {
         plant.publish(&state).map_err(Failure::internal)?;
         if now_ns() > patience {
@@ -159,7 +159,7 @@ fn answer(args: &YardstickArgs, mut controller: BareController) -> Result<(), Fa
             if now > last + PATIENCE_NS {
                 return Err(Failure::peer("the other process of the yardstick has ended"));
             }
-            // As a controller in real time waits: asleep until shortly before the next state is due.
+            // Waits like a controller in real time: asleep until shortly before the next state is due.
             if now + SPIN_NS < due {
                 sleep_then_spin_until(due - SPIN_NS, 0);
             } else {

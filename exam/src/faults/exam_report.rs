@@ -24,11 +24,11 @@ const SCHEMA: &str = "freeplay.faults/1";
 pub struct Report<'a> {
     /// The controller that was examined.
     pub examined: &'a str,
-    /// Who stood by.
+    /// The standby controller.
     pub standby: &'a str,
-    /// With what was measured for the exam.
+    /// The scenario with the values measured for the exam.
     pub scenario: &'a Scenario,
-    /// On the kinds of fault.
+    /// The verdicts on the kinds of fault.
     pub verdicts: &'a [Verdict],
     /// Faults outside the controller.
     pub surroundings: &'a [EnvironmentFault],
@@ -52,7 +52,7 @@ fn expected(verdict: &Verdict) -> String {
     }
 }
 
-/// How many of the faults that could be judged were detected, and how many fell on a stall.
+/// Number of detected faults among the judged ones, and number of faults during a stall.
 fn detected(verdict: &Verdict) -> String {
     let judged = format!("{} of {}", verdict.detected, verdict.judged);
     match verdict.stalled {
@@ -61,7 +61,7 @@ fn detected(verdict: &Verdict) -> String {
     }
 }
 
-/// After how many of the faults that were detected the standby was in force, at once and soon.
+/// Number of detected faults after which the standby was in force, at once and soon.
 fn taken_over(verdict: &Verdict) -> String {
     match verdict.detected {
         0 => "–".to_owned(),
@@ -78,7 +78,7 @@ fn word(holds: bool) -> &'static str {
 }
 
 impl<'a> Report<'a> {
-    /// Whether all was met as it should be; what could not be tried does not count.
+    /// True if all outcomes met the expectations; kinds that could not be tried do not count.
     pub fn holds(&self) -> bool {
         self.failures() == 0
     }
@@ -88,7 +88,7 @@ impl<'a> Report<'a> {
         of_kinds + self.surroundings.iter().filter(|found| found.holds == Some(false)).count()
     }
 
-    /// All that was found.
+    /// All results.
     ///
     /// # Errors
     /// Never for these values; the library's error is passed on.
@@ -111,7 +111,7 @@ impl<'a> Report<'a> {
         write(&out.join("faults.html"), &self.html())
     }
 
-    /// For the terminal.
+    /// The text for the terminal.
     pub fn in_words(&self, out: &Path) -> String {
         let mut table = text_table();
         table.set_header([
@@ -174,7 +174,7 @@ impl<'a> Report<'a> {
         )
     }
 
-    /// As test results: a case for each kind.
+    /// The results as tests: a case for each kind.
     fn junit(&self) -> String {
         let failures = self.failures();
         let mut xml = format!(
@@ -217,7 +217,7 @@ impl<'a> Report<'a> {
                 format!("{failures} of {} kinds of fault were not handled as expected", self.verdicts.len())
             }
         };
-        // Two tables: side by side their columns would be wider than most windows.
+        // Two tables: side by side the columns would be wider than most windows.
         let mut table = Table::new("Faults and their detection")
             .column(Column::text("fault"))
             .column(Column::text("verdict"))

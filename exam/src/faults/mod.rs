@@ -1,8 +1,9 @@
-//! `freeplay faults`: the exam of a controller. Faults are injected on purpose, at ticks drawn from a seed, and what the plant,
-//! its gate and a standby make of each is measured.
+//! `freeplay faults`: the exam of a controller. The exam injects faults at ticks drawn from a seed, and measures the reaction of the plant, its gate and a
+//! standby to each.
 //!
-//! In the order of the exam: `kinds` (what goes wrong), `saboteur` and `spoil` (the process that makes it go wrong), `exam` (the
-//! runs), `findings` (what came of each fault), `surroundings` (faults that are not the controller's), `exam_report` (words, JSON, JUnit and HTML), `kills` (processes killed at random).
+//! In the order of the exam: `kinds` (kinds of fault), `fault_injector` and `active_fault` (the process that causes the faults), `exam` (the runs), `findings`
+//! (outcome of each fault), `environment_faults` (faults outside the controller), `exam_report` (words, JSON, JUnit and HTML), `kills` (processes killed at
+//! random).
 
 mod active_fault;
 mod environment_faults;
@@ -73,7 +74,7 @@ pub struct FaultsArgs {
 /// Examines the controller of `args`.
 ///
 /// # Errors
-/// Bad input; a run that fails otherwise than by the fault.
+/// Bad input; a run that fails for another reason than the fault.
 pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     let mut scenario = load(args.scenario.as_deref(), &args.set)?;
     scenario.pace = args.pace.unwrap_or(scenario.pace);

@@ -1,4 +1,4 @@
-//! What the built-in controllers leave of the deviation: `freeplay run` in lockstep, path by path.
+//! The remaining deviation with the built-in controllers: `freeplay run` in lockstep, path by path.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -25,12 +25,12 @@ pub struct Task {
     pub clearance: f64,
 }
 
-/// What one controller left.
+/// Remaining deviation with one controller.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Left {
     /// The controller.
     pub controller: String,
-    /// Whether the run ended with the controller in charge.
+    /// Whether the run ended with the controller active.
     pub finished: bool,
     /// RMS of the deviation after 0.5 s, mm.
     pub rms: f64,
@@ -43,11 +43,11 @@ pub struct Left {
 pub struct Played {
     /// The task.
     pub task: Task,
-    /// What each controller left, in the order of the built-in ones.
+    /// Result of each controller, in the order of the built-in ones.
     pub left: Vec<Left>,
 }
 
-/// The tasks: all of them, or the first alone.
+/// The tasks: all of them, or only the first.
 pub fn tasks(quick: bool) -> Vec<Task> {
     let all = PATHS.into_iter().flat_map(|path| {
         PERIODS
@@ -73,7 +73,7 @@ pub fn reference(task: &Task) -> Option<f64> {
     }
 }
 
-/// Plays `task` with all built-in controllers, by `freeplay run` of this program.
+/// Runs `task` with all built-in controllers, by `freeplay run` of this program.
 ///
 /// # Errors
 /// A run that can't be started or leaves no summary.
@@ -105,7 +105,7 @@ pub fn play(task: &Task) -> Result<Played, Failure> {
     Ok(Played { task: *task, left })
 }
 
-/// What the controllers of a summary left.
+/// The deviations of the controllers in a summary.
 fn read(summary: &Path) -> Option<Vec<Left>> {
     let summary: Value = serde_json::from_str(&freeplay_storage::read_text(summary).ok()?).ok()?;
     let of = |run: &Value| {

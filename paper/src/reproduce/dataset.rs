@@ -1,4 +1,4 @@
-//! Runs as series for learning: what the paper gave its network, at its 125 Hz.
+//! Runs as training series: the inputs of the paper's network, at its 125 Hz.
 
 use freeplay_harness::scenario::Drive;
 use freeplay_path::PathKind;
@@ -12,9 +12,9 @@ use crate::simulation::TICK;
 
 /// Ticks of a sample: 125 Hz, the paper's 750 samples in 6 s.
 pub const STRIDE: usize = 8;
-/// Torque and path, as the paper's network has them.
+/// Torque and path, the inputs of the paper's network.
 const INPUTS: [&str; 9] = ["tau1", "tau2", "tau3", "tau4", "tau5", "tau6", "path_x", "path_y", "path_z"];
-/// What tells the runs of several clearances apart: size, number and place of the joints with play.
+/// Constants that distinguish the runs of several clearances: size, number and place of the joints with play.
 const CONSTANTS: [&str; 3] = ["clearance", "joints_with_play", "joint"];
 /// The deviation, mm.
 const OUTPUTS: [&str; 3] = ["x", "y", "z"];
@@ -25,7 +25,7 @@ const OUTPUTS: [&str; 3] = ["x", "y", "z"];
 pub enum TrainingRuns {
     /// One run, c = 0.6 mm.
     Single,
-    /// The runs of all clearances, told apart by constant inputs: the paper's network.
+    /// The runs of all clearances, distinguished by constant inputs: the paper's network.
     Clearances,
     /// Three laps, c = 0.6 mm.
     Laps,
@@ -51,7 +51,7 @@ impl TrainingRuns {
     }
 }
 
-/// Series to learn from, and what physics predicts for them.
+/// Series for training, with the physics prediction for them.
 pub struct Dataset {
     /// Inputs and outputs.
     pub series: Series,
@@ -63,16 +63,16 @@ pub struct Dataset {
 
 /// The paper's regressors: u(t), u(t−1), u(t−2), y(t−1), y(t−2) (Eq. 10).
 ///
-/// The torque at the predicted instant holds the contact force of that instant: a controller would not have it.
+/// The torque at the predicted instant contains the contact force of that instant: a controller would not have it.
 pub fn layout() -> Layout {
     Layout { input_lags: vec![0, 1], output_lags: vec![0, 1], horizon: 1, input_at_target: true }
 }
 
 impl Dataset {
-    /// The series of `pool`; none where a run is missing.
+    /// The series of `pool`; `None` if a run is missing.
     ///
     /// # Errors
-    /// Samples that are no numbers.
+    /// NaN or infinity in a sample.
     pub fn new(
         runs: &Runs,
         pool: TrainingRuns,
@@ -97,7 +97,7 @@ impl Dataset {
     }
 }
 
-/// Inputs, outputs and predictions of a run, row-major. The last tick repeats the first of the next lap and is left out.
+/// Inputs, outputs and predictions of a run, row-major, without the last tick, which repeats the first of the next lap.
 fn rows(trace: &Trace, constants: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let (mut inputs, mut outputs, mut predicted) = (Vec::new(), Vec::new(), Vec::new());
     for tick in (0..trace.ticks().saturating_sub(1)).step_by(STRIDE) {

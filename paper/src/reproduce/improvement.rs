@@ -1,8 +1,8 @@
-//! The paper's last sentence, measured: whether what a network predicts can improve the motion.
+//! The paper's last sentence, measured: can the predictions of a network improve the motion?
 //!
-//! The paper trains networks and controls nothing. Here an arm with play is commissioned with a tracker on three paths while the controller's model knows no
-//! play; `freeplay train` learns what that model leaves; then `narx-qp` follows the paper's paths, which trained nothing, without a tracker, with the
-//! network and without.
+//! The paper trains networks but controls nothing. Here an arm with play is commissioned with a tracker on three paths while the controller's model has no
+//! play. `freeplay train` learns the remaining deviation of that model. Then `narx-qp` follows the paper's paths, which are not part of the training, without a
+//! tracker, with the network and without.
 
 use freeplay_arm::{ArmFile, paper_arm, to_toml};
 use freeplay_controller::Task as ControllerTask;
@@ -28,10 +28,10 @@ use freeplay_harness::scenario::Drive;
 
 /// The joint with play.
 const JOINT: usize = 4;
-/// Share of the deviation from which taking it away is an improvement that counts.
+/// Least share of the deviation whose removal counts as an improvement.
 const LEAST: f64 = 0.5;
 
-/// What a network made of one path.
+/// Effect of a network on one path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Improved {
     /// Path, period and clearance.
@@ -43,7 +43,7 @@ pub struct Improved {
 }
 
 impl Improved {
-    /// Share of the deviation that the network takes away.
+    /// Share of the deviation that the network removes.
     fn taken(&self) -> f64 {
         1.0 - self.with / self.without
     }
@@ -59,7 +59,7 @@ fn commissioning() -> [PathSpec; 3] {
     ]
 }
 
-/// An arm with play, and the folder of the model that knows none.
+/// An arm with play, and the folder of the model without play.
 struct Commissioned<'a> {
     truth: Effects,
     nominal: ArmFile,
@@ -103,7 +103,7 @@ impl Commissioned<'_> {
     }
 }
 
-/// What the network of an arm with play of `clearance` mm makes of `tasks`, those of this clearance.
+/// Runs `tasks`, those with a clearance of `clearance` mm, with and without the network of that arm.
 ///
 /// # Errors
 /// A run or a training that fails.

@@ -1,7 +1,7 @@
 //! The paper's claims about its network, judged by the trainings.
 //!
-//! A training depends on its seed (split and start weights), so that each question is asked several times and a difference
-//! counts where nearly all pairs of trainings agree on it.
+//! A training depends on its seed (split and start weights), so that each question is asked several times and a difference counts if nearly all pairs of
+//! trainings agree on it.
 
 use freeplay_harness::scenario::Drive;
 use freeplay_path::PathKind;
@@ -14,14 +14,14 @@ use super::reference;
 
 /// Share of all pairs of trainings that must agree on an order: four of five.
 const AGREEMENT: f64 = 0.8;
-/// A network is better than a baseline if it takes at least that share off its squared error: below is within the scatter of seeds.
+/// A network is better than a baseline if it reduces the squared error by at least this share: smaller differences are within the scatter of seeds.
 const LEAST_SKILL: f64 = 0.1;
-/// R from which a prediction is called good.
+/// A prediction counts as good from this R on.
 const GOOD_R: f64 = 0.99;
 /// The axes.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Share of the pairs of a greater and a smaller value in which the first really is greater; ties count half.
+/// Share of the pairs of a `greater` and a `smaller` value in which the first exceeds the second; ties count half.
 fn superiority(greater: &[f64], smaller: &[f64]) -> f64 {
     let wins: f64 = greater
         .iter()
@@ -39,7 +39,7 @@ fn superiority(greater: &[f64], smaller: &[f64]) -> f64 {
     wins / (greater.len() * smaller.len()) as f64
 }
 
-/// R of each axis; 0 where one of the two is constant.
+/// R of each axis; 0 if one of the two is constant.
 fn r(scores: &Scores, axis: usize) -> f64 {
     scores.test.get(axis).and_then(|score| score.r).unwrap_or(0.0)
 }

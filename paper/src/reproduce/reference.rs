@@ -1,4 +1,4 @@
-//! What an independent simulator and an independent training found, to be set beside our numbers.
+//! Results of an independent simulator and of an independent training, for comparison.
 //!
 //! Origin: the runs of `freeplay reference-runs` (semi-implicit Euler, 10 µs, Python and Pinocchio), a study of the printed
 //! friction law with the same simulator, and a study of the paper's network in numpy, c = 0.6 mm, 125 Hz, prescribed motion.
@@ -12,7 +12,7 @@ use super::case::Case;
 use crate::reference_pair::Figures;
 use crate::reference_runs::{Reference, read_reference};
 
-/// The independent numbers.
+/// The independent results.
 pub struct Independent {
     runs: Vec<Reference>,
 }
@@ -59,13 +59,13 @@ pub const WEIGHTLESS_PEAKS: [[f64; 3]; 2] = [[7.0, 13.0, 17.0], [0.0, 0.0, 5.0]]
 pub struct NetworkErrors {
     /// The network.
     pub narx: [f64; 2],
-    /// The last value known.
+    /// The last known value.
     pub persistence: [f64; 2],
     /// Ridge ARX.
     pub arx: [f64; 2],
 }
 
-/// The independent study of the network; `random` says which split.
+/// The independent study of the network; `random` selects the split.
 pub fn network(drive: Drive, path: PathKind, random: bool) -> Option<NetworkErrors> {
     let errors = |narx, arx, persistence| Some(NetworkErrors { narx, persistence, arx });
     match (drive, path, random) {

@@ -1,7 +1,7 @@
 //! Makes cases: `cargo run --release -p freeplay-concealed --example make -- --out DIR --seed S --cases N`.
 //!
-//! Writes numbered folders with `model.toml`, `recording.csv` and `second.csv`, in an order that the seed shuffles, and what each
-//! conceals in `DIR/truth/NNNN.json`.
+//! Writes numbered folders with `model.toml`, `recording.csv` and `second.csv`, in an order that the seed shuffles, and the truth of each in
+//! `DIR/truth/NNNN.json`.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -56,7 +56,7 @@ struct Options {
     jobs: usize,
 }
 
-/// What a case is about.
+/// Sort of a case.
 #[derive(Clone, Copy)]
 enum Sort {
     Single,
@@ -95,7 +95,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Makes one case; unless machines were asked for, another does what the one drawn can't show.
+/// Makes one case; if its machine can't show the effects, tries others, unless the options select machines.
 fn one(options: &Options, number: usize, case: &Case) -> Result<(), Box<dyn Error>> {
     let made = if options.machine.is_empty() { make_case(case)? } else { generate(case)? };
     Ok(write_case(&options.out, number + 1, &made)?)
@@ -135,7 +135,7 @@ fn is(value: &impl std::fmt::Debug, name: &str) -> bool {
     format!("{value:?}").eq_ignore_ascii_case(name)
 }
 
-/// The `number`-th effect: the kinds in turn, the severities in turn.
+/// The `number`-th effect: the kinds in rotation, the severities in rotation.
 fn demand(
     options: &Options,
     kinds: &[&str],

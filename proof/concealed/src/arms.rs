@@ -100,7 +100,7 @@ impl Machine {
         }
     }
 
-    /// Largest distance of each joint from home, rad or m.
+    /// Largest displacement of each joint from home, rad or m.
     pub fn reach(self) -> &'static [f64] {
         match self {
             Machine::Slide => &[0.45],
@@ -114,16 +114,16 @@ impl Machine {
     }
 }
 
-/// What hangs at the tool by the data sheet: a point mass, part of the last link's inertia.
+/// The load at the tool on the data sheet: a point mass, part of the last link's inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
     /// kg.
     pub mass: f64,
-    /// Where, in the frame of the last link, m.
+    /// Its position in the frame of the last link, m.
     pub place: Vector3<f64>,
 }
 
-/// The paper's arm names no friction, no rotors and limits far beyond what the motors of such an arm give; a data sheet does.
+/// The paper gives no friction, no rotors and limits far beyond the motors of such an arm; a data sheet has them.
 fn paper_with_friction() -> Arm {
     let file = paper_arm();
     let friction = [(25.0, 32.0), (30.0, 38.0), (16.0, 22.0), (2.5, 5.0), (1.6, 3.4), (0.8, 1.9)];

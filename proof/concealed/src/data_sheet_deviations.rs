@@ -40,7 +40,7 @@ pub struct DataSheetDeviations {
 }
 
 impl DataSheetDeviations {
-    /// A machine as its data sheet says.
+    /// A machine that equals its data sheet.
     pub fn none(dof: usize) -> Self {
         let ones = vec![1.0; dof];
         Self {
@@ -89,7 +89,7 @@ impl DataSheetDeviations {
     /// The true arm of the data sheet `nominal`; friction included.
     ///
     /// # Errors
-    /// None in practice: the tolerances leave a good arm good.
+    /// None in practice: an arm within the tolerances stays valid.
     pub fn apply(&self, nominal: &Arm) -> Result<Arm, ArmError> {
         let mut joints = nominal.joints().to_vec();
         for (i, joint) in joints.iter_mut().enumerate() {
@@ -105,7 +105,7 @@ impl DataSheetDeviations {
     }
 }
 
-/// Adds `amount` to the length of `way`; a way of no length stays as it is.
+/// Adds `amount` to the length of `way`; a vector of length zero stays.
 pub(crate) fn lengthen(way: &mut Vector3<f64>, amount: f64) {
     if let Some(direction) = way.try_normalize(1e-6) {
         *way += direction * amount;

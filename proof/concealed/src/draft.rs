@@ -1,4 +1,4 @@
-//! A first guess of an effect, and the sizes that a machine can have.
+//! An initial guess of an effect, and the possible sizes of a machine's effects.
 
 use std::f64::consts::TAU;
 
@@ -11,18 +11,18 @@ use crate::kinds::Seat;
 use crate::physics::Physics;
 use crate::random::{log_uniform, pick, sign, uniform};
 
-/// What a guess is made from.
+/// Inputs of a guess.
 pub(crate) struct Context<'a> {
     pub arm: &'a Arm,
     pub load: &'a Load,
     pub floor: &'a Floor,
     pub duration: f64,
-    /// How many times the floor the effect is to be.
+    /// Wanted size of the effect, in multiples of the floor.
     pub target: f64,
 }
 
 impl Context<'_> {
-    /// An effect of `kind` at `seat`, of about the size wanted; none for an unknown kind or a seat that it can't take.
+    /// An effect of `kind` at `seat`, of about the wanted size; `None` for an unknown kind or a seat that does not admit it.
     pub fn guess(&self, kind: &str, seat: Seat, rng: &mut ChaCha8Rng) -> Option<Physics> {
         match seat {
             Some(joint) => self
@@ -34,17 +34,17 @@ impl Context<'_> {
         }
     }
 
-    /// The torque that is wanted at `joint`, N·m.
+    /// Wanted size of the effect as a torque at `joint`, N·m.
     fn target_torque(&self, joint: usize) -> f64 {
         self.target * self.floor.torque[joint]
     }
 
-    /// The angle (m for a slide) that is wanted at `joint`.
+    /// Wanted size of the effect as an angle at `joint` (m for a slide).
     fn target_angle(&self, joint: usize) -> f64 {
         self.target * self.floor.tool / self.floor.lever[joint]
     }
 
-    /// The damper beside a spring of `stiffness` at `joint` for the damping ratio `ratio` of motor against link.
+    /// The damper parallel to a spring of `stiffness` at `joint` for the damping ratio `ratio` of motor against link.
     fn damping(&self, joint: usize, stiffness: f64, ratio: f64) -> f64 {
         // Motor and link have 0.4 and 0.6 of the inertia or more.
         2.0 * ratio * (stiffness * 0.24 * self.floor.felt[joint]).sqrt()
@@ -59,7 +59,7 @@ impl Context<'_> {
         let dry = self.arm.joints()[joint].friction.coulomb;
         Some(match kind {
             "coulomb_friction" => {
-                // Less friction than the data sheet says, now and then, where there is enough of it.
+                // In some cases less friction than on the data sheet, if the joint has enough.
                 let less = torque < 0.6 * dry && uniform(rng, 0.0, 1.0) < 0.25;
                 Physics::CoulombFriction { coulomb: if less { -torque } else { torque } }
             }
@@ -81,13 +81,13 @@ impl Context<'_> {
                 Physics::LoadDependentFriction { coefficient: torque / self.floor.load[joint].max(1e-6) }
             }
             "presliding_friction" => {
-                // Bristles that bend by a share of the way that the joint goes.
+                // Bristles that bend by a share of the joint's range of motion.
                 let bend = uniform(rng, 0.02, 0.06) * self.floor.way[joint];
                 let stiffness = dry / bend;
                 Physics::PreslidingFriction { stiffness, damping: 0.02 * dry / speed }
             }
             "position_dependent_friction" => {
-                // A whole wave at least has to fit into the way that the joint goes.
+                // The joint's range of motion has to contain at least one whole wave.
                 let least = 2.0 / self.floor.way[joint].max(0.1);
                 let periods = pick(rng, &[1.0_f64, 2.0, 3.0, 4.0, 6.0, 8.0]).max(least.ceil());
                 let phase = uniform(rng, 0.0, TAU);
@@ -122,7 +122,7 @@ impl Context<'_> {
             },
             "joint_coupling" => {
                 let n = self.arm.dof();
-                // Geared axes are neighbours.
+                // A gear couples neighbouring axes.
                 let other = if joint == 0 || (joint + 1 < n && uniform(rng, 0.0, 1.0) < 0.5) {
                     joint + 1
                 } else {
@@ -158,7 +158,7 @@ impl Context<'_> {
             }
             "joint_elasticity" => {
                 let stiffness = load / angle;
-                // A damping ratio of about that.
+                // The damping ratio, approximately.
                 let ratio = uniform(rng, 0.05, 0.15);
                 Physics::JointElasticity { stiffness, damping: self.damping(joint, stiffness, ratio) }
             }
@@ -252,15 +252,15 @@ impl Context<'_> {
         })
     }
 
-    /// The effect with its size inside what a machine can have.
+    /// The effect with its size limited to the possible range.
     pub fn bounded(&self, physics: Physics, seat: Seat) -> Physics {
         let mut bounded = physics;
         let dry = seat.map_or(0.0, |joint| self.arm.joints()[joint].friction.coulomb);
         match &mut bounded {
             Physics::CoulombFriction { coulomb: x } => *x = x.max(-0.9 * dry),
-            // Friction at standstill is one to three times that at speed (Armstrong-Hélouvry et al. 1994); with more a machine leaps.
+            // Friction at standstill is one to three times that at speed (Armstrong-Hélouvry et al. 1994); a machine with more moves in leaps.
             Physics::StribeckFriction { extra: x, .. } => *x = x.min(2.0 * dry),
-            // Friction can't be less than none.
+            // Friction cannot be negative.
             Physics::PositionDependentFriction { amplitude: x, .. } => *x = x.min(0.95 * dry),
             Physics::JointClearance { clearance: x, .. }
             | Physics::LubricatedClearance { clearance: x, .. } => {
@@ -268,12 +268,12 @@ impl Context<'_> {
             }
             Physics::Backlash { gap: x, .. } => *x = x.min(0.05),
             Physics::JointElasticity { stiffness, damping } => {
-                // The servo has to live with it: a resonance of 5 Hz or more.
+                // The servo has to remain stable: a resonance of 5 Hz or more.
                 let least = seat.map_or(0.0, |joint| self.floor.felt[joint] * (TAU * 5.0).powi(2));
                 *stiffness = stiffness.max(least);
                 *damping = damping.max(seat.map_or(0.0, |joint| self.damping(joint, *stiffness, 0.05)));
             }
-            // What a shaft that two joints share asks across stays less than what each moves anyway.
+            // The cross-coupling of a shared shaft stays below the own inertia of each joint.
             Physics::JointCoupling { with, inertia, .. } => {
                 let other = self.arm.joint_index(with).map_or(f64::INFINITY, |other| self.floor.felt[other]);
                 *inertia = inertia.min(0.4 * other);
@@ -282,7 +282,7 @@ impl Context<'_> {
             Physics::FrictionDrift { amount: x, .. } => *x = x.min(4.0),
             Physics::LinkMass { scale: x } => *x = x.clamp(0.4, 2.5),
             Physics::TorqueGain { gain: x } => *x = x.clamp(0.55, 1.8),
-            // Beyond this an encoder is broken, not off.
+            // An encoder with a larger offset is broken.
             Physics::EncoderOffset { offset: x } => *x = x.clamp(-0.25, 0.25),
             Physics::EncoderEccentricity { amplitude: x, .. } => *x = x.min(0.08),
             Physics::TimeDelay { delay: x, .. } => *x = x.min(0.019),

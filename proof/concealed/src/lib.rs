@@ -1,18 +1,18 @@
-//! Recordings of machines whose physics is concealed: what the blind proof of `diagnose` is judged on.
+//! Recordings of machines with concealed physics: the test data of the blind proof of `diagnose`.
 //!
-//! The generator shares no law and no integrator with its judge: it may name `arm` and `recording` alone. The nouns, in the
-//! order in which data passes through them:
+//! The generator shares no law and no integrator with the diagnosis: it depends on `arm` and `recording` alone. The nouns, in the order in which data passes
+//! through them:
 //!
-//! - [`Quota`]: how many cases of which sort; [`draw_set`] draws them from a seed. [`Matrix`]: every kind at every [`Place`] instead.
-//! - [`Case`]: what is asked for: a [`Machine`] (an arm by its data sheet), [`Demand`]s (which physics is left out of the data
-//!   sheet, how strong), a [`Noise`] level and a seed.
+//! - [`Quota`]: number of cases of each sort; [`draw_set`] draws them from a seed. [`Matrix`]: every kind at every [`Place`] instead.
+//! - [`Case`]: a request: a [`Machine`] (an arm by its data sheet), [`Demand`]s (physics missing on the data sheet, with its strength), a [`Noise`] level and a
+//!   seed.
 //! - [`Physics`]: one effect, of the catalogue or outside it, with its parameters.
-//! - [`Motion`]: what the machine is told to do.
-//! - [`DataSheetDeviations`]: what was drawn for the true arm beside its data sheet: factors and offsets within its tolerances.
-//! - [`Plan`]: the machine as it is: arm, drives, transmissions, bearings, springs.
-//! - [`Trace`]: what it did, by the servo controller and the time stepping of [`Plan::run`].
-//! - [`Chain`]: the sensors: what of it is written down.
-//! - [`SetupFault`]: a recording that is not read as its data sheet means it, put in by [`with_setup_faults`], of [`Kept`] channels.
+//! - [`Motion`]: the commanded motion.
+//! - [`DataSheetDeviations`]: random deviations of the true arm from its data sheet: factors and offsets within its tolerances.
+//! - [`Plan`]: the true machine: arm, drives, transmissions, bearings, springs.
+//! - [`Trace`]: its motion, from the servo controller and the time stepping of [`Plan::run`].
+//! - [`Chain`]: the sensors, which turn the motion into samples.
+//! - [`SetupFault`]: a difference in conventions between recording and data sheet, added by [`with_setup_faults`], of [`Kept`] channels.
 //! - [`Made`]: the data sheet, two recordings and the [`Truth`]; from [`make_case`], [`make_here`] or [`generate`].
 
 mod arms;

@@ -1,4 +1,4 @@
-//! The systematic sweep: every kind at every place that it can sit on, at every severity, beside controls without any effect.
+//! The systematic sweep: every kind at every possible place, at every severity, with controls without any effect.
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
@@ -11,7 +11,7 @@ use crate::random::{pick, stream};
 use crate::sensors::Noise;
 use crate::set::Quota;
 
-/// What is swept.
+/// Range of the sweep.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Matrix {
     /// The machines.
@@ -61,19 +61,19 @@ impl Matrix {
         Ok(places)
     }
 
-    /// How many cases of which sort.
+    /// Number of cases of each sort.
     ///
     /// # Errors
     /// As [`Machine::data_sheet`].
     pub fn quota(&self) -> Result<Quota, GenerateError> {
         let single = Severity::ALL.len() * self.places()?.len();
-        // Without a place there is nothing that a control could stand beside.
+        // Without a place there are no cases for controls.
         let negative = if single == 0 { 0 } else { self.negative };
         Ok(Quota { single, negative, ..Quota::default() })
     }
 
-    /// The cases from `seed`, in an order that tells nothing: each place once at each severity, its three noise levels dealt to them, and
-    /// the controls, each as if for one of the kinds on its machine.
+    /// The cases from `seed`, in an uninformative order: each place once at each severity, with the three noise levels dealt to them; and the controls, each
+    /// drawn as for one of the kinds on its machine.
     ///
     /// # Errors
     /// As [`Machine::data_sheet`].
@@ -117,7 +117,7 @@ mod tests {
     use crate::kinds::{CATALOGUE, seats};
     use crate::sensors::Noise;
 
-    /// Every kind at every place that it can sit on, on every machine, at every severity: once each and nothing else.
+    /// Every kind at every possible place, on every machine, at every severity: each exactly once.
     #[test]
     fn the_draw_covers_every_place_once_at_each_severity() {
         let matrix = Matrix::whole();
@@ -147,7 +147,7 @@ mod tests {
         assert_ne!(cases, matrix.draw(4).expect("cases"));
     }
 
-    /// Noise levels and machines of the controls come as often as each other, to within one.
+    /// Noise levels and machines of the controls occur equally often, to within one.
     #[test]
     fn noise_and_controls_are_dealt_evenly() {
         let cases = Matrix::whole().draw(3).expect("cases");

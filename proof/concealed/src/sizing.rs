@@ -1,4 +1,4 @@
-//! Finding the size at which an effect is as strong as asked for.
+//! Search for the size at which an effect has the requested strength.
 
 use rand_chacha::ChaCha8Rng;
 
@@ -10,25 +10,25 @@ use crate::kinds::{Seat, depends_on_time, shows_at_tool};
 use crate::machine::{Plan, PlanError, Trace};
 use crate::physics::{Effect, Physics};
 
-/// Length of motion on which a first size is found, s.
+/// Length of motion for an initial size, s.
 const TRIAL: f64 = 8.0;
-/// Runs of the whole motion spent on the size of an effect.
+/// Runs of the whole motion per search.
 const TRIALS: usize = 5;
-/// How near the signal-to-floor ratio has to come to what is wanted for the search to end, natural logarithm.
+/// The search ends if the log of the signal-to-floor ratio is within this distance of the wanted one.
 const NEAR: f64 = 0.15;
-/// The same for what is taken when the runs are spent.
+/// The same for accepting the best size when the runs are used up.
 const NEAR_ENOUGH: f64 = 0.24;
-/// An effect this many times weaker or stronger than wanted, natural logarithm, may yet become distinct by its size.
+/// An effect weaker or stronger than wanted by up to this factor, natural logarithm, may still become distinct with another size.
 const UNSURE: f64 = 0.5;
 
-/// Finding the size of an effect.
+/// A search for the size of an effect.
 pub(crate) struct Sizing<'a> {
     pub bench: &'a Bench,
     pub floor: &'a Floor,
     pub without: &'a Residual,
 }
 
-/// An effect of the size asked for, with the machine and what it did over the whole motion.
+/// An effect of the requested strength, with the machine and its trace over the whole motion.
 pub(crate) struct Found {
     pub effect: Effect,
     pub strength: Strength,
@@ -38,10 +38,9 @@ pub(crate) struct Found {
 }
 
 impl Sizing<'_> {
-    /// An effect as strong as asked for, and its strength over the whole motion.
+    /// Finds an effect of the requested strength, and its strength over the whole motion.
     ///
-    /// The first run is short, where the effect does not depend on time; from there on each run is of the whole motion, and the
-    /// last of them is the recording.
+    /// The first run is short if the effect does not depend on time; all further runs cover the whole motion, and the last of them is the recording.
     pub fn find(&self, demand: &Demand, seat: Seat, rng: &mut ChaCha8Rng) -> Result<Found, GenerateError> {
         let bench = self.bench;
         let (machine, kind) = (bench.machine, &demand.kind);
@@ -79,7 +78,7 @@ impl Sizing<'_> {
             if best.as_ref().is_none_or(|(least, _)| miss < *least) {
                 best = Some((miss, found));
             }
-            // A machine that gives no more gives no more.
+            // The effect is at the limit of the machine.
             if miss < NEAR || next == physics {
                 break;
             }
@@ -104,15 +103,15 @@ impl Sizing<'_> {
     }
 }
 
-/// How a trace grows with the size of its effect: about as a power of it, taken from the last two sizes.
+/// Growth of a trace with the size of its effect: approximately a power law, fitted to the last two sizes.
 #[derive(Default)]
 struct Power {
-    /// What was lacking, and the factor that was to bring it, both as logarithms.
+    /// The missing factor of the trace, and the factor of the size tried for it, both as logarithms.
     last: Option<[f64; 2]>,
 }
 
 impl Power {
-    /// The factor of the size that brings `lack` times the trace, within reason.
+    /// The factor of the size that multiplies the trace by `lack`, within limits.
     fn factor(&mut self, lack: f64) -> f64 {
         // Without any trace it is infinite.
         let lack = lack.max(f64::MIN_POSITIVE).ln().min(f64::MAX.ln());

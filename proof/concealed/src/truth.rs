@@ -1,4 +1,4 @@
-//! What a case conceals.
+//! The concealed truth of a case.
 
 use serde::Serialize;
 
@@ -13,11 +13,11 @@ pub struct TruthEffect {
     pub joint: Option<String>,
     /// Its parameters, SI.
     pub parameters: serde_json::Value,
-    /// Parameters that leave next to no trace of their own: not to be scored.
+    /// Parameters with hardly any trace of their own: not to be scored.
     pub weak: Vec<&'static str>,
-    /// Other names for it that explain the recording as well: to be taken as right.
+    /// Other names that explain the recording as well: to be accepted as right.
     pub equivalents: Vec<Equivalent>,
-    /// Whether it is one of the catalogue.
+    /// Whether it belongs to the catalogue.
     pub catalogued: bool,
     /// `slight`, `clear` or `strong`.
     pub severity: &'static str,
@@ -27,7 +27,7 @@ pub struct TruthEffect {
     pub channel: String,
 }
 
-/// What a case conceals, and what it was made from.
+/// The concealed effects of a case, and its settings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Truth {
     /// Name of the format.
@@ -46,14 +46,14 @@ pub struct Truth {
     pub rate: f64,
     /// See `rate`.
     pub duration: f64,
-    /// The effects; none for a negative control.
+    /// The effects; empty for a negative control.
     pub effects: Vec<TruthEffect>,
 }
 
 /// The schema of [`Truth`] as JSON.
 pub(crate) const SCHEMA: &str = "freeplay.truth/1";
 
-/// Parameters of `kind` that leave next to no trace of their own.
+/// Parameters of `kind` with hardly any trace of their own.
 pub(crate) fn weak(kind: &str) -> Vec<&'static str> {
     match kind {
         "joint_clearance" => vec!["stiffness", "restitution", "friction"],

@@ -1,4 +1,4 @@
-//! All cases of a sealed folder, each given once to an analyst of its own.
+//! The analysis of all cases of a sealed folder, each by an analyst of its own in one attempt.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -18,16 +18,16 @@ use super::answer::Answer;
 use super::hash;
 use super::lures::Held;
 
-/// How often an analyst is looked after.
+/// Polling interval for an analyst.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// The files of each case, by name of the case and of the file.
 pub type Sealed = BTreeMap<String, BTreeMap<String, SealedFile>>;
 
-/// A file as it was sealed.
+/// A sealed file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SealedFile {
-    /// Its hash, the number that `sha256sum` gives.
+    /// Its hash, the number that `sha256sum` prints.
     pub sha256: String,
     /// Its length.
     pub bytes: u64,
@@ -40,7 +40,7 @@ pub struct SealedFile {
 pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
     let mut cases = Sealed::new();
     for entry in list(folder)? {
-        // A link could lead out of the folder to what nobody sealed.
+        // A link could lead out of the folder to an unsealed file.
         if entry.kind == EntryKind::Link && entry.path.join(FILES[0]).exists() {
             let path = entry.path.display();
             return Err(Failure::input(format!(
@@ -63,7 +63,7 @@ pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
     Ok(cases)
 }
 
-/// Seals every file below `folder`, for an analyst can read them all; `prefix` stands before their names.
+/// Seals every file below `folder`, since an analyst can read them all; `prefix` precedes their names.
 fn seal_below(folder: &Path, prefix: &str, files: &mut BTreeMap<String, SealedFile>) -> Result<(), Failure> {
     for entry in list(folder)? {
         let named = format!("{prefix}{}", name(&entry.path));
@@ -89,7 +89,7 @@ fn name(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
-/// How many analysts gave `answers` behind what, in words.
+/// Number of analysts with `answers` by kind of isolation, in words.
 pub fn isolation<'a>(answers: impl Iterator<Item = &'a Answer>) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for answer in answers {
@@ -98,18 +98,18 @@ pub fn isolation<'a>(answers: impl Iterator<Item = &'a Answer>) -> BTreeMap<Stri
     counts
 }
 
-/// How the analysts work.
+/// Settings of the analysts.
 pub struct Analysts {
-    /// How many at a time.
+    /// Number of concurrent analysts.
     pub jobs: usize,
-    /// How long each may take.
+    /// Time limit of each.
     pub patience: Duration,
-    /// What none of them may be able to reach.
+    /// Resources that no analyst may reach.
     pub lures: Held,
 }
 
 impl Analysts {
-    /// The answer for each of `cases` in `folder`. An analyst that crashes or takes too long has answered wrongly.
+    /// The answer for each of `cases` in `folder`. A crash or a timeout of an analyst counts as a wrong answer.
     ///
     /// # Errors
     /// An analyst that can't be started.
@@ -157,7 +157,7 @@ impl Analysts {
         })
     }
 
-    /// How the analyst ended: well, or why not.
+    /// Waits for the analyst: success, or the reason of its failure.
     fn wait(&self, child: &mut Child) -> Result<Result<(), String>, Failure> {
         let start = Instant::now();
         loop {

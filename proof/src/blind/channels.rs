@@ -1,4 +1,4 @@
-//! Covert channels: the ways by which an analyst could learn of anything but its case. The process tries each of them.
+//! Covert channels: ways to learn anything but the own case. The process of the analyst tries each of them.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -73,7 +73,7 @@ pub fn all(lures: &Lures, inherited: &InheritedResources, parted: &Parted) -> BT
             "System V memory and queues",
             (!parted.spaces).then(|| "they are those of all processes".to_owned()),
         ),
-        // Nothing above parts these: whoever needs more separates analysts by machines.
+        // The layers do not close these channels; a stricter test runs the analysts on separate machines.
         ("kernel keyring", Some("the session's keyring is inherited; no truth is in it".to_owned())),
         ("load of the machine", Some("analysts share processors and caches".to_owned())),
     ];
@@ -81,7 +81,7 @@ pub fn all(lures: &Lures, inherited: &InheritedResources, parted: &Parted) -> BT
     states.into_iter().map(|(name, how)| (name.to_owned(), state(how))).collect()
 }
 
-/// The canary and the folder that it is in.
+/// Tries to read the canary and its folder.
 fn files(canary: Option<&Path>) -> Option<String> {
     if canary.is_none() {
         return Some("not tried: the parent holds no file".to_owned());
@@ -97,12 +97,12 @@ fn names(canary: Option<&Path>) -> Option<String> {
     Some(format!("of a file whose path is known, as of the canary: {} bytes", about.len()))
 }
 
-/// A file of its own in the folder, and the permissions that the folder has already.
+/// Tries to create a file in the folder, and to change the permissions of the folder.
 fn writing() -> Option<String> {
     let name = "written";
     let written = std::fs::File::create_new(name).and_then(|mut file| file.write_all(b"0")).is_ok();
     if written {
-        // It was this process that made it.
+        // This process created it.
         let _ = std::fs::remove_file(name);
     }
     if written {
@@ -113,7 +113,7 @@ fn writing() -> Option<String> {
     Some("permissions and times of the folder can be changed".to_owned())
 }
 
-/// The parent's memory and its open files, by its folder in /proc and by a handle of the process.
+/// Tries to read the parent's memory and its open files, through its folder in /proc and a handle of the process.
 fn memory(parent: u32) -> Option<String> {
     if std::fs::File::open(format!("/proc/{parent}/mem")).is_ok() {
         return Some(format!("/proc/{parent}/mem was opened"));
@@ -123,7 +123,7 @@ fn memory(parent: u32) -> Option<String> {
     stolen.then(|| "a file of the parent was taken".to_owned())
 }
 
-/// What /proc tells of the parent and of any other process.
+/// Tries to read the entries of the parent and of any other process in /proc.
 fn processes(parent: u32) -> Option<String> {
     let path = |what: &str| PathBuf::from(format!("/proc/{parent}/{what}"));
     let read = ["cmdline", "environ", "status", "maps"].map(path);
@@ -134,7 +134,7 @@ fn processes(parent: u32) -> Option<String> {
         .map(|path| format!("{} was read", path.display()))
 }
 
-/// Whether a process of that number lives, which many system calls tell.
+/// Tries to learn whether a process with that number lives, which many system calls reveal.
 fn numbers(parent: u32) -> Option<String> {
     getpgid(pid(parent)).ok()?;
     Some("system calls tell which process numbers are in use; they follow the order of the names".to_owned())
@@ -149,7 +149,7 @@ fn pid(number: u32) -> Option<Pid> {
     Pid::from_raw(i32::try_from(number).ok()?)
 }
 
-/// A connection to the parent's port and a datagram to this machine.
+/// Tries a connection to the parent's port and a datagram to this machine.
 fn network(port: Option<u16>) -> Option<String> {
     if port.is_some_and(|port| TcpStream::connect(("127.0.0.1", port)).is_ok()) {
         return Some("TCP reaches the parent".to_owned());

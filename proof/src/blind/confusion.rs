@@ -1,4 +1,4 @@
-//! What was taken for what, where, and what is known of why.
+//! Confused kinds, their places, and the known reasons.
 
 use std::collections::BTreeMap;
 
@@ -11,31 +11,31 @@ use super::judged::Judged;
 use super::score::Outcome;
 use super::truth::at;
 
-/// Counts of what was said, by what was concealed.
+/// Counts of stated kinds, by concealed kind.
 pub type Confusion = BTreeMap<String, BTreeMap<String, usize>>;
 
-/// One effect that was taken for something else.
+/// One confusion of a concealed effect with another answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mistake {
     /// The concealed kind.
     pub concealed: String,
-    /// What was said instead: kinds, `one of` some, `unknown`, `nothing`.
+    /// The answer instead: kinds, `one of` some, `unknown`, `nothing`.
     pub said: String,
-    /// How often.
+    /// Number of cases.
     pub times: usize,
-    /// How often at each severity: slight, clear, strong.
+    /// Number of cases by severity: slight, clear, strong.
     pub severities: [usize; 3],
     /// Median of the signal-to-floor ratios.
     pub signal_to_floor: f64,
-    /// How often the concealed kind at its joint explains more than the least that counts.
+    /// Number of cases in which the concealed kind at its joint exceeds the required score.
     pub counts: usize,
-    /// How often it explains the most of all kinds at all places.
+    /// Number of cases in which it has the highest score of all kinds at all places.
     pub leads: usize,
-    /// How often the answer holds its name nevertheless, but is not content with it.
+    /// Number of cases whose answer contains its name but also others, or an open choice.
     pub held: usize,
-    /// What explains the most where that is something else, the commonest.
+    /// The commonest other kind with the highest score.
     pub leading: Option<String>,
-    /// Machine and joint where it happens, with how often, the commonest first.
+    /// Machines and joints with their number of cases, the commonest first.
     pub places: Vec<(String, usize)>,
 }
 
@@ -49,7 +49,7 @@ pub fn matrix(singles: &[&Judged]) -> Confusion {
     table
 }
 
-/// The column of the matrix: the kind that was named, what was said beside it or in its place in brackets.
+/// The column of the matrix: the named kind, with further or alternative answers in brackets.
 fn column(case: &Judged) -> String {
     let concealed = &case.truth.effects[0];
     let other = case.answer.effects.iter().find(|effect| effect.kind != concealed.kind);
@@ -66,7 +66,7 @@ fn column(case: &Judged) -> String {
     }
 }
 
-/// What was taken for what, by kind, the commonest first.
+/// The confusions by kind, the commonest first.
 pub fn mistakes(singles: &[&Judged]) -> Vec<Mistake> {
     let mut groups: BTreeMap<(&str, String), Vec<&Judged>> = BTreeMap::new();
     for case in singles.iter().copied().filter(|case| case.outcome != Outcome::Right) {
@@ -78,7 +78,7 @@ pub fn mistakes(singles: &[&Judged]) -> Vec<Mistake> {
     all
 }
 
-/// What was said, by kinds alone.
+/// The answer, as kinds alone.
 fn said(case: &Judged) -> String {
     let concealed = &case.truth.effects[0];
     let named = |answer: &Answer| answer.effects.iter().map(|e| e.kind.clone()).collect::<Vec<_>>();
@@ -92,7 +92,7 @@ fn said(case: &Judged) -> String {
             class.extend(rivals.map(|rival| rival.kind.clone()));
             class.sort_unstable();
             class.dedup();
-            // Of one kind alone: which joint is the question.
+            // Alternatives of one kind differ only in the joint.
             let joints = if class.len() == 1 { ", of several joints" } else { "" };
             let without = if concealed.is_among(&case.answer) { "" } else { ", all of them wrong" };
             format!("one of {}{joints}{without}", class.join(", "))
@@ -131,7 +131,7 @@ impl Mistake {
         }
     }
 
-    /// What is known of why, in words: what the recordings say, then what the catalogue says of the two kinds.
+    /// The known reasons, in words: first from the recordings, then from the catalogue's entries of the two kinds.
     pub fn why(&self) -> String {
         let times = self.times;
         let mut words = format!("explains more than counts in {} of {times}", self.counts);
@@ -144,7 +144,7 @@ impl Mistake {
         if self.said == "unknown" && self.held > 0 {
             words += &format!(", rightly guessed in {} but more is left over than noise", self.held);
         }
-        // Whom it was taken for, or, without a name, what explains more.
+        // The kind that it was confused with, or, for an answer without a name, the kind with the higher score.
         let by_name =
             self.said.split([' ', ',']).find_map(|word| Some((word, separates(&self.concealed, word)?)));
         let by_lead =
@@ -156,7 +156,7 @@ impl Mistake {
     }
 }
 
-/// What the catalogue says of two kinds that look alike.
+/// The catalogue's remark on distinguishing two similar kinds.
 fn separates(a: &str, b: &str) -> Option<String> {
     let of = |a: &str, b: &str| {
         let like = freeplay_laws::kind(a)?.confounders.iter().find(|(kind, _)| *kind == b)?;
@@ -165,12 +165,12 @@ fn separates(a: &str, b: &str) -> Option<String> {
     of(a, b).or_else(|| of(b, a))
 }
 
-/// What explains the most by itself.
+/// The hypothesis with the highest score on its own.
 fn first(case: &Judged) -> Option<&Hypothesis> {
     case.answer.hypotheses.iter().max_by(|a, b| a.alone.total_cmp(&b.alone))
 }
 
-/// How often each of `words` comes, the commonest first.
+/// The distinct `words` with their counts, the commonest first.
 fn counted(words: impl Iterator<Item = String>) -> Vec<(String, usize)> {
     let mut counts = BTreeMap::new();
     words.for_each(|word| *counts.entry(word).or_insert(0) += 1);
@@ -188,7 +188,7 @@ mod tests {
     use super::super::tally::Score;
     use super::{matrix, mistakes};
 
-    /// A backlash of the elbow of 3 floors, answered with `verdict` and those kinds and joints.
+    /// A case with a backlash of the elbow of 3 floors, answered with `verdict` and those kinds and joints.
     fn case(verdict: &str, effects: &[(&str, &str)], rivals: &[&str]) -> Judged {
         let truth = json!({ "machine": "arm", "effects": [
             { "kind": "backlash", "joint": "elbow", "severity": "clear", "signal_to_floor": 3.0 }
@@ -259,7 +259,7 @@ mod tests {
         assert!(taken.why().contains("2 of 2"));
     }
 
-    /// Success by machine and joint is that of the cases there.
+    /// Success by machine and joint counts the cases with that machine and joint.
     #[test]
     fn joints_are_counted_by_machine() {
         let cases = [case("named", &[("backlash", "elbow")], &[]), case("unknown", &[], &[])];

@@ -1,4 +1,4 @@
-//! What the score is to be compared with: chance, a better fit without a name, and an oracle that knows what was concealed.
+//! Controls for the score: chance, a better fit without a name, and an oracle that knows the concealed kind.
 
 use std::collections::HashMap;
 
@@ -15,23 +15,23 @@ use super::truth::{Concealed, Sort, TruthKey};
 pub struct Controls {
     /// Cases with one effect whose answer is right.
     pub right: Share,
-    /// The same if every case had the answer of another one, mean over all others: kind and joint.
+    /// Mean share of right answers if every case had the answer of another one, over all others: kind and joint.
     pub permuted: f64,
     /// The same, the kind alone.
     pub permuted_kind: f64,
-    /// Cases with one effect in which the concealed kind at its joint, known beforehand, explains more than the least that counts: what
-    /// an oracle that knows the structure could name at best.
+    /// Cases with one effect in which the concealed kind at its joint, known beforehand, exceeds the required score: the best that an oracle with this
+    /// knowledge could name.
     pub oracle: Share,
-    /// Held-out error closed by the named effects, % of what is above the floor, where the name is right.
+    /// Reduction of the held-out error above the floor by the named effects, %, if the name is right.
     pub closed_by_name: Option<Median>,
-    /// The same by the tolerances alone, nothing added and nothing named.
+    /// The same by the tolerances alone, without an effect.
     pub closed_by_tuning: Option<Median>,
     /// The same by an unnamed correction.
     pub closed_by_black_box: Option<Median>,
 }
 
 impl Controls {
-    /// Of `cases`.
+    /// The controls of `cases`.
     pub fn of(cases: &[Judged]) -> Self {
         let singles: Vec<&Judged> = of_sort(cases, Sort::Single).collect();
         let right = || cases.iter().filter(|case| case.outcome == Outcome::Right);
@@ -51,10 +51,9 @@ impl Controls {
     }
 }
 
-/// The mean share of right answers if every case had the answer of each other one: kind and joint, kind alone. What is the same by
-/// another name counts here as it does in the score.
+/// The mean share of right answers if every case had the answer of each other one: kind and joint, kind alone. Equivalents count here as in the score.
 ///
-/// Truths that conceal the same and answers that name the same are counted first, so that pairs are compared once a kind and joint.
+/// The function first counts equal truths and equal answers, so that it compares each pair of kind and joint once.
 fn permuted(singles: &[&Judged]) -> (f64, f64) {
     let mut truths: HashMap<TruthKey, (&Concealed, usize)> = HashMap::new();
     let mut answers: HashMap<AnswerKey, (&[Named], usize)> = HashMap::new();
@@ -67,7 +66,7 @@ fn permuted(singles: &[&Judged]) -> (f64, f64) {
             let effects = case.answer.effects.as_slice();
             let key = effects.iter().map(|effect| (effect.kind.as_str(), effect.joint.as_deref())).collect();
             answers.entry(key).or_insert((effects, 0)).1 += 1;
-            // A case has not its own answer here.
+            // A case does not count with its own answer here.
             for (count, hit) in own.iter_mut().zip(hits(concealed, effects)) {
                 *count += usize::from(hit);
             }
@@ -85,16 +84,16 @@ fn permuted(singles: &[&Judged]) -> (f64, f64) {
     (share(same - own[0]), share(same_kind - own[1]))
 }
 
-/// Kind and joint of all that an answer names, in its order.
+/// Kind and joint of all effects in an answer, in its order.
 type AnswerKey<'a> = Vec<(&'a str, Option<&'a str>)>;
 
-/// Whether an answer that names `effects` names what is concealed and nothing else: by kind and joint, by its kind.
+/// True if an answer with `effects` names exactly the concealed effect: by kind and joint, and by kind alone.
 fn hits(concealed: &Concealed, effects: &[Named]) -> [bool; 2] {
     let all = concealed.said_by(effects).len();
     [all > 0 && all == effects.len(), effects.len() == 1 && effects[0].kind == concealed.kind]
 }
 
-/// Whether the concealed kind at its joint, or what is the same by another name, explains more than the least that counts.
+/// True if the concealed kind at its joint, or an equivalent, exceeds the required score.
 pub fn oracle(case: &Judged) -> bool {
     let concealed = &case.truth.effects[0];
     case.answer.hypotheses.iter().any(|row| concealed.names(row) && row.alone > row.threshold)

@@ -1,4 +1,4 @@
-//! The cases of many receipts on their way into one: on disk, so that memory does not grow with what was answered.
+//! Collects the cases of many receipts for one receipt, on disk, so that memory does not grow with the answers.
 
 use std::collections::BTreeMap;
 use std::io::{BufWriter, Write};
@@ -13,9 +13,9 @@ use super::canonical::canonical;
 use super::hash::Running;
 use super::receipt::{Part, Record, SCHEMA};
 
-/// Bytes of a bucket that are held in memory before they go to its file.
+/// Bytes of a bucket in memory before they go to its file.
 const HELD: usize = 64 << 10;
-/// Leading bytes of a name that choose the bucket: 256 buckets of names in hexadecimal digits.
+/// Leading bytes of a name that select the bucket: 256 buckets of names in hexadecimal digits.
 const PREFIX: usize = 2;
 
 /// Cases by the beginning of their names, each bucket in a file of its own. The order of buckets and of names within each is that of a receipt.
@@ -26,10 +26,10 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// Gathers in `folder`, which is made and removed with this value.
+    /// Collects in `folder`, which is created and removed with this value.
     ///
     /// # Errors
-    /// A folder that can't be made.
+    /// A folder that can't be created.
     pub fn new(folder: PathBuf) -> Result<Self, Failure> {
         remove_folder(&folder)?;
         make_folder(&folder)?;
@@ -66,14 +66,14 @@ impl Gathered {
         cases.map(|line| serde_json::from_slice(line).map_err(Failure::internal)).collect()
     }
 
-    /// Writes the receipt of all cases with their `parts` and their `score` to `path`; its hash.
+    /// Writes the receipt of all cases with their `parts` and their `score` to `path`; returns its hash.
     ///
     /// # Errors
     /// A file that can't be written or read back.
     pub fn write(&self, path: &Path, parts: &[Part], score: &Value) -> Result<String, Failure> {
         let file = AtomicFile::create(path)?;
         let mut receipt = Output { text: BufWriter::new(file), path, hash: Running::new("receipt") };
-        // The text has the fields of a receipt in their order, the hash has them sorted: parts come after the cases there.
+        // The text has the fields of a receipt in their order, the hash has them sorted: there, the parts come after the cases.
         receipt.text(&format!("{{\"schema\":{},\"parts\":[", json!(SCHEMA)))?;
         for (index, part) in parts.iter().enumerate() {
             receipt.text(if index > 0 { "," } else { "" })?;
@@ -106,12 +106,12 @@ impl Gathered {
 
 impl Drop for Gathered {
     fn drop(&mut self) {
-        // Whoever asked for the receipt is told whether it was written; the rest can be removed by hand.
+        // The caller already knows whether the receipt was written; remaining files can be removed by hand.
         let _ = remove_folder(&self.folder);
     }
 }
 
-/// A receipt that is written and hashed at once.
+/// Writes and hashes a receipt at once.
 struct Output<'a> {
     text: BufWriter<AtomicFile>,
     path: &'a Path,
@@ -153,7 +153,7 @@ mod tests {
     use crate::blind::answer::Answer;
     use crate::blind::receipt::{Receipt, Record, SCHEMA};
 
-    /// What is gathered on disk is to the byte what a receipt in memory writes, for names of all kinds and more cases than a bucket holds.
+    /// The receipt collected on disk equals a receipt in memory byte for byte, for names of all kinds and more cases than a bucket holds.
     #[test]
     fn a_gathered_receipt_is_that_of_memory() {
         let folder = tempfile::tempdir().expect("a folder");

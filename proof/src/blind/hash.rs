@@ -1,4 +1,4 @@
-//! SHA-256 of what has to stay as it is: files, texts, the catalogue.
+//! SHA-256 of the frozen objects: files, texts, the catalogue.
 
 use std::io::Read;
 use std::path::Path;
@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 
 use super::canonical::canonical;
 
-/// SHA-256 of `parts` one after the other, each with its length before it, as hexadecimal digits.
+/// SHA-256 of the concatenated `parts`, each with its length before it, as hexadecimal digits.
 fn of(parts: &[&[u8]]) -> String {
     let mut hash = Sha256::new();
     for part in parts {
@@ -23,7 +23,7 @@ fn of(parts: &[&[u8]]) -> String {
     hex(&hash.finalize())
 }
 
-/// SHA-256 of the file `path`, which is no link, as it stands, the number that `sha256sum` gives.
+/// SHA-256 of the content of the file `path`, which must not be a link; the number that `sha256sum` prints.
 ///
 /// # Errors
 /// A file that can't be read.
@@ -39,7 +39,7 @@ pub fn of_file(path: &Path) -> Result<String, Failure> {
     }
 }
 
-/// SHA-256 of the program that runs.
+/// SHA-256 of the running program.
 ///
 /// # Errors
 /// A program whose file can't be read.
@@ -47,7 +47,7 @@ pub fn of_program() -> Result<String, Failure> {
     of_file(&std::env::current_exe().map_err(Failure::internal)?)
 }
 
-/// What is said of the effects of the catalogue and beyond it: names, places, parameters with units, laws, sources.
+/// The definition of the effects in the catalogue and beyond it: names, places, parameters with units, laws, sources.
 pub fn catalogue() -> Value {
     let kinds = kinds().map(|kind| {
         let parameters: Vec<Value> = kind
@@ -68,8 +68,7 @@ pub fn of_catalogue() -> String {
     of_json("catalogue", &catalogue())
 }
 
-/// SHA-256 of the word `purpose`, a newline and the canonical text of `value`. The purpose keeps a hash of one thing from standing for
-/// another.
+/// SHA-256 of the word `purpose`, a newline and the canonical text of `value`. The purpose keeps the hash of one object from passing for that of another.
 pub fn of_json(purpose: &str, value: &Value) -> String {
     hex(&Sha256::digest(format!("{purpose}\n{}", canonical(value))))
 }
@@ -100,8 +99,8 @@ pub fn commitment(salt: &str, truth: &Value) -> String {
     of_json("truth", &json!([salt, truth]))
 }
 
-/// Whether `commitment` is one to `truth`, also by the earlier construction, in which someone may have sealed a folder: the salt and the
-/// truth as compact JSON, in the order of its keys, each with its length before it.
+/// True if `commitment` commits to `truth`, also by the earlier construction, for folders that were sealed with it: the salt and the truth as compact JSON, in
+/// the order of its keys, each with its length before it.
 pub fn commits(found: &str, salt: &str, truth: &Value) -> bool {
     found == commitment(salt, truth) || found == of(&[salt.as_bytes(), truth.to_string().as_bytes()])
 }
@@ -110,7 +109,7 @@ pub fn commits(found: &str, salt: &str, truth: &Value) -> bool {
 mod tests {
     use serde_json::json;
 
-    /// The hash of a file is that of the standard's example, FIPS 180-4: "abc".
+    /// The hash of a file equals the example of the standard, FIPS 180-4: "abc".
     #[test]
     fn a_file_has_the_hash_of_the_standard() {
         let folder = tempfile::tempdir().expect("a folder");

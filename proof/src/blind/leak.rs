@@ -1,7 +1,7 @@
-//! Whether the sealed folder tells by its looks what it conceals: a classifier on names, sizes and order has to be at chance.
+//! Tests that the appearance of the sealed folder does not reveal the truth: a classifier on names, sizes and order has to be at chance.
 //!
-//! Each case is given the sort of its nearest neighbours in name, sizes of its files and place in the order of names; how often that
-//! is right is compared with the same after the sorts were dealt anew at random.
+//! The classifier gives each case the sort of its nearest neighbours in name, sizes of its files and place in the order of names. The test compares its
+//! accuracy with that for randomly permuted sorts.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -13,31 +13,31 @@ use super::nearest::Tree;
 use super::receipt::Part;
 use super::truth::Sort;
 
-/// Neighbours that are asked.
+/// Number of neighbours.
 const NEIGHBOURS: usize = 7;
-/// Times that the sorts are dealt anew.
+/// Number of random permutations of the sorts.
 const DEALS: usize = 400;
-/// Share of the deals that may be right more often than the true sorts before that counts as a leak.
+/// A leak is found if a smaller share of the permutations reaches the accuracy of the true sorts.
 const CHANCE: f64 = 0.005;
 
-/// What a classifier makes of the looks of a folder.
+/// Result of a classifier on the appearance of a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Leak {
-    /// Share of the cases whose sort it gets right.
+    /// Accuracy for the true sorts.
     pub right: f64,
-    /// The same by chance, mean over sorts dealt anew.
+    /// Mean accuracy over permuted sorts.
     pub chance: f64,
-    /// Share of the deals in which chance is as good.
+    /// Share of the permutations with at least this accuracy.
     pub p: f64,
 }
 
 impl Leak {
-    /// Whether the folder tells nothing.
+    /// True if the folder reveals nothing.
     pub fn is_tight(&self) -> bool {
         self.p > CHANCE
     }
 
-    /// Of the cases of `part` among `cases`, which are in the order of their names, as a receipt has them; `None` for too few of them.
+    /// The result for the cases of `part` among `cases`, which are in the order of their names, as in a receipt; `None` for too few of them.
     pub fn of(part: &Part, cases: &[Judged]) -> Option<Self> {
         let place = |name: &String| cases.binary_search_by(|case| case.name.cmp(name)).ok();
         let cases: Vec<&Judged> = part.sealed.keys().filter_map(|name| cases.get(place(name)?)).collect();
@@ -63,7 +63,7 @@ impl Leak {
     }
 }
 
-/// What is seen of a case without opening its files.
+/// The features of a case that are visible without opening its files.
 fn look(part: &Part, name: &str, place: usize) -> Vec<f64> {
     let number = u64::from_str_radix(name, 16).unwrap_or_default() as f64;
     let sizes =
@@ -71,7 +71,7 @@ fn look(part: &Part, name: &str, place: usize) -> Vec<f64> {
     [number, place as f64].into_iter().chain(sizes.map(f64::ln_1p)).collect()
 }
 
-/// Each column with mean 0 and deviation 1.
+/// Each column scaled to mean 0 and standard deviation 1.
 fn spread(looks: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let width = looks.iter().map(Vec::len).min().unwrap_or(0);
     let n = looks.len() as f64;
@@ -92,7 +92,7 @@ fn neighbours(looks: &[Vec<f64>]) -> Vec<Vec<usize>> {
     (0..looks.len()).map(|at| tree.nearest(at, NEIGHBOURS)).collect()
 }
 
-/// How often the commonest sort among the neighbours is the right one.
+/// Accuracy of the commonest sort among the neighbours.
 fn accuracy(near: &[Vec<usize>], sorts: &[Sort]) -> f64 {
     let right = near.iter().zip(sorts).filter(|(near, sort)| {
         let count = |sort: Sort| near.iter().filter(|other| sorts[**other] == sort).count();
@@ -106,7 +106,7 @@ mod tests {
     use super::Leak;
     use crate::blind::truth::Sort;
 
-    /// The classifier finds a leak where there is one, a size that goes with the sort, and none where there is none.
+    /// The classifier detects a leak, a size that depends on the sort, and reports none without one.
     #[test]
     fn a_leak_is_found_where_there_is_one() {
         let sorts: Vec<Sort> = (0..200).map(|k| Sort::ALL[[0, 1, 1, 1, 2, 3][k % 6]]).collect();

@@ -1,8 +1,8 @@
-//! Namespaces of its own for an analyst: user, file system, network, System V memory, host name.
+//! Separate namespaces for an analyst: user, file system, network, System V memory, host name.
 //!
-//! A user namespace needs no privilege where the system allows it (`user.max_user_namespaces`, AppArmor). Inside it this process may make
-//! the folder of its case the root of its file system, and gives up every privilege over the outside, root's too: it can trace no process
-//! of the user that started it (capabilities(7): the tracer's namespace has to hold the capabilities of the traced).
+//! A user namespace needs no privilege if the system permits it (`user.max_user_namespaces`, AppArmor). Inside it this process can make the folder of its case
+//! the root of its file system. It gives up every privilege over the outside, root's too: it can trace no process of the user that started it (capabilities(7):
+//! the tracer's namespace has to hold the capabilities of the traced).
 
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
@@ -14,7 +14,7 @@ use rustix::mount::{
 use rustix::process::{chdir, geteuid, pivot_root};
 use rustix::thread::UnshareFlags;
 
-/// What could be parted.
+/// Result of the separation.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Parted {
     /// Credentials, network, System V memory and message queues.
@@ -23,7 +23,7 @@ pub struct Parted {
     pub root: bool,
     /// The folder is mounted for reading only.
     pub read_only: bool,
-    /// What was refused, and why.
+    /// The refused part, and the reason.
     pub refused: Option<String>,
 }
 
@@ -40,7 +40,7 @@ impl Parted {
     }
 }
 
-/// Parts this process, which must have one thread only, from all others as far as the system allows.
+/// Separates this process, which must have one thread only, from all others as far as the system permits.
 pub fn enter() -> Parted {
     let mut parted = Parted::default();
     parted.refused = enter_each(&mut parted).err();
@@ -49,7 +49,7 @@ pub fn enter() -> Parted {
 
 fn enter_each(parted: &mut Parted) -> Result<(), String> {
     let here = std::env::current_dir().map_err(|error| format!("working folder: {error}"))?;
-    // Root loses the right to read files of others with its privileges.
+    // With its privileges, root loses the right to read files of others.
     if let Some(name) = foreign(&here).map_err(|error| format!("working folder: {error}"))? {
         return Err(format!("{name} belongs to another user"));
     }
@@ -62,7 +62,7 @@ fn enter_each(parted: &mut Parted) -> Result<(), String> {
     Ok(())
 }
 
-/// The first entry of `folder`, or itself, that this user reads by privilege alone.
+/// The first entry of `folder`, or the folder itself, that this user can read by privilege alone.
 fn foreign(folder: &Path) -> std::io::Result<Option<String>> {
     let user = geteuid().as_raw();
     let mut entries = vec![folder.to_path_buf()];
@@ -98,15 +98,15 @@ fn own_root(folder: &Path) -> rustix::io::Result<()> {
     mount_change("/", MountPropagationFlags::DOWNSTREAM | MountPropagationFlags::REC)?;
     mount_bind(folder, folder)?;
     chdir(folder)?;
-    // The old root lies on top of the new one (pivot_root(2)), and is taken off.
+    // The old root is mounted over the new one (pivot_root(2)); this unmounts it.
     pivot_root(".", ".")?;
     unmount(".", UnmountFlags::DETACH)?;
     chdir("/")
 }
 
-/// Mounts the root for reading only: Landlock leaves an owner the right to change permissions and times.
+/// Remounts the root read-only: Landlock leaves an owner the right to change permissions and times.
 fn read_only() -> rustix::io::Result<()> {
-    // What a mount was given outside a user namespace can't be taken from it inside.
+    // A mount flag set outside a user namespace cannot be removed inside it.
     let given = statvfs("/")?.f_flag;
     let times = [
         (StatVfsMountFlags::NOATIME, MountFlags::NOATIME),

@@ -27,7 +27,7 @@ use super::{BlindArgs, hash, history, strict};
 /// Bytes of a salt.
 const SALT: usize = 16;
 
-/// The salt and the truth of each case, withheld in memory.
+/// The salt and the truth of each case, kept in memory.
 type Withheld = BTreeMap<String, (String, Value)>;
 
 /// Bytes from the operating system.
@@ -42,7 +42,7 @@ fn random<const N: usize>() -> Result<[u8; N], Failure> {
     }
 }
 
-/// A bar on standard error with the time that remains.
+/// A progress bar on standard error with the remaining time.
 fn bar(length: usize, what: &'static str) -> ProgressBar {
     let bar = progress::bar(length as u64, "{msg:<10} {wide_bar} {pos}/{len} {elapsed}").with_message(what);
     bar.tick();
@@ -54,7 +54,7 @@ fn tell(stage: &str, words: &str) {
     messages::note(format_args!("{stage:8} {words}"));
 }
 
-/// The program and nothing else.
+/// A part with the frozen program alone.
 fn frozen() -> Result<Part, Failure> {
     let mut part = Part {
         program: Program::this()?,
@@ -145,7 +145,7 @@ fn generate(args: &BlindArgs, source: &Source, folder: &Path, part: &mut Part) -
     }
     make_folder(&cases)?;
     let Some(draw) = part.draw.as_ref() else { return Ok(Withheld::new()) };
-    // Beside the sealed cases: what is made is copied there in an order that tells nothing.
+    // Beside the sealed cases: the cases are copied there in an uninformative order.
     let making = folder.join("making");
     if making.exists() {
         let path = making.display();
@@ -168,7 +168,7 @@ fn generate(args: &BlindArgs, source: &Source, folder: &Path, part: &mut Part) -
     let start = Instant::now();
     let lines = made(&order, source, &bar);
     if lines.is_err() {
-        // What was made is of no use without its truth; the error says what went wrong.
+        // The cases are useless without their truth; the error states the cause.
         for left in [&making, &cases, &folder.join("generator")] {
             let _ = remove_folder(left);
         }
@@ -193,7 +193,7 @@ fn generate(args: &BlindArgs, source: &Source, folder: &Path, part: &mut Part) -
     Ok(withheld)
 }
 
-/// Asks an analyst for each case of `cases` and commits to the answers.
+/// Has an analyst answer each case of `cases` and commits to the answers.
 fn ask(args: &BlindArgs, cases: &Path, mut part: Part) -> Result<Receipt, Failure> {
     let lures = Held::beside(cases, &hex(&random::<SALT>()?))?;
     let analysts = Analysts { jobs: args.jobs(), patience: args.patience(), lures };
@@ -221,7 +221,7 @@ fn ask(args: &BlindArgs, cases: &Path, mut part: Part) -> Result<Receipt, Failur
 /// The answers for the sealed `folder` of someone else, with the commitments in its `commitments.json`, if there is one.
 ///
 /// # Errors
-/// A folder without cases; a commitments file that is none.
+/// A folder without cases; an invalid commitments file.
 pub fn answered(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
     let mut part = frozen()?;
     part.sealed = sealed(folder)?;
@@ -236,7 +236,7 @@ pub fn answered(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
 /// The answers in `folder` with the truth in the file `truth`.
 ///
 /// # Errors
-/// Answers that were not given, or changed since; a truth file that is none, or misses a case.
+/// Missing or changed answers; a truth file that is invalid or lacks a case.
 pub fn opened(folder: &Path, truth: &Path) -> Result<Receipt, Failure> {
     let path = folder.join("receipt.json");
     let mut receipt = Receipt::read(&path)?;

@@ -1,8 +1,8 @@
-//! Where an analyst works: it can read the folder of its case, and reaches nothing else.
+//! The sandbox of an analyst: it can read the folder of its case, and nothing else.
 //!
-//! Two layers, each taken from this process for good. Namespaces part its file system, network, System V memory and credentials from all
-//! others (`namespaces`). Landlock (Salaün 2017; Linux 5.13) leaves it the right to read the folder, and no other right over files,
-//! sockets and signals. A kernel may refuse either; so each channel is tried afterwards (`channels`), and what counts is that it is closed.
+//! Two layers, each irrevocable for this process. Namespaces separate its file system, network, System V memory and credentials from all others (`namespaces`).
+//! Landlock (Salaün 2017; Linux 5.13) leaves it the right to read the folder, and no other right over files, sockets and signals. A kernel may refuse either;
+//! so the process tries each channel afterwards (`channels`), and the result is decisive.
 
 use std::collections::BTreeMap;
 
@@ -16,17 +16,17 @@ use serde::{Deserialize, Serialize};
 use super::channels::{self, Lures};
 use super::namespaces;
 
-/// The newest rules that are asked for; an older kernel keeps those that it knows.
+/// The newest requested rules; an older kernel enforces those that it knows.
 const RULES: ABI = ABI::V9;
 
-/// What keeps an analyst from the truth, as it found it itself.
+/// Isolation of an analyst from the truth, as measured by itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Isolation {
-    /// What the kernel enforces, in words.
+    /// The mechanisms that the kernel enforces, in words.
     pub mechanism: String,
-    /// Whether the canary, a file outside the folder of the case, could not be read.
+    /// Whether reading the canary, a file outside the folder of the case, failed.
     pub canary_refused: bool,
-    /// Whether the parent's memory could not be opened.
+    /// Whether opening the parent's memory failed.
     pub parent_refused: bool,
     /// Every channel by its name: `closed`, or `open: ` and how.
     pub channels: BTreeMap<String, String>,
@@ -54,12 +54,12 @@ impl Isolation {
     }
 }
 
-/// Gives up all rights but to read the working folder, and tries every channel to `lures` and to the parent.
+/// Gives up all rights except reading the working folder, and tries every channel to `lures` and to the parent.
 pub fn enter(lures: &Lures) -> Isolation {
     let inherited = channels::inherited();
     let namespaces = namespaces::enter();
     let landlock = restrict();
-    // Siblings of the same user may not look into this process. It is about itself alone: no error is told.
+    // Other processes of the same user may not read this one. The call concerns this process alone, so that errors do not matter.
     let _ = set_dumpable_behavior(DumpableBehavior::NotDumpable);
     let channels = channels::all(lures, &inherited, &namespaces);
     let closed = |name: &str| channels.get(name).is_some_and(|state| state == channels::CLOSED);
@@ -81,13 +81,13 @@ fn mechanism(landlock: Option<RestrictionStatus>, namespaces: &namespaces::Parte
     };
     match (landlock, namespaces) {
         (Ok(landlock), parted) => format!("{landlock}, {}", parted.words()),
-        // Where files are closed by neither layer, that is no isolation.
+        // If neither layer closes the file system, there is no isolation.
         (Err(why), parted) if parted.root => format!("{}; {why}", parted.words()),
         (Err(why), parted) => format!("none: {why}, {}", parted.words()),
     }
 }
 
-/// Any failure is the same to the caller: there are no rules.
+/// The caller treats all failures alike: there are no rules.
 fn restrict() -> Option<RestrictionStatus> {
     let here = PathFd::new(".").ok()?;
     let created = Ruleset::default()

@@ -1,4 +1,4 @@
-//! `freeplay blind --verify`: every hash of a receipt computed anew.
+//! `freeplay blind --verify`: recomputes every hash of a receipt.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -13,19 +13,19 @@ use super::receipt::{Part, Program, Receipt, link};
 use super::tally::Score;
 use super::{canonical, hash, shard};
 
-/// One thing that was looked at.
+/// The result of one check.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Check {
-    /// What it is.
+    /// The checked item.
     pub what: String,
-    /// Whether it is as it was; `None`: there is nothing to compare with.
+    /// Whether it is unchanged; `None` without anything to compare with.
     pub good: Option<bool>,
-    /// What was found.
+    /// The observation.
     pub found: String,
 }
 
 impl Check {
-    /// Good if nothing is `wrong`; then `good` is what was found.
+    /// A check that is good if `wrong` is empty; its observation is then `good`.
     pub fn new(what: &str, wrong: &[String], good: &str) -> Self {
         let found = match wrong {
             [] => good.to_owned(),
@@ -39,7 +39,7 @@ impl Check {
     }
 }
 
-/// Checks `receipt`, whose sealed folder, if it is still there, is `folder`, as the program `this`.
+/// Checks `receipt`, with the sealed folder `folder` if it still exists, against the program `this`.
 ///
 /// # Errors
 /// A sealed file that can't be read.
@@ -58,7 +58,7 @@ pub fn checks(receipt: &Receipt, folder: &Path, this: &Program) -> Result<Vec<Ch
     Ok(all)
 }
 
-/// The first of `checks` that failed and tells of more than another program.
+/// The first failed check that indicates more than another program version.
 pub fn broken(checks: &[Check]) -> Option<&Check> {
     checks.iter().find(|check| check.good == Some(false) && check.what != "program")
 }
@@ -77,7 +77,7 @@ pub fn text(checks: &[Check]) -> String {
     text
 }
 
-/// The hash over all that the file says.
+/// Checks the hash over the whole file.
 fn whole(receipt: &Receipt) -> Result<Check, Failure> {
     let now = receipt.hash()?;
     let changed = (now != receipt.sha256).then(|| {
@@ -86,7 +86,7 @@ fn whole(receipt: &Receipt) -> Result<Check, Failure> {
     Ok(Check::new("receipt", changed.as_slice(), &format!("{} covers every field", start(&now))))
 }
 
-/// There is a part, no two hold the same case, and they stand in the order of their chains.
+/// Checks that there is a part, that no two parts contain the same case, and that they are in the order of their chains.
 fn parts(receipt: &Receipt) -> Check {
     let parts = &receipt.parts;
     let mut wrong = Vec::new();
@@ -116,7 +116,7 @@ fn program(part: &Part, this: &Program) -> Check {
     Check::new("program", &wrong, &format!("{}, catalogue {}", start(&this.sha256), start(&this.catalogue)))
 }
 
-/// Every case of the draw is sealed or listed as not made, under the name that follows from the key, and none is there twice.
+/// Checks that every case of the draw is sealed or listed as not made, under the name that follows from the key, and that none appears twice.
 fn draw(part: &Part) -> Check {
     let Some(draw) = &part.draw else {
         return Check::open("draw", "someone else drew and sealed the cases".to_owned());
@@ -166,7 +166,7 @@ fn truths(part: &Part, receipt: &Receipt) -> Check {
     Check::new("truth", &wrong, &good)
 }
 
-/// The files in the sealed folder, if it is still there.
+/// Checks the files in the sealed folder, if it still exists.
 fn recordings(receipt: &Receipt, folder: &Path) -> Result<Check, Failure> {
     let what = "recordings";
     let all: BTreeMap<_, _> = receipt.parts.iter().flat_map(|part| &part.sealed).collect();
@@ -194,7 +194,7 @@ fn answers(part: &Part, receipt: &Receipt) -> Check {
     Check::new("answers", &wrong, &format!("{} as committed to before the reveal", start(&now)))
 }
 
-/// The stages in their order, each bound to what it brought and to the one before.
+/// Checks the stages: their order, and the hash of each over its result and the stage before.
 fn chain(part: &Part, receipt: &Receipt) -> Check {
     let brought = part.brought(&receipt.cases);
     let (mut before, mut wrong) = ("", Vec::new());
@@ -223,7 +223,7 @@ fn chain(part: &Part, receipt: &Receipt) -> Check {
     Check::new("stages", &wrong, &format!("{}, chain {}", names.join(" → "), start(before)))
 }
 
-/// Every case was sealed in a part, and every case that was sealed is there.
+/// Checks that every case was sealed in a part, and that every sealed case is present.
 fn cases(receipt: &Receipt) -> Check {
     let sealed: BTreeSet<&String> = receipt.parts.iter().flat_map(|part| part.sealed.keys()).collect();
     let there: BTreeSet<&String> = receipt.cases.keys().collect();

@@ -1,39 +1,39 @@
-//! The machines of the demonstration: what is concealed in each.
+//! The machines of the demonstration, with their concealed physics.
 
 use freeplay_arm::{ArmFile, EffectTable, paper_arm};
 use freeplay_laws::{ArmParts, LawError};
 use toml::{Table, Value};
 
-/// A machine that is not what its model says.
+/// A machine that differs from its model.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Name of its folder, and on the command line.
     pub name: &'static str,
-    /// What is concealed, in words.
+    /// The concealed physics, in words.
     pub hidden: &'static str,
-    /// The concealed effect; none for a machine that is its model.
+    /// The concealed effect; `None` for a machine that equals its model.
     pub effect: Option<EffectTable>,
-    /// Inertias of rotors by the index of their joint, kg·m², that the model names: an elastic or loose gear carries what its link takes alone.
+    /// Rotor inertias in the model by the index of their joint, kg·m²: an elastic or loose gear separates them from the link.
     pub rotors: &'static [(usize, f64)],
     /// A notch in the gear of this joint, added to the recorded torque: no effect of the catalogue.
     pub notch: Option<Notch>,
 }
 
-/// Torque that a gear with one damaged tooth takes where that tooth is in mesh: F exp(−((q − q₀)/w)²) sign q̇.
+/// Resisting torque of a gear with one damaged tooth while that tooth is in mesh: F exp(−((q − q₀)/w)²) sign q̇.
 #[derive(Clone, Copy, Debug)]
 pub struct Notch {
     /// Index of the joint.
     pub joint: usize,
     /// Greatest torque F, N·m.
     pub torque: f64,
-    /// Where in the joint's recorded range q₀ is, 0 to 1.
+    /// Position of q₀ in the joint's recorded range, 0 to 1.
     pub place: f64,
     /// Width w, as a share of that range.
     pub width: f64,
 }
 
 impl Case {
-    /// What is known of the machine: the paper's arm, and its rotors where they matter.
+    /// The nominal model: the paper's arm, and its rotors where they matter.
     ///
     /// # Errors
     /// See [`LawError`].
@@ -47,7 +47,7 @@ impl Case {
         Ok(file)
     }
 
-    /// The machine: that with what is concealed.
+    /// The true machine: the nominal model with the concealed effect.
     ///
     /// # Errors
     /// See [`LawError`].

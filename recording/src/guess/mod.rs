@@ -1,4 +1,4 @@
-//! What the columns of somebody else's file mean, guessed from their names: the text of a mapping file, to be shown and corrected.
+//! Guesses the meaning of the columns of a foreign file from their names: the text of a mapping file, to be shown and corrected.
 
 mod time;
 mod words;
@@ -20,11 +20,11 @@ type Names = [String];
 /// The first rows of a file.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sample {
-    /// By row; NaN where there is no number. Moments are in seconds.
+    /// By row; NaN for a cell without a number. Times of day are in seconds.
     pub rows: Vec<Vec<f64>>,
     /// Words in the first row: single ones, or lists.
     pub texts: BTreeMap<usize, Vec<String>>,
-    /// Columns of moments.
+    /// Columns of times of day.
     pub moments: HashSet<usize>,
 }
 
@@ -33,7 +33,7 @@ impl Sample {
         self.rows.iter().map(|row| row[place]).find(|value| value.is_finite())
     }
 
-    /// Whether the column may be a time: its numbers are not all the same, and don't mostly run back.
+    /// True if the column may be a time: its numbers are not all equal, and mostly increase.
     fn goes_on(&self, place: usize) -> bool {
         let values: Vec<f64> =
             self.rows.iter().map(|row| row[place]).filter(|value| value.is_finite()).collect();
@@ -47,11 +47,11 @@ impl Sample {
 pub(crate) struct Guess {
     /// The mapping as a mapping file.
     pub toml: String,
-    /// What it says, in one line.
+    /// Its content, in one line.
     pub words: String,
 }
 
-/// What the columns `names` mean; `None` where no time or no positions are found among them.
+/// The meaning of the columns `names`; `None` if there is no time or no position among them.
 pub(crate) fn guess(file: &str, names: &Names, sample: &Sample, form: Option<&Form>) -> Option<Guess> {
     let time = Time::of(names, sample)?;
     let is_time = |place: usize| time.columns.iter().any(|(column, _)| *column == place);
@@ -102,7 +102,7 @@ pub(crate) fn guess(file: &str, names: &Names, sample: &Sample, form: Option<&Fo
     Some(Guess { toml: text.toml, words: text.words.join("; ") })
 }
 
-/// The mapping as it is written.
+/// The text of the mapping.
 struct Text<'a> {
     toml: String,
     words: Vec<String>,
@@ -150,8 +150,8 @@ impl Text<'_> {
     }
 }
 
-/// The columns of `quantity` that belong together; of several families the one that covers most of `joints`, or says most plainly that
-/// it is what was measured. Columns of joints that are numbered are sorted by number.
+/// The columns of `quantity` that belong together. Of several families, selects the one that covers most of `joints`, or whose names denote measured values
+/// most clearly. Numbered columns of joints are sorted by number.
 fn family<'c>(
     columns: &'c [Column],
     quantity: Quantity,
@@ -190,7 +190,7 @@ fn family<'c>(
     Some(best)
 }
 
-/// Whether a family has numbers where the joints have names, and as many: it is in their order.
+/// True if a family has numbers while the joints have names, and as many: then it is in the order of the joints.
 fn is_by_order(family: &[&Column], joints: &[&[String]]) -> bool {
     let numbered = |joint: &[String]| matches!(joint, [only] if only.parse::<u64>().is_ok());
     family.len() == joints.len()
@@ -206,7 +206,7 @@ fn of_joints<'c>(found: &[&'c Column], joints: &[&[String]]) -> Vec<Option<&'c C
     joints.iter().map(|joint| found.iter().find(|column| column.joint == *joint).copied()).collect()
 }
 
-/// The names of the joints whose positions are the columns at `places` of a file with the columns `names`, where these or the file have any.
+/// The names of the joints whose positions are in the columns `places` of a file with the columns `names`, if the columns or the file have names of joints.
 pub(crate) fn joints_of(places: &[usize], names: &Names, sample: &Sample) -> Vec<String> {
     let columns: Option<Vec<Column>> = places.iter().map(|&place| Column::of(place, &names[place])).collect();
     let columns = columns.unwrap_or_default();
@@ -214,7 +214,7 @@ pub(crate) fn joints_of(places: &[usize], names: &Names, sample: &Sample) -> Vec
     if columns.is_empty() { Vec::new() } else { joint_names(&columns, names, sample).unwrap_or_default() }
 }
 
-/// The joints' names: the words that distinguish their columns, or those that stand in the file where the columns have numbers.
+/// The joints' names: the words that distinguish their columns, or the names in the file if the columns have numbers.
 fn joint_names(positions: &[&Column], names: &Names, sample: &Sample) -> Option<Vec<String>> {
     let is_number = |word: &String| word.bytes().all(|c| c.is_ascii_digit());
     if positions.iter().all(|column| !column.joint.iter().all(is_number)) {

@@ -1,4 +1,4 @@
-//! The words of which people make names of columns, and what a name says by them.
+//! The words in usual names of columns, and the meaning of a name with them.
 
 use crate::units::{Unit, without_unit};
 
@@ -61,9 +61,9 @@ const REFERENCE: [&str; 20] = [
 ];
 const MEASURED: [&str; 10] =
     ["actual", "act", "measured", "meas", "msr", "feedback", "fb", "ist", "present", "observed"];
-/// The side of a link, of a position.
+/// The link side, in the name of a position.
 const LINK: [&str; 3] = ["link", "links", "secondary"];
-/// Words that say nothing of which joint it is.
+/// Words without information on the joint.
 const NEUTRAL: [&str; 24] = [
     "joint",
     "joints",
@@ -138,7 +138,7 @@ const OTHER: [&str; 44] = [
     "images",
 ];
 
-/// What a column is about.
+/// Meaning of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) enum Quantity {
     Position,
@@ -149,29 +149,29 @@ pub(super) enum Quantity {
     Link,
 }
 
-/// What the name of one column says.
+/// Content of the name of one column.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Column {
-    /// Where it stands in the file.
+    /// Its index in the file.
     pub place: usize,
     pub quantity: Quantity,
-    /// How plainly the name says it, 1 to 3.
+    /// Certainty of the meaning, 1 to 3.
     pub strength: u8,
     pub is_measured: bool,
-    /// What distinguishes its joint: a number, or words.
+    /// The part that distinguishes its joint: a number, or words.
     pub joint: Vec<String>,
-    /// The other words, with those of its siblings the same.
+    /// The other words, which are the same for the columns of other joints.
     pub family: Vec<String>,
     pub unit: Option<Unit>,
 }
 
 impl Column {
-    /// What the column number `place` named `name` is; `None` if it is no quantity of a joint.
+    /// The meaning of the column number `place` named `name`; `None` if it is not a quantity of a joint.
     pub fn of(place: usize, name: &str) -> Option<Self> {
         let (stem, unit) = without_unit(name);
         let mut words = words(stem);
         let mut unit = unit.and_then(Unit::of);
-        // `q1_deg`, but `a`, `m` and `s` are no units at the end of a name.
+        // `q1_deg` has a unit, but `a`, `m` and `s` at the end of a name are no units.
         if unit.is_none()
             && let Some(last) = words.last().filter(|last| last.len() > 1 && words.len() > 1)
         {
@@ -194,7 +194,7 @@ impl Column {
                 || (quantity == Quantity::Link && LINK.contains(&word.as_str()))
         });
         let mut family = family;
-        // A place in a list, `log.pos[0]`: all else is the name of the list.
+        // An index in a list, `log.pos[0]`: the rest is the name of the list.
         if let Some((_, place)) = stem.strip_suffix(']').and_then(|stem| stem.rsplit_once('['))
             && place.parse::<u64>().is_ok()
         {
@@ -212,7 +212,7 @@ impl Column {
         Some(Self { place, quantity, strength, is_measured, joint, family, unit })
     }
 
-    /// Its joint's number, where that is all there is.
+    /// Its joint's number, if its name has no other words for the joint.
     pub fn number(&self) -> Option<u64> {
         match self.joint.as_slice() {
             [only] => only.parse().ok(),
@@ -221,14 +221,14 @@ impl Column {
     }
 }
 
-/// Whether a `d` among `words` stands for "desired", as in `q_d`.
+/// True if a `d` among `words` means "desired", as in `q_d`.
 fn is_desired(words: &[String]) -> bool {
     words
         .windows(2)
         .any(|pair| pair[1] == "d" && ["q", "dq", "tau", "j", "theta"].contains(&pair[0].as_str()))
 }
 
-/// What `words` and the unit behind them are about, and how plainly they say it.
+/// The quantity of `words` and the unit behind them, and its certainty.
 fn quantity(words: &[String], unit: Option<Unit>) -> Option<(Quantity, u8)> {
     let has = |of: &[&str]| words.iter().any(|word| of.contains(&word.as_str()));
     let is_reference = has(&REFERENCE) || is_desired(words);
@@ -263,7 +263,7 @@ fn quantity(words: &[String], unit: Option<Unit>) -> Option<(Quantity, u8)> {
     }
 }
 
-/// `joint_1`, `J1`, `axis 1`, `A1`: a joint's number and nothing else.
+/// True for `joint_1`, `J1`, `axis 1`, `A1`: a joint's number without further words.
 fn is_numbered_joint(words: &[String]) -> bool {
     match words {
         [word, number] => {
@@ -273,7 +273,7 @@ fn is_numbered_joint(words: &[String]) -> bool {
     }
 }
 
-/// The words of a name in lower case: parted at other signs, between letters and digits, and before capitals.
+/// The words of a name in lower case: split at other characters, between letters and digits, and before capitals.
 pub(crate) fn words(name: &str) -> Vec<String> {
     let mut words: Vec<String> = Vec::new();
     let mut before = ' ';

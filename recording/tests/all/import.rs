@@ -1,4 +1,4 @@
-//! Other people's recordings become ours: CSVs by a mapping, libfranka logs, ROS 2 bags.
+//! Import of foreign recordings: CSVs by a mapping, libfranka logs, ROS 2 bags.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -72,7 +72,7 @@ fn degrees_millimetres_and_decimal_commas_become_si() {
     assert_close(&column(&recording, "tau2"), &[-8.0, 1.0]);
     assert_close(&column(&recording, "x"), &[1.0, 0.0]);
     assert_close(&column(&recording, "z"), &[5e-4, 0.0]);
-    // A column with a name of ours that the mapping does not name means something else.
+    // A column with a name of the contract that the mapping does not name means something else.
     assert_eq!(
         (column(&recording, "file_q1"), column(&recording, "temp")),
         (vec![7.0, 8.0], vec![20.0, 21.0])
@@ -83,7 +83,7 @@ fn degrees_millimetres_and_decimal_commas_become_si() {
 fn what_a_mapping_gets_wrong_is_said_with_place_and_remedy() {
     let replaced = |from: &str, to: &str| MAP.replacen(from, to, 1);
     let added = |text: &str| format!("{MAP}{text}");
-    // What is said, behind the mapping file with line and column.
+    // The expected message, after the mapping file with line and column.
     let cases = [
         (
             replaced("unit = \"deg\"", "unit = \"grad\""),
@@ -136,7 +136,7 @@ fn what_a_mapping_gets_wrong_is_said_with_place_and_remedy() {
     assert!(error.contains("run.csv:4: column t"), "{error}");
 }
 
-/// A mapping names joints anew in files that name them already.
+/// A mapping renames joints in files that name them already.
 #[test]
 fn a_mapping_names_joints_whatever_the_file_calls_them() {
     let rows: String = (0..20).map(|k| format!("{k},{k},{},{}\n", 2 * k, 3 * k)).collect();
@@ -164,7 +164,7 @@ fn a_mapping_names_joints_whatever_the_file_calls_them() {
     }
 }
 
-/// The header that `franka::logToCSV` writes, blanks included, cut to what it says of the state.
+/// The header that `franka::logToCSV` writes, blanks included, cut to the columns of the state.
 #[test]
 fn a_libfranka_log_needs_no_mapping_file() {
     let group = |name: &str| (0..7).map(|j| format!("state.{name}[{j}]")).collect::<Vec<_>>().join(", ");
@@ -184,7 +184,7 @@ fn a_libfranka_log_needs_no_mapping_file() {
     assert_close(&column(&recording, "state.dq_d[0]"), &[0.021, 0.121, 0.221]);
 }
 
-/// CDR, little-endian, as OMG DDSI-RTPS has it: every value aligned to its size from the end of the encapsulation.
+/// CDR, little-endian, as in OMG DDSI-RTPS: every value aligned to its size from the end of the encapsulation.
 struct Cdr(Vec<u8>);
 
 impl Cdr {
@@ -359,7 +359,7 @@ fn what_a_bag_lacks_is_said() {
     assert!(error.to_string().contains("no ROS bag: neither MCAP, SQLite nor ROS 1"), "{error}");
 }
 
-/// A message whose lengths promise more than there is must not make the reader take memory.
+/// A message that claims greater lengths than it has must not make the reader allocate memory.
 #[test]
 fn lengths_that_lie_are_refused() {
     let mut lying = Cdr::new().header(START).u32(u32::MAX).0;
@@ -368,7 +368,7 @@ fn lengths_that_lie_are_refused() {
     assert!(error.contains("can't be decoded"), "{error}");
 }
 
-/// Reading takes time in proportion to the columns: with a search per column, so many would take a quarter of an hour.
+/// The reading time is proportional to the number of columns: with a search per column, so many would take a quarter of an hour.
 #[test]
 fn twenty_thousand_columns_are_read_in_seconds() {
     const COLUMNS: usize = 20_000;
@@ -398,7 +398,7 @@ fn a_damaged_chunk_of_a_bag_costs_its_messages_alone() {
     let path = folder.path().join("bag.mcap");
     bag(&path, &messages);
     let bytes = fs::read(&path).expect("read");
-    // In the chunk that describes the channels, and anywhere: in a chunk or in the index of one.
+    // In the chunk that describes the channels, and at other places: in a chunk or in the index of one.
     for at in [1_000, bytes.len() / 3, bytes.len() / 2] {
         let mut damaged = bytes.clone();
         damaged[at] ^= 4;

@@ -6,10 +6,10 @@
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// The environment variable with the needs that may be missing, separated by commas. Where it is not set, every skip is allowed.
+/// The environment variable with the permitted needs, separated by commas. If it is not set, every skip is permitted.
 pub const ALLOWED: &str = "FREEPLAY_SKIPS";
 
-/// What a test may need of the machine.
+/// A test's need that a machine may lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
     /// A web browser on the path.
@@ -62,8 +62,8 @@ impl Need {
     }
 }
 
-/// The folder of recordings of real machines, which are no part of this project: that of `FREEPLAY_RECORDINGS`, or `shared/recordings` beside the project. `None`, and the test
-/// skips, where there is none.
+/// The folder with recordings of real machines, which are not part of this project: that of `FREEPLAY_RECORDINGS`, or `shared/recordings` beside the project.
+/// `None` without such a folder; then the test skips.
 ///
 /// # Panics
 /// See [`skip`].
@@ -78,10 +78,10 @@ pub fn recordings() -> Option<PathBuf> {
     folder.canonicalize().ok()
 }
 
-/// Prints that a test skips for lack of `need`, and why.
+/// Prints that a test skips for lack of `need`, and the reason.
 ///
 /// # Panics
-/// Where [`ALLOWED`] is set and does not list `need`.
+/// If [`ALLOWED`] is set and does not list `need`.
 pub fn skip(need: Need, why: impl Display) {
     println!("skipped: {why}");
     let allowed = std::env::var(ALLOWED).ok();
@@ -92,7 +92,7 @@ pub fn skip(need: Need, why: impl Display) {
     );
 }
 
-/// Whether the list `allowed` has `need`.
+/// True if the list `allowed` contains `need`, or if there is no list.
 fn is_allowed(need: Need, allowed: Option<&str>) -> bool {
     allowed.is_none_or(|allowed| allowed.split(',').any(|word| word.trim() == need.word()))
 }

@@ -17,18 +17,18 @@ use crate::data_sheet_deviations::DataSheetDeviations;
 use crate::felt::Felt;
 use crate::physics::{Effect, Physics};
 
-/// Share of a joint's inertia that is on the motor's side of its transmission where the data sheet names no rotor.
+/// Share of a joint's inertia on the motor side of its transmission if the data sheet names no rotor.
 const ROTOR_SHARE: f64 = 0.4;
-/// The fastest oscillation turns by this in one short step, rad; 2 would be the limit of stability.
+/// Largest phase of the fastest oscillation per short step, rad; 2 would be the limit of stability.
 const PHASE_PER_STEP: f64 = 0.3;
-/// Longest short step with oil in a bearing, s: its film changes as fast as the journal crosses it.
+/// Longest short step with oil in a bearing, s: the film changes as fast as the journal moves through it.
 const OIL_STEP: f64 = 25e-6;
 
 impl Plan {
-    /// The machine of the arm `sheet` with what it is loaded with, off by `deviations`, with `effects`; `poses` are where it works.
+    /// The machine of the arm `sheet` with its load, its `deviations` from the data sheet and its `effects`; `poses` are its working poses.
     ///
     /// # Errors
-    /// [`PlanError::Seat`] where an effect can't be, [`PlanError::Arm`].
+    /// [`PlanError::Seat`] for an effect at an impossible place, [`PlanError::Arm`].
     pub fn new(
         sheet: &Arm,
         load: &Load,
@@ -83,7 +83,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Gives a joint its transmission.
+    /// Applies an effect at the transmission of its joint.
     fn transmission(&mut self, effect: &Effect, arm: &Arm, felt: &[f64]) {
         let Some(joint) = effect.joint else { return };
         let named = arm.joints()[joint].rotor_inertia;
@@ -106,7 +106,7 @@ impl Plan {
         self.inertia.push((self.motor[joint], self.motor[joint], rotor));
     }
 
-    /// Friction and torque of a drive.
+    /// Applies an effect on friction or torque of a drive.
     fn at_drive(&mut self, effect: &Effect) {
         let Some(joint) = effect.joint else { return };
         let drive = &mut self.drives[joint];
@@ -151,7 +151,7 @@ impl Plan {
         }
     }
 
-    /// A journal free in its bearing.
+    /// Applies an effect at the bearing of a joint: a free journal.
     fn at_bearing(&mut self, effect: &Effect, chain: &Chain) {
         let Some(joint) = effect.joint else { return };
         let law = match effect.physics {
@@ -168,7 +168,7 @@ impl Plan {
         }
     }
 
-    /// What is measured.
+    /// Applies an effect on the measurements.
     fn at_sensors(&mut self, effect: &Effect) {
         match effect.physics {
             Physics::TimeDelay { delay, channel: "tool" } => self.senses.tool_delay = delay,
@@ -188,7 +188,7 @@ impl Plan {
         }
     }
 
-    /// Inertia, springs and forces beside the arm's own.
+    /// Applies an effect that adds inertia, springs or forces to the arm.
     fn beside(&mut self, effect: &Effect, arm: &Arm, felt: &[f64]) -> Result<(), PlanError> {
         match (&effect.physics, effect.joint) {
             (Physics::ExternalForce { force, start, end }, _) => {
@@ -223,7 +223,7 @@ impl Plan {
         Ok(())
     }
 
-    /// How many short steps the fastest oscillation needs in a long one.
+    /// Number of short steps per long step that the fastest oscillation needs.
     fn short_steps(&self, poses: &[Vec<f64>], felt: &[f64]) -> usize {
         let mut fastest = 0.0_f64;
         for t in &self.transmissions {
@@ -270,7 +270,7 @@ fn nominal_drive(joint: &Joint) -> Drive {
     }
 }
 
-/// The least inertia that each joint feels over `poses`.
+/// The least effective inertia of each joint over `poses`.
 fn felt_inertia(arm: &Arm, poses: &[Vec<f64>]) -> Vec<f64> {
     let mut felt = Felt::new(arm);
     let all = poses.iter().filter_map(|pose| felt.at(arm, pose));
@@ -279,7 +279,7 @@ fn felt_inertia(arm: &Arm, poses: &[Vec<f64>]) -> Vec<f64> {
     })
 }
 
-/// The least inertia that any of `coordinates` feels over `poses` of the joints, kg or kg·m².
+/// The least effective inertia of any of `coordinates` over `poses` of the joints, kg or kg·m².
 fn lightest(arm: &Arm, link: &[usize], coordinates: &[usize], poses: &[Vec<f64>]) -> f64 {
     let places = poses.iter().map(|pose| {
         let mut q = vec![0.0; arm.dof()];

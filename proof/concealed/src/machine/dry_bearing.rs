@@ -1,4 +1,4 @@
-//! A journal in its bearing, dry: contact in the plane across the axis.
+//! A journal in a dry bearing: contact in the plane perpendicular to the axis.
 //!
 //! Normal force K p^(10/9) (1 + α ṗ), never pulling: the exponent of a cylinder in a cylinder and the damping of Hunt & Crossley
 //! (1975), whose restitution is 1 − ⅔ α v₀ to first order, whatever the exponent. The catalogue's law has the exponent 3/2 and latches the speed of approach
@@ -8,9 +8,9 @@
 const REFERENCE_FORCE: f64 = 100.0;
 /// Exponent of the contact of two cylinders.
 const EXPONENT: f64 = 10.0 / 9.0;
-/// Speed of approach at which the restitution is the one asked for, m/s.
+/// Speed of approach with the specified restitution, m/s.
 const REFERENCE_SPEED: f64 = 0.05;
-/// Speed of sliding at which friction has 71 % of its size, m/s.
+/// Sliding speed at which friction reaches 71 % of its full value, m/s.
 const SLIDING: f64 = 1e-3;
 /// Radius of the bearing, m.
 pub(crate) const RADIUS: f64 = 0.010;
@@ -24,7 +24,7 @@ pub(crate) struct DryBearing {
     friction: f64,
 }
 
-/// What a bearing does to the journal: force in its plane, N, and moment about its axis, N·m.
+/// Action of a bearing on the journal: force in its plane, N, and moment about its axis, N·m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Push {
     pub force: [f64; 2],
@@ -43,13 +43,13 @@ impl DryBearing {
         }
     }
 
-    /// Slope of the force at [`REFERENCE_FORCE`], N/m: what the step has to resolve.
+    /// Slope of the force at [`REFERENCE_FORCE`], N/m; the time step has to resolve it.
     pub fn slope(&self) -> f64 {
         let depth = (REFERENCE_FORCE / self.stiffness).powf(1.0 / EXPONENT);
         EXPONENT * REFERENCE_FORCE / depth
     }
 
-    /// What the bearing does to a journal at `x` moving with `u` and turning with `spin` against the bearing.
+    /// Action of the bearing on a journal at `x` that moves with `u` and turns with `spin` against the bearing.
     pub fn push(&self, x: [f64; 2], u: [f64; 2], spin: f64) -> Push {
         let distance = x[0].hypot(x[1]);
         let depth = distance - self.clearance;
@@ -73,7 +73,7 @@ impl DryBearing {
 mod tests {
     use super::{DryBearing, REFERENCE_SPEED};
 
-    /// A journal under a constant load rests at the clearance along the load, a contact's depth further.
+    /// Under a constant load a journal rests at the clearance in the direction of the load, plus the depth of the contact.
     #[test]
     fn a_load_rests_at_the_clearance() {
         let law = DryBearing::new(4e-4, 2e9, 0.6, 0.05);
@@ -93,8 +93,8 @@ mod tests {
         assert!((x[0] / distance - 0.6).abs() < 1e-3 && (x[1] / distance + 0.8).abs() < 1e-3);
     }
 
-    /// A drop against the wall returns with the restitution e of the closed form d (1 + e) = ln((1 + d)/(1 − d e)), d = α v₀, which holds
-    /// for any exponent; to first order in d it is the one asked for.
+    /// A drop against the wall returns with the restitution e of the closed form d (1 + e) = ln((1 + d)/(1 − d e)), d = α v₀, which holds for any exponent; to
+    /// first order in d this is the specified restitution.
     #[test]
     fn restitution_is_as_asked() {
         for asked in [0.6, 0.8, 0.9] {
@@ -111,7 +111,7 @@ mod tests {
         }
     }
 
-    /// Friction never drives.
+    /// Friction never adds energy.
     #[test]
     fn friction_opposes_sliding() {
         let law = DryBearing::new(4e-4, 2e9, 0.9, 0.1);

@@ -1,4 +1,4 @@
-//! A machine under its servo controller: what it did.
+//! The motion of a machine under its servo controller.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics};
 
@@ -15,12 +15,12 @@ const SERVO_EVERY: u64 = 2;
 const TRACE_EVERY: u64 = 1;
 /// Time constant of the motors' currents, s.
 const CURRENT_LAG: f64 = 0.4e-3;
-/// How long the machine holds its first posture before the recording begins, s.
+/// The machine holds its first posture for this time before the recording begins, s.
 const SETTLING: f64 = 1.5;
-/// How long it is followed beyond the motion's end, s: what delays look back on.
+/// The simulation continues for this time beyond the motion's end, s, for delayed channels.
 const AFTER: f64 = 0.02;
 
-/// What a machine did, without noise: rows at equal distances of time.
+/// Motion of a machine, without noise: rows at equal time steps.
 #[derive(Clone, Debug)]
 pub struct Trace {
     joints: usize,
@@ -42,7 +42,7 @@ impl Trace {
         self.rows.len() / Self::width(self.joints)
     }
 
-    /// Whether there are none.
+    /// True without rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -79,7 +79,7 @@ impl Trace {
 }
 
 impl Plan {
-    /// Runs the machine through `motion` for `duration` s, under a servo controller that knows the data sheet `nominal`.
+    /// Runs the machine through `motion` for `duration` s, under a servo controller whose model is the data sheet `nominal`.
     ///
     /// # Errors
     /// [`PlanError::NotFinite`].

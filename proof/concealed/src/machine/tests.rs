@@ -64,7 +64,7 @@ fn runge_kutta(arm: &Arm, q: &[f64], time: f64, steps: u32) -> Vec<f64> {
     s
 }
 
-/// Falling freely, the time stepping converges to another integrator on another algorithm, with second order.
+/// In free fall the time stepping converges to another integrator with another algorithm, with second order.
 #[test]
 fn free_fall_converges_to_runge_kutta() {
     let arm = without_friction(&Machine::Three.data_sheet().expect("a data sheet"));
@@ -85,7 +85,7 @@ fn free_fall_converges_to_runge_kutta() {
     assert!(errors[2] < 2e-5 && orders.iter().all(|order| *order > 1.7));
 }
 
-/// Falling freely, seven joints keep their energy.
+/// In free fall seven joints conserve their energy.
 #[test]
 fn free_fall_keeps_its_energy() {
     let arm = without_friction(&Machine::Seven.data_sheet().expect("a data sheet"));
@@ -106,7 +106,7 @@ fn free_fall_keeps_its_energy() {
     assert!(kinetic > 10.0 && (end - start).abs() < 1e-4 * kinetic);
 }
 
-/// A wheel with dry friction stops when the closed form says, and then stands still to the last bit.
+/// A wheel with dry friction stops at the time of the closed form, and then stands still to the last bit.
 #[test]
 fn dry_friction_stops_and_holds() {
     let arm = wheel(0.5, 0.0, 2.0);
@@ -123,7 +123,7 @@ fn dry_friction_stops_and_holds() {
     let stopped = stopped.expect("it stops");
     println!("stops at {stopped} s, closed form 0.25 s; has turned {} rad, closed form 0.125", run.x[0]);
     assert!((stopped - 0.25).abs() < 3e-4 && (run.x[0] - 0.125).abs() < 1e-6 && run.u[0].abs() < 1e-12);
-    // A torque below the friction does not move it; one above does, with the difference.
+    // A torque below the friction does not move it; a larger one accelerates it with the difference.
     let before = run.x[0];
     (0..400).for_each(|_| run.long_step(&[1.9], 0.25e-3).expect("a step"));
     assert!((run.x[0] - before).abs() < 1e-12);
@@ -132,7 +132,7 @@ fn dry_friction_stops_and_holds() {
     assert!((run.u[0] - 0.2).abs() < 1e-9);
 }
 
-/// Friction by the load is a share of what the link takes, not of what its rotor takes: T − μ I a = (I + J) a.
+/// Load-dependent friction is a share of the torque on the link, not of that on its rotor: T − μ I a = (I + J) a.
 #[test]
 fn a_rotor_is_no_load_of_its_transmission() {
     let (inertia, rotor, coefficient, torque) = (0.5, 0.3, 0.4, 2.0);
@@ -179,7 +179,7 @@ fn an_elastic_joint_resonates_where_it_should() {
     assert!((measured / omega - 1.0).abs() < 4e-3);
 }
 
-/// The torque that the servo gives is what inverse dynamics and friction ask for, sample by sample, and the arm follows.
+/// The torque of the servo equals inverse dynamics plus friction, sample by sample, and the arm follows.
 #[test]
 fn without_effects_the_recording_is_the_data_sheet() {
     for machine in [Machine::Slide, Machine::SixCell] {
@@ -210,7 +210,7 @@ fn without_effects_the_recording_is_the_data_sheet() {
     }
 }
 
-/// The tracker sees a last link that is longer as it sees any other: the tool is further out.
+/// A longer last link moves the tool outwards, and the tracker measures it.
 #[test]
 fn a_longer_last_link_moves_the_tool() {
     let arm = Machine::Three.data_sheet().expect("a data sheet");
@@ -221,7 +221,7 @@ fn a_longer_last_link_moves_the_tool() {
     assert!((grown - 0.01).abs() < 1e-12);
 }
 
-/// Under a steady load the journal rests at the clearance along the load, and the tool shows it.
+/// Under a steady load the journal rests at the clearance in the direction of the load, and the tool moves by it.
 #[test]
 fn a_journal_rests_at_the_clearance() {
     let arm = Machine::Two.data_sheet().expect("a data sheet");
@@ -233,7 +233,7 @@ fn a_journal_rests_at_the_clearance() {
     let mut ws = Workspace::new(&arm);
     rnea(&arm, &mut ws, pose, &[0.0; 2], &[0.0; 2], &mut tau);
     let mut run = Stepper::new(&machine, 0.0, pose);
-    // Held by springs strong enough for the posture to stay.
+    // Springs hold the joints, strong enough to keep the posture.
     for _ in 0..6000 {
         let hold: Vec<f64> = (0..2)
             .map(|i| {
@@ -249,7 +249,7 @@ fn a_journal_rests_at_the_clearance() {
     assert!(offset > clearance && offset < 1.05 * clearance);
 }
 
-/// A gap leaves link and motor half a gap apart on the side of the load.
+/// With a gap, link and motor are half a gap apart on the side of the load.
 #[test]
 fn a_gap_is_taken_up_by_the_load() {
     let arm = Machine::Two.data_sheet().expect("a data sheet");

@@ -1,4 +1,4 @@
-//! What the machine is told to do: three families of motion, scaled to the arm's limits.
+//! The commanded motion: three families, scaled to the arm's limits.
 
 mod fourier;
 mod point_to_point;
@@ -43,7 +43,7 @@ enum Kind {
     Sweep(Vec<Sweep>),
 }
 
-/// What one joint may do in a motion.
+/// Limits of one joint in a motion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Room {
     /// Position in the middle, rad or m.
@@ -85,7 +85,7 @@ impl Motion {
         Self { kind, duration }
     }
 
-    /// How long it lasts, s.
+    /// Its duration, s.
     pub fn duration(&self) -> f64 {
         self.duration
     }
@@ -111,7 +111,7 @@ mod tests {
     use crate::arms::Machine;
     use crate::random::stream;
 
-    /// Velocity and acceleration are the derivatives of what they should be, the limits hold, and the start is at rest.
+    /// Velocity and acceleration are the derivatives of position and velocity, the limits hold, and the start is at rest.
     #[test]
     fn motions_are_consistent_and_within_limits() {
         let mut worst = 0.0_f64;
@@ -143,7 +143,7 @@ mod tests {
                         let slope = (after.0[j] - before.0[j]) / (2.0 * h);
                         worst = worst.max((slope - now.1[j]).abs() / joint.limits.velocity);
                         let bend = (after.1[j] - before.1[j]) / (2.0 * h);
-                        // Trapezoids jump in acceleration: there the two halves differ.
+                        // Trapezoidal profiles have jumps in acceleration, at which the two halves differ.
                         if (before.2[j] - after.2[j]).abs() < 1e-2 {
                             assert!(
                                 (bend - now.2[j]).abs() < 1e-2,

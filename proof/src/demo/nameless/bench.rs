@@ -1,4 +1,4 @@
-//! A machine that is commissioned, learned from and run, in its folder.
+//! A machine in its folder: commissioning, training and runs.
 
 use std::path::Path;
 
@@ -27,18 +27,18 @@ pub struct Bench {
     seed: u64,
 }
 
-/// Who controls a run.
+/// Control of a run.
 #[derive(Clone, Copy)]
 pub struct Way<'a> {
     /// The built-in controller.
     pub controller: &'static str,
-    /// The model that it is given.
+    /// Its model.
     pub model: &'a Path,
-    /// Whether it is given the weights beside the model, if there are any.
+    /// Whether it gets the weights beside the model, if there are any.
     pub has_weights: bool,
 }
 
-/// A run that has ended.
+/// A finished run.
 struct Ran {
     recording: Option<Recording>,
     reached: Reached,
@@ -52,21 +52,21 @@ impl Bench {
     /// The bench of the machine `truth` on `paths`; `seed` is that of all noise.
     ///
     /// # Errors
-    /// Effects that can't be.
+    /// Impossible effects.
     pub fn new(truth: ArmFile, paths: Paths, seed: u64) -> Result<Bench, Failure> {
         Ok(Bench { effects: Effects::of(&truth).map_err(Failure::internal)?, truth, paths, seed })
     }
 
-    /// What a run along `path` without a tracker comes to, and the tool's deviation every [`DRAWN`] ticks, mm.
+    /// Deviation of a run along `path` without a tracker, and the tool's deviation every [`DRAWN`] ticks, mm.
     ///
     /// # Errors
-    /// A run that does not end well.
+    /// A run that fails.
     pub fn reached(&self, way: Way<'_>, path: &PathSpec) -> Result<(Reached, Vec<f64>), Failure> {
         self.run(way, path, None).map(|ran| (ran.reached, ran.course))
     }
 
-    /// A run along `path`, in this process; with a tracker where it is the recording of this `number`. Every recording has noise of its own: what came back in all
-    /// of them would be learned.
+    /// A run along `path`, in this process; with a tracker if it is the recording of this `number`. Every recording has different noise: the training would
+    /// learn noise that is the same in all of them.
     fn run(
         &self,
         Way { controller, model, has_weights }: Way<'_>,
@@ -118,7 +118,7 @@ impl Bench {
     /// The recordings of the commissioning under `quasi-static` with `model`, by name.
     ///
     /// # Errors
-    /// A run that does not end well.
+    /// A run that fails.
     pub fn commission(&self, model: &Path) -> Result<Vec<(String, Recording)>, Failure> {
         let paths = self.paths.commissioning();
         let way = Way { controller: "quasi-static", model, has_weights: false };
@@ -130,10 +130,10 @@ impl Bench {
         recorded.collect()
     }
 
-    /// What `model` leaves in `recordings`, learned, its weights beside the model.
+    /// Trains on the remaining deviation of `model` in `recordings`; writes the weights beside the model.
     ///
     /// # Errors
-    /// Recordings from which nothing can be learned, or a file that can't be written.
+    /// Recordings without enough information, or a file that can't be written.
     pub fn learn(&self, recordings: &[(String, Recording)], model: &Path) -> Result<Trained, Failure> {
         let command = format!("freeplay demo, seed {}", self.seed);
         let nominal = Some(paper_arm().arm);

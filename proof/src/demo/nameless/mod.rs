@@ -1,9 +1,9 @@
-//! Machines with physics that no catalogue names, beside physics that it does: commissioned with a tracker, controlled without one.
+//! Machines with physics that no catalogue names, beside physics that it names: commissioned with a tracker, controlled without one.
 //!
-//! On three paths the tool is tracked. The recordings are diagnosed; what has a name goes into the model, what the model leaves is learned
-//! ([`freeplay_training`]). Then five ways to control the machine are compared on three other paths and periods, without a tracker.
+//! The program tracks the tool on three paths and diagnoses the recordings. Named effects go into the model; a network learns the remaining deviation
+//! ([`freeplay_training`]). Then the program compares five methods to control the machine on three other paths and periods, without a tracker.
 //!
-//! `machines` (what is concealed, and the paths), `bench` (runs), `outcome` (what came of a machine and what has to hold), `text`, `page`.
+//! `machines` (concealed physics, and the paths), `bench` (runs), `outcome` (outcome of a machine and its checks), `text`, `page`.
 
 mod bench;
 mod machines;
@@ -35,7 +35,7 @@ pub use text::text;
 /// File of an outcome in the folder of its machine.
 const OUTCOME: &str = "outcome.json";
 
-/// An outcome with what it depends on, so that a later call can tell whether it is its own.
+/// An outcome with its inputs, so that a later call can tell whether it applies.
 #[derive(Serialize, Deserialize)]
 struct Kept {
     program: String,
@@ -45,7 +45,7 @@ struct Kept {
     outcome: Outcome,
 }
 
-/// What all machines of a demonstration share.
+/// Settings shared by all machines of a demonstration.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Time of a lap of the first path, s; the others are in proportion.
@@ -54,7 +54,7 @@ pub struct Settings {
     pub seed: u64,
 }
 
-/// The outcome of `machine` that an earlier call with the same settings, program and concealed effects left in `out`; none if there is none.
+/// The outcome of `machine` that an earlier call with the same settings, program and concealed effects left in `out`; `None` if there is none.
 pub fn kept(machine: &Machine, settings: Settings, out: &Path) -> Option<Outcome> {
     let file = out.join(OUTCOME);
     let kept: Kept = file.is_file().then(|| read_json(&file, "an outcome").ok()).flatten()?;
@@ -68,7 +68,7 @@ fn truth(machine: &Machine) -> ArmFile {
     ArmFile { effects: machine.effects.clone(), ..paper_arm() }
 }
 
-/// Commissions, diagnoses, learns and judges `machine`, with all files in `out`.
+/// Commissions, diagnoses, trains and judges `machine`, with all files in `out`.
 ///
 /// # Errors
 /// A run of the commissioning that fails, or a file that can't be written.
@@ -98,7 +98,7 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
     } else {
         Some(bench.learn(&bench.commission(&found)?, &found)?)
     };
-    // What was named without being there may be harder to learn around than nothing: held-out paths tell.
+    // A falsely named effect may be harder to compensate by learning than no effect; held-out paths decide.
     let (both, chosen) = match &second {
         Some(second) if second.leaves_less_than(&alone) || !alone.receipt.proved => (second, &found),
         Some(_) => (&alone, &given),
@@ -147,7 +147,7 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
 }
 
 fn diagnosed(nominal: &ArmFile, recordings: &[(String, Recording)], seed: u64) -> Result<Diagnosis, Failure> {
-    // What a real machine would have recorded: no references, no predictions.
+    // The recording of a real machine: no references, no predictions.
     let seen = |(_, recording): &(String, Recording)| {
         let columns = recording.named().filter(|(name, _)| {
             let end = name.trim_end_matches(|c: char| c.is_ascii_digit());
