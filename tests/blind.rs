@@ -1,4 +1,4 @@
-//! The blind proof from end to end: the seal holds, nobody can look, and what is changed afterwards is caught.
+//! The blind proof from end to end: the seal holds, nobody can look inside, and verification detects later changes.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use crate::common::{Call, Ran, fresh_folder};
 use freeplay_concealed::{Case, Machine, Quota, draw_set};
 use serde_json::{Value, json};
 
-/// Cases on the machine with one axis, which are quick: names of the folders and what they conceal.
+/// Cases on the machine with one axis, which are quick: names of the folders and the concealed effects.
 const CASES: [(&str, Option<&str>); 4] = [
     ("a1", Some("coulomb_friction")),
     ("b2", None),
@@ -31,7 +31,7 @@ fn seal(folder: &Path) {
     std::fs::write(folder.join("truth.json"), truth.to_string()).expect("the truth");
 }
 
-/// Looks into what a call left.
+/// Reads the files of a call.
 trait Look {
     fn path(&self, file: &str) -> std::path::PathBuf;
     fn check(&self, code: i32);
@@ -51,7 +51,7 @@ fn call(folder: tempfile::TempDir, arguments: &[&str]) -> Ran {
     Call::new(folder, arguments).run()
 }
 
-/// Sets the first value of `key` in the receipt to what `change` makes of it, and verifies.
+/// Replaces the first value of `key` in the receipt by the result of `change`, and verifies.
 fn verify_changed(receipt: &Value, change: impl FnOnce(&mut Value)) -> Ran {
     let folder = fresh_folder();
     let mut changed = receipt.clone();
@@ -71,7 +71,7 @@ fn a_folder_that_someone_else_sealed_is_answered_scored_and_verified() {
     let isolation = before["parts"][0]["isolation"].as_object().expect("a table");
     println!("{isolation:?}");
     for (words, _) in isolation {
-        // Where the kernel offers no isolation the receipt says so; where it does, nobody can look.
+        // If the kernel offers no isolation the receipt says so; otherwise nobody can look inside.
         let walled = words.contains("canary refused") && words.contains("memory of the parent refused");
         assert!(walled || words.starts_with("none"), "{words}");
     }
@@ -91,7 +91,7 @@ fn a_folder_that_someone_else_sealed_is_answered_scored_and_verified() {
     let verified = call(scored.folder, &["blind", "--verify", "cases/receipt.json"]);
     verified.check(0);
     tampering_is_caught(&receipt);
-    // A sealed recording that changed is caught beside the receipt.
+    // Verification also detects a changed sealed recording.
     let recording = verified.path("cases/a1/recording.csv");
     let text = std::fs::read_to_string(&recording).expect("a recording");
     std::fs::write(&recording, text + "\n").expect("a recording");
@@ -156,7 +156,7 @@ fn the_whole_protocol_keeps_its_seal() {
     assert!(again.stderr().contains("holds sealed of an earlier command"), "{}", again.stderr());
     let verified = call(again.folder, &["blind", "--verify", "out/receipt.json"]);
     verified.check(0);
-    // One bit of a commitment, and the truth no longer fits.
+    // After a change of one bit in a commitment, the truth no longer fits it.
     let name = receipt["cases"].as_object().and_then(|cases| cases.keys().next()).expect("a case").clone();
     let changed = verify_changed(&receipt, |r| r["cases"][&name]["salt"] = json!("00"));
     changed.check(1);
@@ -166,7 +166,7 @@ fn the_whole_protocol_keeps_its_seal() {
     assert_eq!(read(&merged.path("all/receipt.json"))["score"], receipt["score"]);
 }
 
-/// Another executable than the frozen one is caught, and so is one with a byte more.
+/// Verification detects another executable than the frozen one, also one with an additional byte.
 #[test]
 fn a_changed_program_is_caught() {
     let folder = fresh_folder();

@@ -1,7 +1,7 @@
-//! `kill -9` of a blind set's parent or of one of its analysts at any moment: nothing hangs, nothing is left in shared memory, a killed analyst
-//! counts as no answer, a receipt is there whole or not at all, and the next call succeeds.
+//! `kill -9` of a blind set's parent or of one of its analysts at any moment: nothing hangs, shared memory is empty, a killed analyst counts as no answer, a
+//! receipt is complete or absent, and the next call succeeds.
 //!
-//! `FREEPLAY_KILLS=N` plays N kills instead of a few.
+//! `FREEPLAY_KILLS=N` tests N kills instead of a few.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -14,17 +14,17 @@ use serde_json::Value;
 
 const ANALYSE: [&str; 6] = ["blind", "--analyse", "cases", "--quiet", "--jobs", "1"];
 
-/// Every so many kills of a parent the next call is played to its end.
+/// After so many kills of a parent the next call runs to its end.
 const NEXT: u32 = 4;
 
-/// Who is killed.
+/// The killed process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Victim {
     Parent,
     Analyst,
 }
 
-/// What came of all kills.
+/// Results of all kills.
 #[derive(Debug, Default)]
 struct Tally {
     parents: u32,
@@ -43,7 +43,7 @@ fn sealed() -> tempfile::TempDir {
     folder
 }
 
-/// The living processes of the call, however they were started: an analyst has an environment of its own, and is a child.
+/// The living processes of the call, from any parent: an analyst has an environment of its own, and is a child.
 fn members(run: &Started) -> Vec<u32> {
     processes_with(&format!("FREEPLAY_SHM={}", run.shm.path().display()))
 }
@@ -101,7 +101,7 @@ fn a_blind_set_survives_kills_at_any_moment() {
     let mut tally = Tally::default();
     for index in 0..kills {
         let victim = if index % 2 == 0 { Victim::Parent } else { Victim::Analyst };
-        // Steps of the golden ratio: any number of kills is spread over the whole call.
+        // Steps of the golden ratio spread any number of kills over the whole call.
         let share = (f64::from(index) * 0.618_033_988_75).fract();
         kill_one(victim, whole.mul_f64(share), &mut tally);
         println!("{} kills: {tally:?}", index + 1);

@@ -1,7 +1,7 @@
-//! What another user does to the places that everybody shares: whoever opens what appears in shared memory gets no hold on a run, shared
-//! memory that is full ends a run in order, and results in a folder that others can change are told of.
+//! Hostile acts of another user on shared places: opening files in shared memory gives no hold on a run, full shared memory ends a run in order, and a run
+//! reports a results folder that others can change.
 //!
-//! The cases of another user take root, and say so where they are skipped.
+//! The cases of another user need root, and report when they are skipped.
 
 mod common;
 
@@ -18,7 +18,7 @@ const SHM: &str = "/dev/shm";
 /// Another user: nobody.
 const OTHER: u32 = 65_534;
 
-/// Tells the other user's process that it is one, and where to say what it holds.
+/// Marks the process of the other user, and gives the path for its report.
 const INTRUDER_ENV: &str = "FREEPLAY_TEST_INTRUDER";
 
 const RUN: [&str; 11] = [
@@ -39,13 +39,13 @@ fn shm(name: &str) -> PathBuf {
     Path::new(SHM).join(name)
 }
 
-/// What of runs is in shared memory.
+/// Files of runs in shared memory.
 fn left() -> Vec<PathBuf> {
     let entries = fs::read_dir(SHM).expect("shared memory").flatten().map(|entry| entry.path());
     entries.filter(|path| path.to_string_lossy().contains("freeplay-")).collect()
 }
 
-/// The other user's process: opens everything of runs that it may write to, cuts it, and writes to it, until it is killed.
+/// The other user's process: opens every file of runs that it may write to, truncates it, and writes to it, until it is killed.
 #[test]
 #[ignore = "a role of another test"]
 fn intruder() {
@@ -61,7 +61,7 @@ fn intruder() {
                 fs::write(told.join("opened"), held.len().to_string()).expect("told");
             }
         }
-        // What it holds is not part of any run any more once that is made.
+        // A file that it holds does not belong to a finished set-up of a run.
         for file in &held {
             if file.metadata().is_ok_and(|found| found.nlink() > 0 && found.mode() & 0o077 == 0) {
                 fs::write(told.join("holds"), format!("{file:?}")).expect("told");
@@ -105,7 +105,7 @@ fn who_opens_what_appears_in_shared_memory_gets_no_hold_on_a_run() {
     let Some(mut intruder) = start_intruder(told.path()) else { return };
     let (mut made, mut runs) = (0, 0);
     for _ in 0..200 {
-        // A segment that it has cut in time is refused; the next run has another name.
+        // The run refuses a segment that was truncated in time; the next run has another name.
         match RunFolder::create() {
             Ok(_) => made += 1,
             Err(error) => assert!(error.to_string().contains("interferes"), "{error}"),
@@ -142,7 +142,7 @@ fn shared_memory_that_is_full_ends_a_run_in_order() {
     let mut folder = good.folder;
     let mut codes = Vec::new();
     for kib in [0, 4, 16, 64, 256, 1024, 4096, 8000, 8192, 8400, 9000, 10_000, 16_000] {
-        // Somebody has filled all but so much of it.
+        // Another user has filled all but this amount of it.
         let remounted =
             Command::new("mount").args(["-o", &format!("remount,size={}k", kib.max(4)), SHM]).output();
         if !remounted.is_ok_and(|output| output.status.success()) {

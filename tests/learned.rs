@@ -1,4 +1,4 @@
-//! What a network learned, in the real binary: refused for another arm, model or layout, left alone in other modes, and no matter for faults and swaps.
+//! Trained networks in the real binary: refused for another arm, model or layout, ignored in other modes, and without effect on faults and swaps.
 
 use std::path::Path;
 
@@ -6,19 +6,20 @@ use crate::common::{Call, Ran, fresh_folder};
 use freeplay_controller::identity::{identity, model_identity};
 use serde_json::{Value, json};
 
-/// The paper's arm without play, as it is written to the folder of a test.
+/// Name of the file with the paper's arm without play, in the folder of a test.
 const NOMINAL: &str = "nominal.toml";
-/// Where runs with this model find weights.
+/// Path at which runs with this model find weights.
 const WEIGHTS: &str = "nominal.weights.json";
 
-/// A weight file for the model of `folder`: a network that says what 0.6 mm of play in joint 5 come to where it rests, 0.6 mm down, on the paper's paths.
+/// A weight file for the model of `folder`: a network that predicts the deviation by 0.6 mm of play in joint 5 on the paper's paths, where the journal rests
+/// 0.6 mm down.
 fn weights(folder: &Path) -> Value {
     let file = freeplay_arm::load(&folder.join(NOMINAL)).expect("an arm");
     let axis = |lowest: f64| json!({ "lowest": lowest, "highest": 0.0, "share": 1.0, "rms_um": 600.0, "left_um": 10.0, "r": null });
     let (zeros, ones) = ([0.0; 6], [1.0; 6]);
     let mut network: Value =
         serde_json::from_str(include_str!("../controller/tests/linear_network.json")).expect("JSON");
-    // The bias of z: seven weights each of x and y stand before it.
+    // The bias of z; seven weights each of x and y come before it.
     let mut weights = [0.0; 21];
     weights[14] = -0.6e-3;
     network["weights"] = json!(weights);
@@ -114,7 +115,7 @@ fn weights_of_another_arm_model_or_layout_are_refused() {
     }
 }
 
-/// What is learned in mode torque says nothing of prescribed motion: weights beside the model are left alone, which is said, and named ones refused.
+/// Weights trained in mode torque do not apply to prescribed motion: the run ignores weights beside the model, with a message, and refuses named ones.
 #[test]
 fn other_modes_do_not_use_what_was_learned_in_mode_torque() {
     let place = place();
@@ -132,7 +133,7 @@ fn other_modes_do_not_use_what_was_learned_in_mode_torque() {
     assert!(!folder.join("other.json").exists());
 }
 
-/// The verdicts of an exam or of swaps, without the numbers that are measured.
+/// The verdicts of an exam or of swaps, without the measured numbers.
 fn verdicts(folder: &Path, command: &[&str], more: &[&str]) -> Value {
     let out = if more.is_empty() { "with" } else { "without" };
     let mut arguments = command.to_vec();

@@ -1,6 +1,6 @@
-//! `freeplay blind --generator`: recordings of another program under the same seal, and the generator in MuJoCo.
+//! `freeplay blind --generator`: recordings of another program with the same seal, and the generator in MuJoCo.
 //!
-//! `FREEPLAY_PYTHON` names an interpreter that has mujoco; else `python3` is asked. Without it the test that needs it says so and passes.
+//! `FREEPLAY_PYTHON` names an interpreter that has mujoco; else the tests try `python3`. Without it the test prints a message and passes.
 
 use std::path::Path;
 use std::process::Command;
@@ -42,7 +42,7 @@ fn script(folder: &Path, lines: &str) -> String {
 
 const ASKED: [&str; 8] = ["blind", "--cases", "2", "--seed", "5", "--out", "out", "--quiet"];
 
-/// Copies the folder `case` to where the order wants its second case, and can't make the first.
+/// Copies the folder `case` to the place of the second case in the order, and reports the first as not made.
 const COPIES: &str = r#"cat > order.json
 folder=$(sed 's/.*"folder":"\([^"]*\)".*/\1/' order.json)
 name=$(sed 's/.*"index":1,"name":"\([^"]*\)".*/\1/' order.json)
@@ -52,7 +52,7 @@ echo '[0, {"NotMade": {"asked": "a gap", "why": "no tool"}}]'
 echo '[1, null]'
 echo '[1, {"Made": {"name": "'"$name"'", "truth": {"effects": [{"kind": "coulomb_friction", "joint": "carriage"}]}}}]'"#;
 
-/// What a generator can't make is counted, what it makes is sealed, answered and scored, and the receipt names it.
+/// Cases that a generator can't make are counted; those that it makes are sealed, answered and scored; the receipt names the generator.
 #[test]
 fn another_program_gets_an_order_and_its_lines_are_read() {
     let folder = fresh_folder();
@@ -98,7 +98,7 @@ fn a_generator_that_is_missing_or_garbled_is_said_in_one_error() {
     }
 }
 
-/// A Python without the package ends with the code of a missing peer, and names the package.
+/// A Python without the package ends with the exit code of a missing peer, and the message names the package.
 #[test]
 fn a_python_without_mujoco_is_said_in_one_error() {
     if !has("json") {
@@ -120,7 +120,7 @@ fn cases_from_mujoco_are_sealed_and_scored_as_our_own() {
         return;
     }
     let folder = fresh_folder();
-    // One analyst at a time: another test has the other core.
+    // One analyst at a time: another test uses the other core.
     let asked = [
         "blind",
         "--generator",

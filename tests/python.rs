@@ -1,7 +1,7 @@
-//! Controllers in Python, over the SDK in `python/freeplay/controller.py`: they run, swap with controllers in Rust, and fail in words.
+//! Controllers in Python, with the SDK in `python/freeplay/controller.py`: they run, swap with controllers in Rust, and fail with clear messages.
 //!
-//! `FREEPLAY_PYTHON` names an interpreter that has iceoryx2 0.10.0, and for the package's own tests what its extra `test` asks for; else
-//! `python3` is asked. Without it these tests say so and pass.
+//! `FREEPLAY_PYTHON` names an interpreter that has iceoryx2 0.10.0, and for the package's own tests the packages of its extra `test`; else the tests try
+//! `python3`. Without it these tests print a message and pass.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,7 +18,7 @@ fn python() -> String {
     std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned())
 }
 
-/// Whether there is a Python that can take part; says what is missing if not.
+/// True if there is a suitable Python; reports the missing package if not.
 fn available() -> bool {
     let script =
         "import tomllib; from importlib.metadata import version; assert version('iceoryx2') == '0.10.0'";
@@ -36,7 +36,7 @@ fn available() -> bool {
     found
 }
 
-/// A program in `folder` that runs `script` with the SDK at hand.
+/// A program in `folder` that runs `script` with the SDK on its path.
 fn program(folder: &Path, name: &str, script: &Path) -> String {
     use std::os::unix::fs::PermissionsExt;
     let path = folder.join(name);
@@ -151,7 +151,7 @@ fn what_goes_wrong_in_python_is_said_and_the_standby_takes_over() {
     if !available() {
         return;
     }
-    // Body of the answer, what is said, how the gate counts it.
+    // Body of the answer, the expected message, the gate's count.
     let cases = [
         (
             "return [0.0] * (6 if state.tick < 3 else 5)",

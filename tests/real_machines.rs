@@ -1,17 +1,17 @@
-//! `freeplay diagnose` on recordings of real machines: the same binary, nothing told. Held-out errors against the lowest of what the
-//! `reference_fits.txt` beside each set and the published model reach on the same file, as a table of margins.
+//! `freeplay diagnose` on recordings of real machines with the same binary and no further information. A table of margins compares held-out errors with the
+//! lowest error of `reference_fits.txt` beside each set and of the published model on the same file.
 
 use crate::common::{Call, fresh_folder};
 use serde_json::Value;
 
-/// A set: what is fitted, what is held out, and the lowest error known of each channel, in its unit.
+/// A set: the recordings to fit, the held-out ones, and the lowest error known of each channel, in its unit.
 struct Set {
     model: &'static str,
     fitted: &'static [&'static str],
     held: &'static str,
     /// From `reference_fits.txt` (URDF alone, plain least squares) and the published model of `meta.toml`.
     lowest: &'static [(&'static str, f64)],
-    /// Kinds of which one each has to be among the findings: friction by any of its laws.
+    /// Groups of kinds; the findings have to contain one kind of each group. Any friction law counts.
     found: &'static [&'static [&'static str]],
 }
 
@@ -83,7 +83,7 @@ fn the_servo_axis_beats_its_published_model() {
     assert!(margins.iter().all(|(_, share)| *share < 1.02), "{margins:?}");
 }
 
-/// The counterbalance of axis 2 is no straight line over its way: its channel is printed, and only held to a better fit than none.
+/// The counterbalance of axis 2 is not linear over its range: the test prints its channel, and only requires a better fit than without findings.
 #[test]
 #[ignore = "minutes without optimisation: cargo test --release --test command real_machines:: -- --ignored --nocapture"]
 fn six_axes_are_named_and_beat_their_published_model() {
@@ -96,7 +96,7 @@ fn six_axes_are_named_and_beat_their_published_model() {
     }
 }
 
-/// Ten seconds of one motion, in which some axes turn once: what is named there helps on another motion in every axis.
+/// Ten seconds of one motion, in which some axes reverse once: the findings improve another motion in every axis.
 #[test]
 #[ignore = "minutes without optimisation: cargo test --release --test command real_machines:: -- --ignored --nocapture"]
 fn one_recording_of_six_axes_says_much_of_another() {

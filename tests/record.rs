@@ -83,7 +83,7 @@ fn joints_of(folder: &TempDir, name: &str) -> (Vec<String>, Vec<Vec<f64>>) {
     (recording.joint_names, recording.q)
 }
 
-/// Whatever the kind of file, and whether its joints have names: `--joints` takes those, or says which it cannot tell.
+/// With any kind of file, with or without joint names: `--joints` imports the requested joints, or names those that it cannot identify.
 #[test]
 fn the_joints_that_are_asked_for_are_the_joints_that_are_imported() {
     let header: Vec<String> = (1..=6).map(|joint| format!("q{joint}")).collect();
@@ -131,7 +131,7 @@ fn the_joints_that_are_asked_for_are_the_joints_that_are_imported() {
     assert_eq!((names.join(""), q.len(), q[5][0]), ("abcdef".to_owned(), 6, 60.0));
 }
 
-/// One mapping names and scales the columns of a recording alike, whatever its kind.
+/// A mapping names and scales the columns of a recording in the same way, whatever its kind.
 #[test]
 fn a_mapping_reads_every_kind_of_file() {
     const MAP: &str =
@@ -165,7 +165,7 @@ fn a_mapping_reads_every_kind_of_file() {
     }
 }
 
-/// A clock that jumps back ends every command that reads the file, with one message; rows that come late are put in their place with a note.
+/// A clock that jumps back ends every command that reads the file, with one message; late rows are sorted with a note.
 #[test]
 fn a_clock_that_jumps_back_is_said() {
     let file = |jump: f64| {
@@ -178,7 +178,7 @@ fn a_clock_that_jumps_back_is_said() {
         let folder = with("r.csv", &file(jump));
         let ran = record(folder, &["info", "r.csv"]);
         if jump > 3.0 {
-            // Nothing is mixed: what is behind the jump was recorded before.
+            // There is no mixing: the rows behind the jump were recorded before.
             let ran = ran.expect(0);
             assert!(ran.stdout().contains("200 late, put in order"), "{}", ran.dump());
             continue;

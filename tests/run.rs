@@ -54,7 +54,7 @@ fn the_default_scenario_runs_every_built_in_controller() {
     assert!(report.contains("quasi-static") && report.len() < 5_000_000, "{} bytes", report.len());
 }
 
-/// Without weight no bearing pushes before a corner, so that no passage can be planned: every answer in a corner says so.
+/// Without weight no bearing is loaded before a corner, so that the controller cannot plan a passage: every answer in a corner reports this.
 #[test]
 fn what_a_programme_could_not_solve_is_counted_and_said() {
     let set = ["--set", "path.kind=square_sharp", "--set", "path.period=4", "--set", "gravity=[0,0,0]"];
@@ -108,7 +108,7 @@ fn driven_joints_follow_the_reference_and_the_deviation_is_the_journal() {
     assert!((rms - 0.6).abs() < 0.006, "{rms}");
 }
 
-/// A run that ends within the first 0.5 s reports no deviation after the start: a 0 would read as a perfect result.
+/// A run that ends within the first 0.5 s reports no deviation after the start: a 0 would look like a perfect result.
 #[test]
 fn a_short_run_has_no_deviation_after_the_start() {
     let ran = lockstep(0.3, &["--controller", "computed-torque"]).expect(0);
@@ -121,8 +121,8 @@ fn a_short_run_has_no_deviation_after_the_start() {
     assert!(!text.contains("share of the limits"), "{text}");
 }
 
-/// What moves the tool beside the joints is no fault of the tracker: a journal in oil that has sunk by 0.5 mm is that much of the tool's deviation, and
-/// who has a tracker takes it out.
+/// A motion of the tool beside that of the joints is no error of the tracker: a journal that has sunk by 0.5 mm in oil adds that much to the tool's deviation,
+/// and a controller with a tracker compensates it.
 #[test]
 fn a_journal_in_oil_moves_the_tool() {
     let folder = fresh_folder();
@@ -213,7 +213,7 @@ fn replaying_a_recording_gives_the_same_commands_byte_for_byte() {
     }
 }
 
-/// A light arm of four joints, one after the other.
+/// A light arm of four joints in a row.
 fn light_arm() -> String {
     let mut urdf = String::from("<robot name=\"light\"><link name=\"base\"/>");
     let joints = [

@@ -1,4 +1,4 @@
-//! What a run keeps to its owner, and who can't command its plant: another user, another layout, another run, a forged tick.
+//! Protection of a run: its files belong to its owner, and the plant accepts no commands from another user, another layout, another run, or with a forged tick.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -7,13 +7,13 @@ use std::process::Command;
 use crate::common::{Call, FREEPLAY, Ran, Started, fresh_folder};
 use serde_json::json;
 
-/// Tick at which the controller waits until the test lets it go on.
+/// Tick at which the controller waits for the test.
 const PAUSE: u64 = 50;
 
-/// A torque that nobody else asks for, within the limits of every joint, N·m.
+/// A torque that no controller commands, within the limits of every joint, N·m.
 const FORGED: f64 = 3.125;
 
-/// A run whose controller waits at tick [`PAUSE`] until it is resumed.
+/// A run whose controller waits at tick [`PAUSE`] until the test resumes it.
 struct Paused {
     run: Started,
     resume: PathBuf,
@@ -33,14 +33,14 @@ impl Paused {
         Self { run, resume }
     }
 
-    /// Lets it go on to its end, which must be a good one.
+    /// Lets the run continue to its end, and fails unless it succeeds.
     fn finish(self) -> Ran {
         std::fs::write(&self.resume, "").expect("the controller can be told");
         self.run.wait().expect(0)
     }
 }
 
-/// The files below `folder`, and that itself.
+/// `folder` and all files below it.
 fn below(folder: &Path) -> Vec<PathBuf> {
     let mut found = vec![folder.to_owned()];
     if folder.is_dir() {
@@ -80,7 +80,7 @@ fn what_a_run_has_and_leaves_is_its_owner_s_alone() {
     }
 }
 
-/// A command that runs as nobody, where this process may become that.
+/// A command that runs as nobody, if this process may change its user.
 fn as_nobody(program: &str) -> Option<Command> {
     let mut probe = Command::new("setpriv");
     probe.args(["--reuid=65534", "--regid=65534", "--clear-groups", "true"]);
@@ -95,7 +95,7 @@ fn as_nobody(program: &str) -> Option<Command> {
 
 #[test]
 fn another_user_can_neither_join_a_run_nor_read_it_nor_take_its_place() {
-    // The program itself, where another user can run it.
+    // A copy of the program that another user can run.
     let folder = tempfile::Builder::new()
         .permissions(std::fs::Permissions::from_mode(0o755))
         .tempdir_in("/tmp")
@@ -127,7 +127,7 @@ fn another_user_can_neither_join_a_run_nor_read_it_nor_take_its_place() {
     assert_eq!(run["state_hash"], undisturbed, "the run takes no notice");
 }
 
-/// A process of the same user that has neither seat nor greeting and forges commands for the slot of the controller in charge.
+/// A process of the same user without a slot and without a hello, which forges commands for the slot of the active controller.
 const INTRUDER: &str = r#"
 import sys, time, freeplay
 
@@ -180,7 +180,7 @@ fn forged_commands_of_the_same_user_are_not_applied() {
         let applied = recording.column(&format!("applied_{joint}")).expect("a column");
         assert!(applied.iter().all(|&value| value != FORGED), "joint {joint}: a forged torque was applied");
     }
-    // They are told by whom they are from, not by what is wrong with them: nothing was bridged.
+    // The plant refuses them by their sender, not by their content: it bridged nothing.
     let counts = run["gate"]["rejected"].as_object().expect("counts by name");
     for (reason, count) in counts {
         assert_eq!(*count, json!(if reason == "foreign" { 14 } else { 0 }), "{reason} in {counts:#?}");

@@ -1,4 +1,4 @@
-//! What a person sees at the keyboard: names that try to speak to the terminal, help, defaults, commands to paste, results in a file.
+//! The command line as a person uses it: names with control characters, help, defaults, commands to paste, results in a file.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -10,12 +10,12 @@ use serde_json::Value;
 
 /// The arm that comes with the project.
 const ARM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/arm.urdf");
-/// A name that clears the screen, sets the title, rings, returns, uses a C1 control, turns the direction of writing and hides a character.
+/// A name that clears the screen, sets the title, rings, returns, uses a C1 control, reverses the direction of writing and hides a character.
 const HOSTILE: &str = "x\u{1b}[2J\u{1b}[31m\u{1b}]0;t\u{7}\r\u{8}\u{9b}1m\u{202e}\u{200b}\u{7f}y";
-/// How it is shown.
+/// Its display.
 const SHOWN: &str = "x\\u001b[2J\\u001b[31m\\u001b]0;t\\u0007\\r\\u0008\\u009b1m\\u202e\\u200b\\u007fy";
 
-/// No character that a terminal obeys or that nobody sees is in `text`.
+/// Checks that `text` has no control characters and no invisible ones.
 fn check_visible(what: &str, text: &str) {
     let hidden = |c: &char| *c != '\n' && (c.is_control() || "\u{202e}\u{200b}\u{feff}\u{ad}".contains(*c));
     assert_eq!(text.chars().find(hidden), None, "{what}: {text:?}");
@@ -37,7 +37,7 @@ fn recording(columns: &str, samples: usize) -> String {
     text
 }
 
-/// An arm of one joint called `joint`, as XML writes its characters.
+/// An arm with one joint called `joint`, in the escapes of XML.
 fn arm(joint: &str) -> String {
     let name: String = joint.chars().map(|c| format!("&#{};", u32::from(c))).collect();
     format!(
@@ -79,7 +79,7 @@ fn no_name_on_the_command_line_speaks_to_the_terminal() {
         let ran = freeplay(line);
         check_output(&ran);
         assert_ne!(ran.code(), 0, "{line:?}");
-        // Names that are quoted have Rust's own escapes.
+        // Quoted names have Rust's own escapes.
         let shown = ["\\u001b[2J", "\\u{1b}[2J"].iter().any(|escape| ran.stderr().contains(escape));
         assert!(shown, "{line:?}: {}", ran.stderr());
     }
@@ -251,7 +251,7 @@ fn results_in_one_file_and_results_that_move() {
         .output()
         .expect("sh");
     assert!(pasted.status.success(), "{command}: {}", String::from_utf8_lossy(&pasted.stderr));
-    // Everything is moved, and used from another folder.
+    // All files are moved, and used from another folder.
     let json = std::fs::read_to_string(at("found/diagnosis.json")).expect("a diagnosis");
     let json: Value = serde_json::from_str(&json).expect("JSON");
     assert_eq!(json["model"], "model.toml");
@@ -272,7 +272,7 @@ fn results_in_one_file_and_results_that_move() {
     run(elsewhere.path(), &["scenario", "check", &scenario]);
 }
 
-/// A joint that swings, with friction that its model does not have.
+/// A swinging joint, with friction that its model lacks.
 fn swinging() -> String {
     let mut text = String::from("t,q1,qd1,tau1\n");
     for sample in 0..2000 {

@@ -1,4 +1,4 @@
-//! `freeplay campaign`: many runs of this command, spread over cores and machines by the Python package that comes with it.
+//! `freeplay campaign`: many runs of this command, distributed over cores and machines by Freeplay's Python package.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
@@ -9,7 +9,7 @@ use clap::Args;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::flags;
 
-/// What the package's own command understands, for `--help`, which needs no Python.
+/// The options of the package's own command, for `--help`, which needs no Python.
 const OPTIONS: &str = "\
 Give these options after the command and its own arguments:
   --out DIR         Folder for the results, which every worker sees under this path
@@ -40,7 +40,7 @@ pub struct CampaignArgs {
 /// Becomes the Python package's own command with the arguments of `args`.
 ///
 /// # Errors
-/// No Python that has the package.
+/// No Python with the package.
 pub fn campaign(args: &CampaignArgs) -> Result<Exit, Failure> {
     let this = std::env::current_exe().map_err(Failure::internal)?;
     let python = interpreters(&this).find(has_package).ok_or_else(|| {
@@ -53,18 +53,18 @@ pub fn campaign(args: &CampaignArgs) -> Result<Exit, Failure> {
     if flags::is_quiet() {
         command.arg("--quiet");
     }
-    // `exec` comes back only if it fails.
+    // `exec` returns only after an error.
     Err(Failure::internal(format!("{}: {}", python.display(), command.exec())))
 }
 
-/// The interpreters to ask, in order: the one that the user names, the one beside this executable, the system's.
+/// The candidate interpreters, in order: the one that the user names, the one beside this executable, the system's.
 fn interpreters(this: &std::path::Path) -> impl Iterator<Item = PathBuf> {
     let named = std::env::var_os("FREEPLAY_PYTHON").filter(|name| !name.is_empty()).map(PathBuf::from);
     let beside = this.with_file_name("python");
     named.into_iter().chain(beside.is_file().then_some(beside)).chain(["python3".into(), "python".into()])
 }
 
-/// Whether `python` starts and has the package.
+/// True if `python` starts and has the package.
 fn has_package(python: &PathBuf) -> bool {
     let mut command = Command::new(python);
     command.args(["-c", "import freeplay.campaigns"]).stdin(Stdio::null()).stdout(Stdio::null());

@@ -1,4 +1,4 @@
-//! `freeplay diagnose`: where a model and a recording differ, what is missing from the model, and how much better it gets.
+//! `freeplay diagnose`: the differences between a model and a recording, the missing physics, and the improvement of the model.
 
 use freeplay_arm::ArmFile;
 use freeplay_diagnosis::{DiagnoseError, Diagnosis, ExciteSettings, beyond_limits, diagnose as diagnosed};
@@ -15,7 +15,7 @@ use crate::diagnose_view::{EXTENSIONS, View, file_name, target};
 use crate::excite::{self, Question};
 use crate::inputs::{self, Measured};
 
-/// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
+/// The next motion: its duration, s, the reach of a joint, rad (m), and the number of candidates.
 const NEXT_S: f64 = 16.0;
 const NEXT_REACH: f64 = 1.2;
 const NEXT_CANDIDATES: usize = 16;
@@ -39,7 +39,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let file = first.model(&args.model, args.tip.as_deref())?;
     let for_arm = |measured: Measured| measured.for_arm(&args.model, &file);
     let recordings: Vec<Recording> = measured.into_iter().map(for_arm).collect::<Result<_, _>>()?;
-    // Before what takes minutes.
+    // Checked first, since the diagnosis takes minutes.
     let folder =
         args.out.as_deref().map(|out| claim_out(out, &EXTENSIONS, &RESULTS, args.force)).transpose()?;
     let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::announce(what));
@@ -63,8 +63,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// What a person should know of the inputs, beside what `recording_quality` has: first joints beyond their limits, last what of the model file is not
-/// used.
+/// Adds notes on the inputs to those of `recording_quality`: first joints beyond their limits, last unused parts of the model file.
 fn remark(quality: &mut Vec<String>, file: &ArmFile, recordings: &[Recording]) {
     let beyond = recordings.iter().flat_map(|recording| {
         let name = file_name(recording);
@@ -74,8 +73,8 @@ fn remark(quality: &mut Vec<String>, file: &ArmFile, recordings: &[Recording]) {
     quality.extend(file.ignored.iter().map(|ignored| format!("model: {ignored}")));
 }
 
-/// Where two causes remain: the motion that would separate them, written into the folder of results; one sentence on it. Several recordings
-/// of one machine were not enough, so that the first of them stands for what was moved.
+/// If two causes remain, writes the motion that would separate them into the folder of results; returns one sentence on it. Several recordings of one machine
+/// were not enough, so that the first of them represents the motion so far.
 fn next_motion(
     args: &DiagnoseArgs,
     file: &ArmFile,
@@ -103,7 +102,7 @@ fn next_motion(
             let path = excite::write_path(&found, &args.model, file, out)?;
             Ok(Some(excite::sentence(&found, file, &path)))
         }
-        // A diagnosis is worth having without the next motion.
+        // A diagnosis is useful without the next motion.
         Err(failure) => Ok(Some(format!("no motion was found that separates them: {failure}"))),
     }
 }

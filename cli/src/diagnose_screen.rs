@@ -1,4 +1,4 @@
-//! What a person sees of a diagnosis in the terminal: the verdict, where, what, how much better, what else, and what to do next.
+//! The terminal output of a diagnosis: the verdict, the places, the missing physics, the improvement, the alternatives, and the next step.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -20,14 +20,14 @@ use freeplay_report::paste::pasted;
 
 /// Width of the longest bar, characters.
 const BAR: f64 = 24.0;
-/// Up to how many channels have a bar for every model.
+/// Largest number of channels for which every model has a bar.
 const FEW: usize = 2;
-/// Most lines of what the recording can't show.
+/// Most lines on undetectable effects.
 const UNTESTABLE: usize = 3;
-/// Most lines of what would tell one effect from another.
+/// Most lines on distinguishing one effect from another.
 const SEPARATIONS: usize = 4;
 
-/// The screen.
+/// The text of the screen.
 pub fn text(view: &View) -> String {
     let diagnosis = view.diagnosis;
     let mut text = String::new();
@@ -114,7 +114,7 @@ fn painted_verdict(verdict: Verdict) -> String {
     styled(style, words)
 }
 
-/// What can't be told, reasons shared by several kinds said once.
+/// The undetectable effects; kinds with the same reason share a line.
 fn untestable(diagnosis: &Diagnosis) -> Vec<String> {
     let mut reasons = reasons(diagnosis);
     reasons.sort_by_key(|(_, titles)| std::cmp::Reverse(titles.len()));
@@ -148,7 +148,7 @@ fn whereabouts(diagnosis: &Diagnosis) -> String {
     )
 }
 
-/// What is missing, joint by joint in the order of the arm, and the law of each kind once.
+/// The missing physics, joint by joint in the order of the arm, and the law of each kind once.
 fn findings(diagnosis: &Diagnosis) -> String {
     let mut table = plain_table();
     let (mut last, mut laws) = (None, BTreeMap::new());
@@ -183,7 +183,7 @@ fn findings(diagnosis: &Diagnosis) -> String {
     text
 }
 
-/// The block OR ELSE: explanations that this motion does not tell from a finding, and the number of those that it excludes.
+/// The block OR ELSE: explanations that this motion cannot distinguish from a finding, and the number of those that it excludes.
 fn alternatives(diagnosis: &Diagnosis) -> String {
     let (open, ruled_out): (Vec<_>, Vec<_>) =
         diagnosis.alternatives.iter().partition(|other| other.indistinguishable);
@@ -212,7 +212,7 @@ fn alternatives(diagnosis: &Diagnosis) -> String {
     text + before + &wrapped(word, MARGIN, &format!("{ruled_out}; the report lists them with their odds"))
 }
 
-/// The held-out errors for the channels in which something was found.
+/// The held-out errors for the channels with findings.
 fn errors(fit: &Fit, diagnosis: &Diagnosis) -> String {
     let channels = channels(diagnosis);
     if channels.is_empty() {
@@ -279,7 +279,7 @@ fn one_line_each(fit: &Fit, channels: &[&str]) -> String {
     indented(table, &[1, 2, 3, 4, 5])
 }
 
-/// A table without lines.
+/// A table without rules.
 fn plain_table() -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
@@ -288,7 +288,7 @@ fn plain_table() -> Table {
     table
 }
 
-/// `table` under a heading; nothing for one without rows.
+/// `table` under a heading; empty text for one without rows.
 fn under(word: &str, heading: &str, table: Table) -> String {
     if table.is_empty() {
         String::new()

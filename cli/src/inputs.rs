@@ -1,4 +1,4 @@
-//! Recordings that a command is given, and the model that they are compared with.
+//! The recordings on a command line, and the model for the comparison.
 
 use std::path::{Path, PathBuf};
 
@@ -9,14 +9,14 @@ use freeplay_recording::{Mapping, Recording};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::messages;
 
-/// A recording as its file has it, which may name its joints.
+/// A recording as in its file, which may name its joints.
 pub struct Measured(Recording, Option<Mapping>);
 
 impl Measured {
-    /// Reads the recording at `path`, its columns as the mapping file `mapping` says.
+    /// Reads the recording at `path`, with its columns according to the mapping file `mapping`.
     ///
     /// # Errors
-    /// The reader's own, as bad input.
+    /// Errors of the reader, as bad input.
     pub fn read(path: &Path, mapping: Option<&Path>) -> Result<Self, Failure> {
         let mapping = mapping.map(Mapping::load).transpose().map_err(Failure::input)?;
         let recording = recorded::unmatched(path, mapping.as_ref()).map_err(Failure::input)?;
@@ -31,7 +31,7 @@ impl Measured {
         Ok(Self(recording, mapping))
     }
 
-    /// The recording as its file has it.
+    /// The recording as in its file.
     pub fn recording(&self) -> &Recording {
         &self.0
     }
@@ -39,7 +39,7 @@ impl Measured {
     /// The model `model` with the chain to the link `tip`, or else the one whose joints the recording names.
     ///
     /// # Errors
-    /// The model's own, as bad input.
+    /// Errors of the model file, as bad input.
     pub fn model(&self, model: &str, tip: Option<&str>) -> Result<ArmFile, Failure> {
         let joints = self.0.joint_names.clone();
         load_selected(model, &Selection { tip: tip.map(str::to_owned), joints })

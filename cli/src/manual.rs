@@ -1,4 +1,4 @@
-//! `freeplay completions`, `freeplay man`, `freeplay exit-codes`: what a shell and a person want to know of the command line.
+//! `freeplay completions`, `freeplay man`, `freeplay exit-codes`: descriptions of the command line for a shell and for a person.
 
 use std::path::{Path, PathBuf};
 
@@ -70,7 +70,7 @@ pub fn man(args: &ManArgs, command: clap::Command) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Writes the page of `command` and those of its commands into the folder `out`.
+/// Writes the page of `command` and those of its subcommands into the folder `out`.
 fn write_pages(command: &clap::Command, out: &Path) -> Result<(), Failure> {
     for inner in command.get_subcommands().filter(|inner| !inner.is_hide_set()) {
         write_pages(inner, out)?;

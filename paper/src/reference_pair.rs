@@ -1,8 +1,8 @@
-//! Figures of a reference run, theirs beside ours.
+//! Figures of a reference run and of our run of the same case.
 
 use serde::{Deserialize, Serialize};
 
-/// What a run came to: theirs or ours.
+/// Figures of a run, of the reference or ours.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Figures {
     /// Share of the time in free flight.
@@ -11,7 +11,7 @@ pub struct Figures {
     pub impact: Option<f64>,
     /// Share in continuous contact.
     pub continuous: Option<f64>,
-    /// Contacts begun.
+    /// Number of contacts.
     pub n_contacts: Option<f64>,
     /// Peak normal force, N.
     #[serde(rename = "peak_FN")]
@@ -58,7 +58,7 @@ impl Figures {
     }
 }
 
-/// One run, theirs beside ours.
+/// One run of the reference with ours.
 #[derive(Clone, Debug, Serialize)]
 pub struct Pair {
     /// Name of the run.
@@ -69,8 +69,8 @@ pub struct Pair {
     pub theirs: Figures,
     /// Our figures.
     pub ours: Figures,
-    /// What is out of tolerance, in words; empty if nothing is.
+    /// Figures out of tolerance, in words; empty if there are none.
     pub faults: Vec<String>,
-    /// The least and greatest figures for clearances that nobody could tell apart, where the run is chaotic.
+    /// The least and greatest figures over indistinguishable clearances, for a chaotic run.
     pub spread: Option<[Figures; 2]>,
 }

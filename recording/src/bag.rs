@@ -1,4 +1,4 @@
-//! The messages of a ROS bag that matter here: joint states and poses, from whatever it is stored in.
+//! The required messages of a ROS bag: joint states and poses, from any kind of storage.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ pub(crate) const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
 /// The type of poses.
 pub(crate) const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
 
-/// How a message is written.
+/// Encoding of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Encoding {
     /// ROS 2: CDR with its four bytes of encapsulation.
@@ -31,14 +31,14 @@ pub(crate) struct Message {
 /// The messages of one type, by topic.
 pub(crate) type Topics = BTreeMap<String, Vec<Message>>;
 
-/// What a bag holds of the two types.
+/// The messages of the two types in a bag.
 #[derive(Debug, Default)]
 pub(crate) struct Bag {
     pub states: Topics,
     pub poses: Topics,
     /// Every topic with its type.
     pub topics: BTreeMap<String, String>,
-    /// It ends before its end was written.
+    /// The file breaks off before its end.
     pub truncated: bool,
     pub notes: Vec<String>,
     /// Bytes of all messages.
@@ -46,10 +46,10 @@ pub(crate) struct Bag {
 }
 
 impl Bag {
-    /// Takes a message of `topic`, whose type is `kind`, if it is one that matters.
+    /// Adds a message of `topic` with the type `kind`, if the type is required.
     ///
     /// # Errors
-    /// [`ReadError::Unusable`] where all messages together take more memory than what is read.
+    /// [`ReadError::Unusable`] if all messages together exceed the memory limit.
     pub fn take(
         &mut self,
         topic: &str,
@@ -77,12 +77,12 @@ impl Bag {
     }
 }
 
-/// Whether messages of the type `kind` are read.
+/// True if messages of the type `kind` are read.
 pub(crate) fn is_read(kind: &str) -> bool {
     [JOINT_STATE, POSE_STAMPED].contains(&ros2_name(kind).as_str())
 }
 
-/// The name of a type as ROS 2 has it: `sensor_msgs/JointState` of ROS 1 is `sensor_msgs/msg/JointState`.
+/// The name of a type in ROS 2: `sensor_msgs/JointState` of ROS 1 is `sensor_msgs/msg/JointState`.
 fn ros2_name(kind: &str) -> String {
     match kind.split_once('/') {
         Some((package, name)) if !name.contains('/') => format!("{package}/msg/{name}"),

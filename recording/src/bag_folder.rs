@@ -5,19 +5,19 @@ use std::path::{Path, PathBuf};
 use crate::error::ReadError;
 
 const METADATA: &str = "metadata.yaml";
-/// Endings of files that may be bags, where no metadata names them.
+/// Endings of files that may be bags, if no metadata name them.
 const ENDINGS: [&str; 3] = ["mcap", "db3", "bag"];
 
-/// Whether there are bags in the folder `path`.
+/// True if there are bags in the folder `path`.
 pub(crate) fn is_bag(path: &Path) -> bool {
     path.join(METADATA).is_file() || !found(path).is_empty()
 }
 
 /// The files of a bag in a folder.
 pub(crate) struct Files {
-    /// Those that are there, in order.
+    /// The existing ones, in order.
     pub there: Vec<PathBuf>,
-    /// Names of those that the metadata list and that are not there.
+    /// Names of missing files that the metadata list.
     pub gone: Vec<String>,
 }
 
@@ -51,7 +51,7 @@ fn named(metadata: &str) -> Vec<String> {
     lines.map_while(|line| line.strip_prefix("- ")).map(unquoted).collect()
 }
 
-/// Files in the folder `path` whose ending is that of a bag, parts of one in the order of their numbers.
+/// Files in the folder `path` with the ending of a bag; parts of one bag in the order of their numbers.
 fn found(path: &Path) -> Vec<PathBuf> {
     let entries = freeplay_storage::list(path).unwrap_or_default().into_iter().map(|entry| entry.path);
     let is_bag = |file: &PathBuf| {

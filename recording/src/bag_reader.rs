@@ -34,7 +34,7 @@ pub(crate) fn read(path: &Path, source: &Source) -> Result<Bag, ReadError> {
     Ok(bag)
 }
 
-/// Adds what the file at `path` holds.
+/// Adds the content of the file at `path`.
 ///
 /// # Errors
 /// See [`ReadError`].
@@ -54,7 +54,7 @@ fn add_file(bag: &mut Bag, path: &Path, source: &Source) -> Result<(), ReadError
     }
 }
 
-/// Adds a file that is compressed as a whole, as `ros2 bag record --compression-mode file` leaves it.
+/// Adds a file that is compressed as a whole, as made by `ros2 bag record --compression-mode file`.
 fn add_compressed(bag: &mut Bag, path: &Path, source: &Source) -> Result<(), ReadError> {
     let failed = |error| ReadError::Io { file: path.to_path_buf(), source: error };
     let mut inner = zstd::Decoder::new(open(path)?).map_err(failed)?;
@@ -70,7 +70,7 @@ fn add_compressed(bag: &mut Bag, path: &Path, source: &Source) -> Result<(), Rea
     }
 }
 
-/// Adds what a MCAP holds behind its first magic bytes; a damaged chunk costs its messages.
+/// Adds the content of an MCAP file behind its first magic bytes; a damaged chunk costs its messages.
 fn add_mcap(bag: &mut Bag, input: impl Read, source: &Source) -> Result<(), ReadError> {
     let mut reading = McapBag::new(bag, source);
     let mut records = Records::new(BufReader::with_capacity(1 << 16, input), source);
@@ -83,13 +83,13 @@ fn add_mcap(bag: &mut Bag, input: impl Read, source: &Source) -> Result<(), Read
     Ok(())
 }
 
-/// A MCAP on its way into a bag: its channels and types, and messages that wait for theirs.
+/// The state of reading an MCAP file into a bag: its channels and types, and messages that wait for theirs.
 struct McapBag<'a> {
     bag: &'a mut Bag,
     source: &'a Source<'a>,
     types: BTreeMap<u16, String>,
     channels: BTreeMap<u16, (String, String, Encoding)>,
-    /// Messages whose channel was described in a chunk that is lost; the summary describes it again.
+    /// Messages whose channel was described in a lost chunk; the summary describes it again.
     waiting: Vec<(MessageHeader, Vec<u8>)>,
     waiting_bytes: u64,
     is_damaged: bool,
@@ -151,7 +151,7 @@ impl<'a> McapBag<'a> {
         Ok(())
     }
 
-    /// Takes the messages whose channel the summary has described.
+    /// Adds the messages whose channel the summary has described.
     fn take_waiting(&mut self) -> Result<(), ReadError> {
         for (header, data) in std::mem::take(&mut self.waiting) {
             if let Some((topic, kind, encoding)) = self.channels.get(&header.channel_id) {
@@ -162,7 +162,7 @@ impl<'a> McapBag<'a> {
     }
 }
 
-/// The bytes of a MCAP from the file at `path`, behind the first magic bytes.
+/// The bytes of an MCAP file at `path`, behind the first magic bytes.
 fn behind_magic<R: Read>(mut bytes: R, path: &Path) -> Result<R, ReadError> {
     let mut magic = [0; mcap::MAGIC.len()];
     bytes.read_exact(&mut magic).map_err(|source| ReadError::Io { file: path.to_path_buf(), source })?;

@@ -1,4 +1,4 @@
-//! Content of a cell of a text file: a number, a time of day, a list, nothing, or text.
+//! Content of a cell of a text file: a number, a time stamp, a list, nothing, or text.
 
 /// Spellings of a missing number, in lower case.
 const NOTHING: [&str; 13] =
@@ -9,7 +9,7 @@ const NOTHING: [&str; 13] =
 pub(crate) enum Cell {
     /// A number; NaN for a missing one.
     Number(f64),
-    /// A time of day, ns: since 1970, or since midnight if the cell has no date.
+    /// A time stamp, ns: since 1970, or since midnight if the cell has no date.
     Moment(i128),
     /// Numbers in brackets.
     List(Vec<f64>),

@@ -11,7 +11,7 @@ use crate::interpret::tidy;
 #[derive(Debug, Clone, PartialEq)]
 enum Held {
     Numbers,
-    /// Times of day, read as seconds since the first one.
+    /// Time stamps, read as seconds since the first one.
     Moments,
     /// So many numbers in each cell.
     Lists(usize),
@@ -22,7 +22,7 @@ enum Held {
 #[derive(Debug)]
 pub(crate) struct Columns {
     held: Vec<Held>,
-    /// The first time of day, ns.
+    /// The first time stamp, ns.
     begin: Option<i128>,
     /// Names of the numbers of a row.
     pub names: Vec<String>,

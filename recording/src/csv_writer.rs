@@ -8,8 +8,8 @@ use crate::error::WriteError;
 use crate::layout::{Layout, Pace, Summary};
 use crate::output::Output;
 
-/// Writes a recording as CSV: a header, then one line per row, each number in the shortest form that
-/// reads back to the same bits. See [`crate::RowWriter`] for what it promises.
+/// Writes a recording as CSV: a header, then one line per row, each number in the shortest form that reads back to the same bits. See [`crate::RowWriter`] for
+/// its guarantees.
 pub struct CsvWriter {
     file: PathBuf,
     /// `None` after an error.
@@ -40,7 +40,7 @@ impl CsvWriter {
         CsvWriter::begin(path, Output::live(path), layout)
     }
 
-    /// Begins a CSV that appears whole, once it is finished.
+    /// Begins a CSV that appears under its name only when it is complete.
     pub(crate) fn replace(path: &Path, layout: &Layout) -> Result<Self, WriteError> {
         CsvWriter::begin(path, Output::atomic(path), layout)
     }
@@ -90,7 +90,7 @@ impl CsvWriter {
         if self.pace.due(row[self.time], self.text.len() - before) { self.hand_over() } else { Ok(()) }
     }
 
-    /// Writes what is left and closes the file.
+    /// Writes the remaining rows and closes the file.
     ///
     /// # Errors
     /// As [`crate::RowWriter::finish`].
@@ -191,7 +191,7 @@ mod tests {
         }
     }
 
-    /// However small the disk: the error says how many rows are kept, and exactly these are there.
+    /// At any disk size the error states the number of kept rows, and the file has exactly these.
     #[test]
     fn a_full_disk_leaves_whole_rows() {
         let layout = Layout::new(["t", "q1"]).expect("a layout");

@@ -21,7 +21,7 @@ const APART: f64 = 50.0;
 pub(crate) struct Foreign {
     pub names: Vec<String>,
     pub columns: Vec<Vec<f64>>,
-    /// Columns in seconds since the first time of day.
+    /// Columns in seconds since the first time stamp.
     pub moments: HashSet<usize>,
     /// Numbers name the columns.
     pub numbered: bool,

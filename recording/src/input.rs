@@ -1,26 +1,25 @@
-//! The input of a reader: where it comes from, and how much of it is wanted.
+//! The input of a reader: its source, and the required amount of it.
 
 use std::path::Path;
 
 use crate::error::ReadError;
 use crate::place::{Place, Row};
 
-/// The most numbers (rows times columns) that one recording may hold: 2 GiB of them. While the columns
-/// grow, up to twice that may be in use for a moment.
+/// Largest number of values (rows times columns) in one recording: 2 GiB of them. While the columns grow, memory use may reach twice that for a short time.
 pub const MAX_NUMBERS: u64 = 1 << 28;
 
-/// The input of a reader, with what is known of it and how much of it is wanted.
+/// The input of a reader, with its known properties and the required amount of it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Source<'a> {
     /// Its name, for messages.
     pub file: &'a Path,
-    /// Its length, bytes, where it has one.
+    /// Its length, bytes, if it has one.
     pub size: Option<u64>,
-    /// The joints of the arm, where they are known.
+    /// The number of joints of the arm, if it is known.
     pub joints: Option<usize>,
     /// The most numbers to read.
     pub limit: u64,
-    /// Rows of the overview, where no more is wanted.
+    /// Rows of the overview, if only that is required.
     pub overview: Option<usize>,
 }
 
@@ -30,7 +29,7 @@ impl<'a> Source<'a> {
         Self { file, size: None, joints: None, limit: MAX_NUMBERS, overview: None }
     }
 
-    /// Fails if `rows` of so many `columns` are more numbers than what is read; `remedy` says what to do then.
+    /// Fails if `rows` of so many `columns` exceed the limit; `remedy` is part of the message.
     pub fn check_size(&self, columns: usize, rows: u64, remedy: &str) -> Result<(), ReadError> {
         if rows.saturating_mul(columns as u64) <= self.limit {
             return Ok(());

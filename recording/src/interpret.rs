@@ -1,4 +1,4 @@
-//! What the columns of a table are in ours: said by a mapping, by their own names, or guessed.
+//! Finds the contract's names for the columns of a table: from a mapping, from their own names, or by a guess.
 
 use crate::csv_form::Form;
 use crate::error::ReadError;
@@ -9,21 +9,21 @@ use crate::names::{Role, role, shorten};
 use crate::place::Place;
 use crate::sources::Sources;
 
-/// The name of a column that holds no numbers of its own but, behind this, the names of the joints: a CSV has no other place for them.
+/// Prefix of a column name that carries the names of the joints: a CSV has no other place for them. The column has no numbers of its own.
 pub(crate) const JOINTS_COLUMN: &str = "joints=";
 
-/// What the columns of a table are.
+/// Meaning of the columns of a table.
 #[derive(Debug)]
 pub(crate) struct Interpreted {
     pub mapped: Mapped,
-    /// The joints' names, where they are known.
+    /// The joints' names, if they are known.
     pub joints: Vec<String>,
     pub guess: Option<Guess>,
-    /// Where the columns come from, where these have not our names.
+    /// The sources of the columns, if these do not have the contract's names.
     pub sources: Option<Sources>,
 }
 
-/// What the columns `names` are; those of a file without a header are `numbered`.
+/// The meaning of the columns `names`; numbers name those of a file without a header (`numbered`).
 ///
 /// # Errors
 /// A mapping that does not fit; a file without a header and without a mapping.
@@ -73,14 +73,14 @@ pub(crate) fn interpret(
     Ok(Interpreted { mapped, joints, guess: Some(guess), sources })
 }
 
-/// Columns that have our names, and the joints' names where one of them carries these.
+/// Columns with the contract's names, and the joints' names if one of them carries these.
 fn own(names: Vec<String>) -> Interpreted {
     let mut mapped = Mapped::own(names);
     let joints = take_carried(&mut mapped);
     Interpreted { mapped, joints, guess: None, sources: None }
 }
 
-/// Takes the column out whose name carries the joints' names; these names, none where there is no such column.
+/// Removes the column whose name carries the joints' names; returns these names, empty without such a column.
 fn take_carried(mapped: &mut Mapped) -> Vec<String> {
     let Some(place) = mapped.names.iter().position(|name| name.starts_with(JOINTS_COLUMN)) else {
         return Vec::new();
@@ -90,7 +90,7 @@ fn take_carried(mapped: &mut Mapped) -> Vec<String> {
     joints
 }
 
-/// `names` of columns as they can be kept: each printable, there, and, where the contract does not know it, unlike the others.
+/// `names` of columns in a valid form: printable, non-empty, and, outside the contract, distinct.
 pub(crate) fn tidy(names: &[String]) -> Vec<String> {
     let mut tidy: Vec<String> = Vec::with_capacity(names.len());
     let mut seen = std::collections::HashSet::new();

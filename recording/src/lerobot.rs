@@ -1,4 +1,4 @@
-//! LeRobot data sets: a folder with `meta/info.json`, which names what lists hold, and episodes in Parquet files.
+//! LeRobot data sets: a folder with `meta/info.json`, which names the elements of lists, and episodes in Parquet files.
 
 use std::path::{Path, PathBuf};
 
@@ -12,10 +12,10 @@ use crate::open::open;
 use crate::parquet_reader;
 
 const INFO: &str = "meta/info.json";
-/// Folders above an episode in which the data set may be.
+/// Number of folders above an episode in which the data set may be.
 const ABOVE: usize = 4;
 
-/// Whether the folder `path` is a data set.
+/// True if the folder `path` is a data set.
 pub(crate) fn is_dataset(path: &Path) -> bool {
     path.join(INFO).is_file()
 }
@@ -49,7 +49,7 @@ pub(crate) fn read_folder(path: &Path, source: &Source) -> Result<Foreign, ReadE
     Ok(all)
 }
 
-/// Names what the lists of one episode hold, where a data set is around it.
+/// Names the elements of the lists of one episode, if it belongs to a data set.
 pub(crate) fn name_episode(foreign: &mut Foreign, path: &Path) {
     let info =
         path.ancestors().skip(1).take(ABOVE).map(|folder| folder.join(INFO)).find(|info| info.is_file());
@@ -70,7 +70,7 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>, levels: usize) {
     }
 }
 
-/// Gives the numbers of lists, `observation.state[2]`, the names that `info` has for them: `observation.state.elbow.pos`.
+/// Renames the elements of lists, `observation.state[2]`, to the names in `info`: `observation.state.elbow.pos`.
 fn name_lists(foreign: &mut Foreign, info: &Path) {
     let parsed =
         freeplay_storage::read_text(info).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());

@@ -1,4 +1,4 @@
-//! The text of a mapping file: where in it a key or a value stands, so that what is wrong is said with line and column.
+//! The text of a mapping file with the places of its keys and values, so that errors have line and column.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use toml::de::{DeTable, DeValue};
 use crate::mapping_error::MappingError;
 use crate::place::{Place, Row};
 
-/// A longer line of a file is not repeated in an error.
+/// An error does not quote a longer line of a file.
 const LONGEST_LINE: usize = 400;
 
 /// The text of a mapping file, and its name.
@@ -21,19 +21,19 @@ pub(crate) struct MappingText {
 }
 
 impl MappingText {
-    /// `text`, which stands in `file`.
+    /// `text`, the content of `file`.
     pub fn new(text: &str, file: &Path) -> Self {
         Self { file: file.to_path_buf(), text: text.to_owned() }
     }
 
-    /// Where the value of the nested `keys` stands, or, if that is a list that holds it, its element `value`. Of tables in a list the first
-    /// that has the key counts. The file as a whole if nothing like it stands there.
+    /// The place of the value of the nested `keys`, or, if that is a list with the element `value`, of this element. Among tables in a list the first one with
+    /// the key counts. Without a match, the place is the whole file.
     pub fn place(&self, keys: &[&str], value: Option<&str>) -> Place {
         let span = DeTable::parse(&self.text).ok().and_then(|table| span_in(table.get_ref(), keys, value));
         span.map_or_else(|| Place { file: self.file.clone(), row: Row::Whole }, |span| self.at(span.start))
     }
 
-    /// The error of a text that is no mapping, with the line and a mark under it.
+    /// The error of an invalid text, with the line and a mark under it.
     pub fn syntax(&self, error: &toml::de::Error) -> MappingError {
         let mut message = plain_words(error.message());
         let drawn = error.to_string();
@@ -54,7 +54,7 @@ impl MappingText {
     }
 }
 
-/// The bytes of the value of the nested `keys` in `table`, or of the element `wanted` of it.
+/// The bytes of the value of the nested `keys` in `table`, or of its element `wanted`.
 fn span_in(table: &DeTable<'_>, keys: &[&str], wanted: Option<&str>) -> Option<Range<usize>> {
     let (key, rest) = keys.split_first()?;
     let (_, value) = table.iter().find(|(name, _)| name.get_ref() == key)?;

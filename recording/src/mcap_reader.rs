@@ -18,16 +18,16 @@ use crate::recording::{Event, Recording};
 use crate::table::Table;
 use crate::tick::{self, COLUMNS_KEY, EVENT_TOPIC, METADATA_NAME, TICK_TOPIC};
 
-/// More events than anybody reads: the rest is left out, with a note.
+/// Largest number of events; the rest is dropped, with a note.
 const MAX_EVENTS: usize = 1_000_000;
 
-/// What has been read so far.
+/// The content read so far.
 struct Reading<'a> {
     source: &'a Source<'a>,
     /// Encoding and definition of the schemas.
     schemas: BTreeMap<u16, (String, String)>,
     topics: BTreeMap<u16, String>,
-    /// Channels of our two topics.
+    /// Channels of Freeplay's two topics.
     ticks: BTreeSet<u16>,
     marks: BTreeSet<u16>,
     table: Option<Table>,
@@ -35,13 +35,13 @@ struct Reading<'a> {
     metadata: BTreeMap<String, String>,
     events: Vec<Event>,
     events_left_out: u64,
-    /// Where the time stands in a row.
+    /// Index of the time in a row.
     time: usize,
     losses: Losses,
-    /// Messages whose channel was described in a chunk that is lost; the summary describes it again.
+    /// Messages whose channel was described in a lost chunk; the summary describes it again.
     waiting: Vec<Waiting>,
     waiting_bytes: u64,
-    /// Samples of our topic that the summary counts.
+    /// Number of samples of Freeplay's topic according to the summary.
     written: Option<u64>,
     notes: Vec<String>,
 }
@@ -54,7 +54,7 @@ struct Waiting {
     data: Vec<u8>,
 }
 
-/// Reads a MCAP behind its first magic bytes.
+/// Reads an MCAP file behind its first magic bytes.
 pub(crate) fn read(input: impl Read, source: &Source) -> Result<Recording, ReadError> {
     let mut reading = Reading {
         source,
@@ -114,7 +114,7 @@ impl Reading<'_> {
         Ok(())
     }
 
-    /// Takes a record of the summary.
+    /// Reads a record of the summary.
     fn take_summary(&mut self, offset: u64, record: Record) -> Result<(), ReadError> {
         match record {
             Record::Schema { header, data } if !self.waiting.is_empty() => self.schema(header, &data),
@@ -129,7 +129,7 @@ impl Reading<'_> {
         Ok(())
     }
 
-    /// Takes the messages whose channel the summary has described.
+    /// Adds the messages whose channel the summary has described.
     fn take_waiting(&mut self) -> Result<(), ReadError> {
         for message in std::mem::take(&mut self.waiting) {
             if self.topics.contains_key(&message.channel) {
@@ -140,7 +140,7 @@ impl Reading<'_> {
     }
 
     fn schema(&mut self, header: SchemaHeader, data: &[u8]) {
-        // Other people's definitions are not needed.
+        // Definitions of other tools are not needed.
         let data =
             if header.encoding == "ros2msg" { String::from_utf8_lossy(data) } else { Cow::Borrowed("") };
         self.schemas.insert(header.id, (header.encoding, data.into_owned()));
@@ -177,7 +177,7 @@ impl Reading<'_> {
         Ok(())
     }
 
-    /// The column names of a channel: the exact ones it carries, else its fields.
+    /// The column names of a channel: the exact ones in its metadata, else its fields.
     fn columns(&self, channel: &Channel) -> Result<Vec<String>, ReadError> {
         let none = (String::new(), String::new());
         let (encoding, definition) = self.schemas.get(&channel.schema_id).unwrap_or(&none);

@@ -1,4 +1,4 @@
-//! The messages of ROS that are read, as ROS 2 (CDR) and ROS 1 write them.
+//! Decoding of the required ROS messages, in the encodings of ROS 2 (CDR) and ROS 1.
 //!
 //! Sources: OMG DDSI-RTPS 2.3, §10 (CDR with its four bytes of encapsulation); ROS wiki, "msg", serialization.
 
@@ -35,7 +35,7 @@ pub(crate) struct JointState {
 }
 
 impl JointState {
-    /// The values of `group`, in the order of its names; as many as there are, or none.
+    /// The values of `group`, in the order of its names; the list may be shorter or empty.
     pub fn values(&self, group: Group) -> &[f64] {
         match group {
             Group::Velocity => &self.velocity,
@@ -57,10 +57,10 @@ pub(crate) trait Stamped: Sized {
     /// Its header.
     fn header(&self) -> &Header;
 
-    /// The message in what ROS 1 wrote, behind its header; none if that ends too early.
+    /// Decodes a message of ROS 1 behind its header; `None` if it ends too early.
     fn from_ros1(header: Header, body: &mut Ros1) -> Option<Self>;
 
-    /// When it was made, ns.
+    /// Its time stamp, ns.
     fn stamp_ns(&self) -> i64 {
         let stamp = &self.header().stamp;
         i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec)
@@ -102,7 +102,7 @@ impl Stamped for PoseStamped {
     }
 }
 
-/// `message` in the form that it has, or what is wrong with it.
+/// Decodes `message`, or returns its fault.
 pub(crate) fn decode<T: DeserializeOwned + Stamped>(message: &Message) -> Result<T, String> {
     if message.encoding == Encoding::Ros1 {
         let mut body = Ros1(&message.data);
@@ -123,7 +123,7 @@ pub(crate) fn decode<T: DeserializeOwned + Stamped>(message: &Message) -> Result
         .map_err(|error| format!("the message can't be decoded: {error}; record the bag again"))
 }
 
-/// What is left of a message of ROS 1: little-endian, without padding, lengths before what has one.
+/// The unread rest of a ROS 1 message: little-endian, without padding, lengths before strings and lists.
 pub(crate) struct Ros1<'a>(&'a [u8]);
 
 impl Ros1<'_> {

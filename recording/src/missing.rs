@@ -1,27 +1,27 @@
-//! What a recording lacks here and there: rows that can't be used, columns without numbers, and the words for both.
+//! Missing data of a recording: unusable rows, columns without numbers, and the notes on both.
 
 use crate::error::ReadError;
 use crate::names::{Group, ORIENTATION, TOOL};
 use crate::place::Place;
 use crate::recording::Recording;
 
-/// Rows that are left out, by what they lack.
+/// Dropped rows, by the missing value.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct LeftOut {
     reasons: Vec<Reason>,
 }
 
-/// One thing that rows lack.
+/// One reason for dropping rows.
 #[derive(Debug, Clone)]
 struct Reason {
-    /// The column that holds no number, or what is wrong with the row.
+    /// The column without a number, or the fault of the row.
     what: String,
     rows: u64,
     first: Place,
 }
 
 impl LeftOut {
-    /// Counts a row at `place` that lacks `what`.
+    /// Counts a row at `place` with the fault `what`.
     pub fn count(&mut self, what: &str, place: impl FnOnce() -> Place) {
         match self.reasons.iter_mut().find(|reason| reason.what == what) {
             Some(reason) => reason.rows += 1,
@@ -29,18 +29,18 @@ impl LeftOut {
         }
     }
 
-    /// All rows that are left out.
+    /// Number of dropped rows.
     pub fn rows(&self) -> u64 {
         self.reasons.iter().map(|reason| reason.rows).sum()
     }
 
-    /// The error where no row is left; none if none was left out.
+    /// The error if no row remains; `None` if none was dropped.
     pub fn nothing_left(&self) -> Option<ReadError> {
         let most = self.reasons.iter().max_by_key(|reason| reason.rows)?;
         Some(ReadError::NothingLeft { place: most.first.clone(), what: most.what.clone(), rows: self.rows() })
     }
 
-    /// What was left out of `all` rows, in one sentence.
+    /// The dropped rows of `all` rows, in one sentence.
     pub fn in_words(&self, all: u64) -> Option<String> {
         let each = |reason: &Reason| format!("{} in {} (first {})", reason.what, reason.rows, reason.first);
         let each: Vec<String> = self.reasons.iter().map(each).collect();
@@ -48,7 +48,7 @@ impl LeftOut {
     }
 }
 
-/// Which columns of the contract lack numbers, in one sentence; none if nothing is missing.
+/// The columns of the contract with missing numbers, in one sentence; `None` if none is missing.
 pub(crate) fn in_words(recording: &Recording) -> Option<String> {
     let samples = recording.len();
     let words = runs(recording).into_iter().map(|(first, last, count)| {
@@ -63,7 +63,7 @@ pub(crate) fn in_words(recording: &Recording) -> Option<String> {
     (!words.is_empty()).then(|| format!("missing, and not used where missing: {}", words.join(", ")))
 }
 
-/// Neighbouring columns of one group that lack equally many samples: the first, the last, how many.
+/// Neighbouring columns of one group that lack equally many samples: the first, the last, the number of samples.
 fn runs(recording: &Recording) -> Vec<(String, String, usize)> {
     let mut runs: Vec<(String, String, usize)> = Vec::new();
     for set in sets(recording) {
@@ -81,7 +81,7 @@ fn runs(recording: &Recording) -> Vec<(String, String, usize)> {
     runs
 }
 
-/// The columns of the contract that may lack numbers, set by set.
+/// The columns of the contract that may lack numbers, group by group.
 fn sets(recording: &Recording) -> Vec<Vec<(String, &[f64])>> {
     let groups = Group::ALL.into_iter().map(|group| recording.group(group));
     let tool = recording
@@ -95,7 +95,7 @@ fn sets(recording: &Recording) -> Vec<Vec<(String, &[f64])>> {
     groups.chain([tool.collect(), orientation.collect()]).collect()
 }
 
-/// Whether `column` holds no number at all.
+/// True if `column` has no number at all.
 pub(crate) fn is_missing(column: &[f64]) -> bool {
     column.iter().all(|value| value.is_nan())
 }

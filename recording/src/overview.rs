@@ -1,20 +1,20 @@
-//! A long recording in few rows: of each stretch of time the least and the greatest value of every column, so that no peak is lost.
+//! A long recording in few rows: two rows keep the least and the greatest value of every column in each stretch of time, so that no peak is lost.
 
-/// Rows on their way into an overview.
+/// Collects rows into an overview.
 #[derive(Debug)]
 pub(crate) struct Overview {
-    /// Rows it may have, a multiple of four.
+    /// Largest number of rows, a multiple of four.
     most: usize,
-    /// Rows of the recording that become two rows; 1 while all are kept as they are.
+    /// Number of rows of the recording that become two rows; 1 while all rows are kept.
     stride: u64,
-    /// Rows of the stretch under way.
+    /// Rows of the present stretch so far.
     count: u64,
     least: Vec<f64>,
     greatest: Vec<f64>,
 }
 
 impl Overview {
-    /// Of at most `most` rows, rounded to a multiple of four.
+    /// An overview of at most `most` rows, rounded to a multiple of four.
     pub fn new(most: usize) -> Self {
         let most = (most / 4).max(1) * 4;
         Self { most, stride: 1, count: 0, least: Vec::new(), greatest: Vec::new() }
@@ -51,7 +51,7 @@ impl Overview {
         self.count += 1;
     }
 
-    /// Puts what is left of a stretch into `columns`.
+    /// Writes an incomplete stretch to `columns`.
     pub fn finish(&mut self, columns: &mut [Vec<f64>]) {
         let rows = match self.count {
             0 => &[][..],
@@ -65,7 +65,7 @@ impl Overview {
     }
 }
 
-/// Makes two rows of each four: the first and the last time, the least and the greatest of all else.
+/// Makes two rows of each four: the first and the last time, the least and the greatest of all other columns.
 fn fold(column: &mut Vec<f64>, is_time: bool) {
     let mut kept = 0;
     for start in (0..column.len()).step_by(4) {
@@ -86,7 +86,7 @@ fn fold(column: &mut Vec<f64>, is_time: bool) {
 mod tests {
     use super::Overview;
 
-    /// `rows` rows of time, a ramp with one peak and one dip, and nothing.
+    /// `rows` rows of time, a ramp with one peak and one dip, and NaN.
     fn overview(rows: usize, most: usize) -> Vec<Vec<f64>> {
         let mut columns = vec![Vec::new(); 3];
         let mut overview = Overview::new(most);

@@ -1,7 +1,6 @@
 //! Writing a whole recording as Parquet: one column of `double` per column, compressed with Snappy.
 //!
-//! Parquet keeps its table of contents at the end, so a file that is not finished cannot be read: this is a form for handing on a
-//! recording, not for recording.
+//! Parquet has its table of contents at the end, so that an unfinished file cannot be read: the format suits exchange, not recording.
 
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -21,10 +20,10 @@ use crate::error::WriteError;
 use crate::layout::Summary;
 use crate::recording::Recording;
 
-/// Rows of one row group: a reader takes one at a time.
+/// Rows of one row group: a reader loads one group at a time.
 const GROUP: usize = 1 << 17;
 
-/// Writes `recording` to `path`, readable by its owner alone; the file appears whole or not at all.
+/// Writes `recording` to `path`, readable by its owner alone; the file appears complete or not at all.
 ///
 /// # Errors
 /// [`WriteError::Create`], [`WriteError::NotExported`].
@@ -34,7 +33,7 @@ pub(crate) fn export(recording: &Recording, path: &Path) -> Result<Summary, Writ
     export_table(&columns, metadata.collect(), path)
 }
 
-/// Writes `columns`, all of one length, to the Parquet file `path`, readable by its owner alone; the file appears whole or not at all.
+/// Writes `columns`, all of one length, to the Parquet file `path`, readable by its owner alone; the file appears complete or not at all.
 ///
 /// # Errors
 /// [`WriteError::Create`], [`WriteError::NotExported`].
@@ -62,7 +61,7 @@ fn export_table(
     Ok(Summary { file: path.to_path_buf(), rows: rows as u64, events: 0, bytes })
 }
 
-/// Writes all of it.
+/// Writes the whole content.
 fn write(
     columns: &[(String, &[f64])],
     metadata: Vec<KeyValue>,

@@ -1,28 +1,28 @@
-//! What of a reading is no factor: jumps by whole turns, zeros, positions relative to another joint, clocks.
+//! Corrections of a recording other than factors: jumps by whole turns, zeros, positions relative to another joint, clocks.
 
 use serde::Deserialize;
 
-/// A joint whose recorded position holds another joint's, times a factor; joints are counted from 1.
+/// A joint whose recorded position contains another joint's, times a factor; joints are counted from 1.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Relative {
-    /// The joint whose position is to be mended.
+    /// The joint with the position to be corrected.
     pub joint: usize,
-    /// The joint whose position is in it.
+    /// The joint whose position it contains.
     pub to: usize,
-    /// How many times.
+    /// The factor.
     pub factor: f64,
 }
 
-/// A jump is a whole turn within this share of one.
+/// Tolerance of a jump around a whole turn, as a share of a turn.
 const NEAR: f64 = 0.1;
-/// The steps before and after a jump are less than this share of it.
+/// Limit of the steps before and after a jump, as a share of the jump.
 const STEADY: f64 = 0.2;
 /// A turn in rad, and in degrees.
 const TURNS: [f64; 2] = [std::f64::consts::TAU, 360.0];
 
-/// `column`, positions in rad or degrees, without its jumps by whole turns; `None` where it has none. A jump is a turn between two samples
-/// beside which the joint moves by far less.
+/// `column`, positions in rad or degrees, without its jumps by whole turns; `None` if it has none. A jump is a turn between two samples, with far smaller steps
+/// before and after it.
 pub fn unwrapped(column: &[f64]) -> Option<Vec<f64>> {
     let steps: Vec<f64> = column.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let around = |k: usize| {
@@ -47,7 +47,7 @@ pub fn unwrapped(column: &[f64]) -> Option<Vec<f64>> {
     Some(column)
 }
 
-/// `column`, sampled at the times `t` \[s\], as it is `delay` s later, by the straight line; beyond the ends, the end's value.
+/// `column`, sampled at the times `t` \[s\], shifted by `delay` s into the future, with linear interpolation; beyond the ends, the end's value.
 pub fn shifted(t: &[f64], column: &[f64], delay: f64) -> Vec<f64> {
     if delay == 0.0 || t.len() < 2 {
         return column.to_vec();
@@ -68,7 +68,7 @@ pub fn shifted(t: &[f64], column: &[f64], delay: f64) -> Vec<f64> {
 mod tests {
     use super::{shifted, unwrapped};
 
-    /// Positions that pass the end of their turn, there and back, come out as they were; a joint that moves fast is left alone.
+    /// Positions that pass the end of their turn, in both directions, are restored; a joint in fast motion stays unchanged.
     #[test]
     fn jumps_by_a_turn_are_taken_out_and_nothing_else() {
         let smooth: Vec<f64> = (0..400).map(|k| 4.0 * (0.03 * f64::from(k)).sin()).collect();

@@ -20,7 +20,7 @@ const MAX_RECORD: u32 = 256 << 20;
 /// Topic and type of each connection.
 type Connections = BTreeMap<u32, (String, String)>;
 
-/// Adds what the bag in `input` holds to `bag`.
+/// Adds the content of the bag in `input` to `bag`.
 ///
 /// # Errors
 /// [`ReadError::Damaged`], [`ReadError::Compression`], [`ReadError::Io`].
@@ -51,7 +51,7 @@ pub(crate) fn add(mut input: impl Read, source: &Source, bag: &mut Bag) -> Resul
     Ok(())
 }
 
-/// A block with its length before it; none where the file ends before it does.
+/// A block with its length before it; `None` if the file ends before the block does.
 fn block(input: &mut impl Read) -> io::Result<Option<Vec<u8>>> {
     let mut length = Vec::new();
     input.take(4).read_to_end(&mut length)?;
@@ -73,7 +73,7 @@ struct Record<'a> {
 }
 
 impl<'a> Record<'a> {
-    /// Takes the next record off the inside of a chunk.
+    /// Splits the next record off the content of a chunk.
     fn split(rest: &mut &'a [u8]) -> Option<Self> {
         let mut block = || {
             let (length, behind) = rest.split_first_chunk::<4>()?;
@@ -97,7 +97,7 @@ impl<'a> Record<'a> {
         self.field("op")?.first().copied()
     }
 
-    /// The inside of a chunk, or what is wrong with it.
+    /// The decompressed content of a chunk, or its fault.
     fn inflated(&self, source: &Source) -> Result<Result<Vec<u8>, String>, ReadError> {
         let size = self.number("size").unwrap_or(0);
         if size > MAX_RECORD {
@@ -121,7 +121,7 @@ impl<'a> Record<'a> {
         })
     }
 
-    /// Takes a connection or a message; a damaged one is passed over.
+    /// Adds a connection or a message; skips a damaged one.
     fn take(&self, connections: &mut Connections, bag: &mut Bag, source: &Source) -> Result<(), ReadError> {
         match self.kind() {
             Some(CONNECTION) => {
@@ -148,7 +148,7 @@ impl<'a> Record<'a> {
         Some((self.number("conn")?, text(self.field("topic")?), text(kind)))
     }
 
-    /// When this message was logged, ns.
+    /// Log time of this message, ns.
     fn time_ns(&self) -> Option<u64> {
         let (seconds, nanos) = self.field("time")?.split_first_chunk::<4>()?;
         let nanos = u32::from_le_bytes(nanos.try_into().ok()?);

@@ -1,7 +1,7 @@
-//! A size claimed at any place of any file: whatever length, count or offset stands there, it takes no memory, no time and no panic.
+//! False sizes at any place of any file: no length, count or offset causes memory use, delay or a panic.
 //!
-//! Files of NumPy and MATLAB are in `inflation.rs`, Parquet in `parquet_claims.rs`, SQLite in `sqlite_claims.rs`. In a process of its own, since the most
-//! memory that a process ever had is the kernel's count.
+//! Files of NumPy and MATLAB are in `inflation.rs`, Parquet in `parquet_claims.rs`, SQLite in `sqlite_claims.rs`. In a process of its own, since the kernel
+//! counts the peak memory of a process.
 
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write as _};
@@ -12,20 +12,20 @@ use freeplay_recording::{Layout, McapWriter, Recording, export, read};
 use mcap::WriteOptions;
 use mcap::records::MessageHeader;
 
-/// Memory that all these files together may take, KiB: a chunk of the largest size, and what is made of it.
+/// Memory limit for all these files together, KiB: a chunk of the largest size, and its content.
 const MOST_KIB: u64 = 160 << 10;
 
-/// How long the worst of them may take before it counts as a hang.
+/// A file that takes longer counts as hanging.
 const LONGEST: Duration = Duration::from_secs(30);
 
-/// The most memory that this process ever had, KiB.
+/// Peak memory of this process, KiB.
 fn peak_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("a process");
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("the peak");
     line.trim().trim_end_matches("kB").trim().parse().expect("a number")
 }
 
-/// What is written over a file, at each place: large and negative sizes of four and of eight bytes, and of as many as a varint has.
+/// Bytes written over a file, at each place: large and negative sizes of four and of eight bytes, and of the length of a varint.
 const CLAIMS: [&[u8]; 6] = [
     &[0xff, 0xff, 0xff, 0xff, 7],
     &[0xff, 0xff, 0xff, 0x7f],
@@ -37,7 +37,7 @@ const CLAIMS: [&[u8]; 6] = [
 
 const ROWS: usize = 5;
 
-/// A run of our own as a MCAP.
+/// A run of our own as MCAP.
 fn own_mcap(path: &Path) {
     let layout = Layout::new(["t", "q1"]).expect("a layout");
     let mut writer =

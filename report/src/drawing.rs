@@ -1,20 +1,20 @@
-//! Drawings: figures that are drawn once, as SVG, and look the same on paper as on the screen.
+//! Drawings: figures drawn once, as SVG, that look the same on paper as on the screen.
 
 use crate::chart::Chart;
 
-/// A figure of one or more panels, drawn as SVG: no script, nothing to zoom, and a caption that says what is seen.
+/// A figure of one or more panels, drawn as SVG: no script, no zoom, and a caption with its content.
 ///
-/// A panel is a [`Chart`]; its title stands above it and its note below. Values are spread evenly along both axes,
-/// whatever the axis' scale; [`crate::Style::Bars`] are drawn as strokes from zero. Group and cursor have no meaning here.
+/// A panel is a [`Chart`]; its title is above it and its note below. Both axes are linear, whatever the axis' scale; [`crate::Style::Bars`] become strokes from
+/// zero. A drawing ignores groups and the cursor.
 #[derive(Debug, Clone, Default)]
 pub struct Drawing {
-    /// The caption's first words: what the figure shows. The figure's number stands before it.
+    /// The first words of the caption, after the figure's number.
     pub title: String,
-    /// What is seen, and which run it is; may be empty.
+    /// Content of the figure, and its run; may be empty.
     pub caption: String,
-    /// The panels, in the order in which they are read.
+    /// The panels, in reading order.
     pub panels: Vec<Chart>,
-    /// Whether panels stand side by side where the window is wide enough, else one below the other.
+    /// Whether panels are side by side if the window is wide enough, else one below the other.
     pub beside: bool,
 }
 

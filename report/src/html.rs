@@ -22,19 +22,19 @@ const UPLOT_STYLE: &str = include_str!("../vendor/uplot/uPlot.min.css");
 const UPLOT_SCRIPT: &str = include_str!("../vendor/uplot/uPlot.iife.min.js");
 const UPLOT_LICENCE: &str = include_str!("../vendor/uplot/LICENSE");
 
-/// The page may use what is in it and ask nobody for anything.
+/// Security policy: the page may use its own content and contact no server.
 const POLICY: &str =
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
 
 /// Why a report could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
-    /// The file system refused.
+    /// An error of the file system.
     #[error("cannot write the report {}: {source}; free some space or choose another folder", path.display())]
     Write {
-        /// The file that was to be written.
+        /// Path of the file.
         path: PathBuf,
-        /// What the file system said.
+        /// The file system's error.
         source: std::io::Error,
     },
 }
@@ -46,17 +46,17 @@ impl Document {
         page(self)
     }
 
-    /// Writes the page to `path`, whose folder must exist. An existing file is replaced only once the new one is whole.
+    /// Writes the page to `path`, whose folder must exist. An existing file is replaced only once the new one is complete.
     ///
     /// # Errors
-    /// [`ReportError::Write`] when the file cannot be written; nothing new is left behind then.
+    /// [`ReportError::Write`] when the file cannot be written; then no new file remains.
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let written = freeplay_storage::write(path, self.to_html());
         written.map_err(|error| ReportError::Write { path: path.to_owned(), source: error.into() })
     }
 }
 
-/// What blocks need to know of the document they stand in.
+/// Properties of the document that its blocks need.
 pub(crate) struct Context<'a> {
     pub(crate) colours: Colours<'a>,
     pub(crate) most_points: usize,
@@ -84,7 +84,7 @@ fn page(document: &Document) -> String {
         }
     }
     .into_string();
-    // The last step, so that no block of a page can forget it; within data for the scripts it is the same JSON text.
+    // The last step, so that no block of a page can omit it; in the JSON for the scripts the escapes do not change the values.
     crate::visible(&whole).into_owned()
 }
 
@@ -152,7 +152,7 @@ fn program() -> String {
     format!("Freeplay {}", env!("CARGO_PKG_VERSION"))
 }
 
-/// How many points a series may have, so that the file stays small however many series there are.
+/// Points per series, limited so that the file stays small with any number of series.
 fn points_per_series(document: &Document) -> usize {
     let sections = document.sections.iter().map(|section| count_series(&section.blocks)).sum::<usize>();
     let series = count_series(&document.overview) + sections;

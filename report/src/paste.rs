@@ -1,15 +1,15 @@
-//! Paths in commands that a person pastes: as seen from where the person stands, quoted for the shell.
+//! Paths in commands that a person pastes: relative to the person's folder, quoted for the shell.
 
 use std::path::{Component, Path, PathBuf};
 
-/// `path` for a command line: relative to the current folder where it lies in it, quoted where a shell would read it otherwise.
+/// `path` for a command line: relative to the current folder if it is inside, quoted if a shell would change it otherwise.
 pub fn pasted(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let near = path.strip_prefix(&here).unwrap_or(path);
     quoted(&if near.as_os_str().is_empty() { Path::new(".") } else { near }.to_string_lossy())
 }
 
-/// `word` as a POSIX shell reads it back: as it is where nothing in it means more, else in single quotes.
+/// `word` quoted for a POSIX shell: unchanged if it has no special characters, else in single quotes.
 pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-./:,+@%=".contains(c);
     // A word that begins with a hyphen would be an option.
@@ -29,7 +29,7 @@ pub fn quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', "'\\''"))
 }
 
-/// `path` as seen from `folder`, so that both may move together; absolute where they share no root.
+/// `path` relative to `folder`, so that both may move together; absolute if they share no root.
 pub fn seen_from(folder: &Path, path: &Path) -> PathBuf {
     let real = |path: &Path| std::fs::canonicalize(path).or_else(|_| std::path::absolute(path));
     let (Ok(from), Ok(to)) = (real(folder), real(path)) else { return path.to_owned() };
@@ -73,7 +73,7 @@ mod tests {
         std::fs::create_dir_all(&out).expect("made");
         std::fs::create_dir_all(&data).expect("made");
         let seen = seen_from(&out, &data.join("r.csv"));
-        // A file that is not there yet keeps its folder's name.
+        // A file that does not exist yet keeps its folder's name.
         assert!(seen.ends_with("data/r.csv"), "{}", seen.display());
         std::fs::write(data.join("r.csv"), "t").expect("written");
         assert_eq!(seen_from(&out, &data.join("r.csv")), Path::new("../../data/r.csv"));

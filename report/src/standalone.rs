@@ -1,4 +1,4 @@
-//! A drawing as a file of its own, for a README: the panels side by side, the legend above them.
+//! A drawing as a separate file, for a README: the panels side by side, the legend above them.
 
 use maud::{PreEscaped, html};
 
@@ -11,21 +11,20 @@ use crate::svg::panel;
 const WIDTH: u32 = 430;
 /// Room above the panels, for title, legend and the panels' own titles.
 const HEAD: u32 = 76;
-/// Room a letter of the legend takes.
+/// Width of a letter of the legend, CSS pixels.
 const LETTER: usize = 8;
 /// The colours of the page, light and dark: those of the style sheet of reports.
 const STYLE: &str = include_str!("report.css");
 
 impl Drawing {
-    /// The panels side by side as an SVG file of its own, with title and legend, in the colours of the reader's light or dark scheme; none
-    /// where there is nothing to draw.
+    /// The panels side by side as a separate SVG file, with title and legend, in the colours of the reader's light or dark scheme; `None` without data.
     #[must_use]
     pub fn to_svg(&self) -> Option<String> {
         standalone_svg(self)
     }
 }
 
-/// The file; none where there is nothing to draw.
+/// The file; `None` without data.
 fn standalone_svg(drawing: &Drawing) -> Option<String> {
     let document = Document::new("").overview(drawing.clone());
     let colours = Colours::of(&document);

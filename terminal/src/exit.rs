@@ -1,8 +1,8 @@
-//! Exit codes, and how a failure becomes one.
+//! Exit codes, and the conversion of failures to them.
 
 use std::process::ExitCode;
 
-/// What a process of this program ends with.
+/// Exit code of a process of this program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Exit {
@@ -10,7 +10,7 @@ pub enum Exit {
     Done = 0,
     /// A verdict failed.
     Verdict = 1,
-    /// The command line is not understood.
+    /// An invalid command line.
     Usage = 2,
     /// Bad input or configuration.
     Input = 3,
@@ -30,12 +30,12 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// A failure: what to say and which code to end with.
+/// A failure: the message and the exit code.
 #[derive(Debug)]
 pub struct Failure {
     /// The exit code.
     pub exit: Exit,
-    /// What went wrong and what to do, for a person.
+    /// The fault and the remedy, for a person.
     pub message: String,
 }
 
@@ -55,14 +55,14 @@ impl Failure {
         Self { exit: Exit::Internal, message: error.to_string() }
     }
 
-    /// A thread that the system does not start.
+    /// The system cannot start a thread.
     pub fn no_thread(error: impl std::fmt::Display) -> Self {
         Self::internal(format!(
             "the system starts no thread: {error}; allow more memory or more processes (ulimit -v, ulimit -u)"
         ))
     }
 
-    /// The command line is not understood.
+    /// An invalid command line.
     pub fn usage(error: impl std::fmt::Display) -> Self {
         Self { exit: Exit::Usage, message: error.to_string() }
     }

@@ -1,4 +1,4 @@
-//! The flags of every command: how much it says, and in which colours.
+//! The flags of every command: amount of output, and colours.
 
 use std::ffi::OsString;
 use std::sync::OnceLock;
@@ -24,7 +24,7 @@ pub struct Common {
 /// The output settings of this command, once the command line is read.
 pub(crate) static OUTPUT_SETTINGS: OnceLock<OutputSettings> = OnceLock::new();
 
-/// How this command writes, and when it started.
+/// Output settings of this command, and its start time.
 pub(crate) struct OutputSettings {
     pub asked: Common,
     pub started: Instant,
@@ -39,7 +39,7 @@ impl Common {
             ColorChoice::Never => anstream::ColorChoice::Never,
         }
         .write_global();
-        // The first setting holds: the process reads its command line once.
+        // The first call decides: the process reads its command line once.
         let _ = OUTPUT_SETTINGS.set(OutputSettings { asked: self, started: Instant::now() });
     }
 }
@@ -52,12 +52,12 @@ pub fn color_among(words: impl Iterator<Item = OsString>) -> ColorChoice {
     value.and_then(|value| ColorChoice::from_str(value, false).ok()).unwrap_or_default()
 }
 
-/// Whether the user wants results and errors alone.
+/// True if the user wants only results and errors.
 pub fn is_quiet() -> bool {
     OUTPUT_SETTINGS.get().is_some_and(|settings| settings.asked.quiet)
 }
 
-/// Whether standard output has colour.
+/// True if standard output has colour.
 pub fn is_coloured() -> bool {
     anstream::AutoStream::choice(&std::io::stdout()) != anstream::ColorChoice::Never
 }

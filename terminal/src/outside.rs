@@ -1,7 +1,7 @@
 //! Line breaks in names that come from the command line, the environment or the current folder.
 //!
-//! A line break is the one control character that this program writes itself, so that the last writer cannot tell a name's own from
-//! those between lines. The names are known at the start, however: wherever one of them stands in a text, its line breaks are escaped.
+//! This program writes line breaks itself, unlike other control characters, so that the output module cannot distinguish a name's own from those between lines.
+//! But the names are known at the start: wherever one of them occurs in a text, its line breaks are escaped.
 
 use std::borrow::Cow;
 use std::ffi::OsString;
@@ -9,9 +9,9 @@ use std::sync::OnceLock;
 
 use freeplay_report::one_line;
 
-/// Environment variables whose values are shown.
+/// Environment variables whose values appear in messages.
 const SHOWN_VARIABLES: [&str; 3] = ["FREEPLAY_SHM", "FREEPLAY_RECORDINGS", "TMPDIR"];
-/// Fewer other characters than this beside a line break are no name: they could stand in any text.
+/// A name needs at least this many characters besides a line break: shorter ones could occur in any text.
 const LEAST_OTHERS: usize = 2;
 
 /// The names with line breaks, the longest first.
@@ -28,7 +28,7 @@ fn names() -> Vec<String> {
     names_among(std::env::args_os().skip(1).chain(variables).chain(folder))
 }
 
-/// The parts of `words` with line breaks: paths end up in texts whole, in part, and with another ending.
+/// The parts of `words` with line breaks: paths occur in texts whole, in part, and with another ending.
 fn names_among(words: impl Iterator<Item = OsString>) -> Vec<String> {
     let mut found = Vec::new();
     for word in words {

@@ -1,4 +1,4 @@
-//! Every effect that MJCF has words for, by MuJoCo's inverse dynamics against the law.
+//! Every effect that MJCF can express: MuJoCo's inverse dynamics against the law.
 
 use freeplay_arm::{paper_arm, parse_toml, to_toml};
 use freeplay_laws::{Effects, Prediction, Trajectory, predict};
@@ -7,17 +7,16 @@ use std::path::Path;
 use super::tools::{Motion, Tool, has};
 use crate::common::{Call, fresh_folder};
 
-/// What an effect has to show in MuJoCo.
+/// Accuracy of an effect in MuJoCo.
 #[derive(Clone, Copy, Debug)]
 enum Shows {
     /// All torques and the tool to rounding.
     Exactly,
-    /// The tool to this share of the effect, and the torques to 0.5 % of all torque: springs and journals swing, which MuJoCo's inverse
-    /// dynamics, in which they rest, leave out.
+    /// The tool to this share of the effect, and the torques to 0.5 % of all torque: springs and journals swing, but rest in MuJoCo's inverse dynamics.
     AtRest(f64),
 }
 
-/// A table of an effect, and how exactly MuJoCo shows it.
+/// A table of an effect, and its accuracy in MuJoCo.
 const EFFECTS: [(&str, Shows); 22] = [
     ("kind = \"coulomb_friction\"\njoint = \"joint_3\"\ncoulomb = 40.0", Shows::Exactly),
     ("kind = \"viscous_friction\"\njoint = \"joint_2\"\nviscous = 80.0", Shows::Exactly),
@@ -68,7 +67,7 @@ fn motion(dof: usize) -> (Trajectory, Vec<Motion>) {
     let column = |value: &dyn Fn(f64, f64) -> f64| -> Vec<Vec<f64>> {
         (0..dof).map(|joint| t.iter().map(|t| value(*t, joint as f64)).collect()).collect()
     };
-    // The speed has a part that does not turn round and one that swings, so that accelerations differ.
+    // The speed has a constant part and one that swings, so that accelerations differ.
     let q = column(&|t, j| {
         0.3 + 0.2 * j
             + (0.7 - 0.1 * j) * t * if j % 2.0 == 0.0 { 1.0 } else { -1.0 }
@@ -98,7 +97,7 @@ fn every_effect_that_mjcf_says_has_the_torques_and_the_tool_of_its_law() {
     }
     let arm = paper_arm().arm;
     let (trajectory, motions) = motion(arm.dof());
-    // A wrist whose joints have rotors and damping of their own, as the form `cross` of a coupling takes for granted.
+    // A wrist with rotors and damping of its own, as the form `cross` of a coupling assumes.
     let rigid = to_toml(&paper_arm()).replace("limits = ", "damping = 4.0\nrotor_inertia = 0.5\nlimits = ");
     let without = predicted(&rigid, &trajectory);
     for (table, shows) in EFFECTS {

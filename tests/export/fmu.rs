@@ -1,4 +1,4 @@
-//! The plant as an FMU, driven by FMPy: valid, and the same bits as a native run in lockstep.
+//! The plant as an FMU, driven by FMPy: it is valid, and gives the same bits as a native run in lockstep.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -16,7 +16,7 @@ fn steps() -> usize {
     std::env::var("FREEPLAY_FMU_STEPS").ok().and_then(|steps| steps.parse().ok()).unwrap_or(10_000)
 }
 
-/// The posture that the native controller holds, while the journal falls and bounces: bent, so that all joints carry weight.
+/// The posture that the native controller holds while the journal falls and bounces: bent, so that all joints carry weight.
 const POSTURE: [f64; 6] = [0.2, 0.3, 0.4, 0.1, 0.9, 0.3];
 
 /// A scenario in which a native controller drives the worn arm.
@@ -27,7 +27,7 @@ fn scenario(mode: &str, seconds: f64) -> String {
     )
 }
 
-/// The columns of a recording as CSV that `names` call, row by row.
+/// The columns `names` of a recording as CSV, row by row.
 fn columns(text: &str, names: &[String]) -> Vec<Vec<f64>> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
@@ -40,7 +40,7 @@ fn columns(text: &str, names: &[String]) -> Vec<Vec<f64>> {
     lines.map(row).collect()
 }
 
-/// The same numbers as FMPy's side prints them.
+/// The numbers in the format of FMPy's side.
 fn hex(row: &[f64]) -> String {
     let bytes = row.iter().flat_map(|value| value.to_le_bytes());
     bytes.fold(String::new(), |mut text, byte| {
@@ -64,7 +64,7 @@ fn an_fmu_gives_the_bits_of_a_native_run_and_goes_back_to_a_state() {
     same_bits("torque", PLAY, steps());
 }
 
-/// Position servos at all joints, whose commands are late.
+/// Position servos at all joints, with delayed commands.
 #[test]
 fn an_fmu_of_an_arm_with_servos_gives_the_bits_of_a_native_run() {
     let servo = |joint: u8| {
@@ -107,7 +107,7 @@ fn same_bits(inputs: &str, effects: &str, steps: usize) {
         of_joints("start.q").into_iter().zip(POSTURE).map(|(name, q)| (name, q.into())).collect();
     let order = json!({
         "fmu": ran.folder.path().join("worn.fmu"), "parameters": parameters, "names": names, "inputs": of_joints(inputs),
-        // No command can have come yet in the first tick: the native plant holds its joints on the path.
+        // The first tick has no command yet: the native plant holds its joints on the path.
         "brakes": (0..count).map(|step| step == 0).collect::<Vec<_>>(),
         "given": applied[..count].iter().enumerate().map(|(step, row)| (step > 0).then_some(row)).collect::<Vec<_>>(), "rewind": count / 2,
     });
@@ -136,7 +136,7 @@ fn an_fmu_needs_a_name() {
     assert!(ran.stderr().contains("--out FILE.fmu"), "{}", ran.stderr());
 }
 
-/// The program as it is installed: in `bin`, alone or with the library in `lib/freeplay`.
+/// The installed program: in `bin`, alone or with the library in `lib/freeplay`.
 #[test]
 fn an_installed_program_finds_the_library_of_its_installation_or_says_how_to_build_it() {
     let folder = fresh_folder();

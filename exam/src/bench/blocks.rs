@@ -1,4 +1,4 @@
-//! Blocks: short stretches of the full loop and of each yardstick in turn, so that what the machine does to one it does to all.
+//! Blocks: short stretches of the full loop and of each yardstick in rotation, so that a disturbance by the machine affects all of them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,9 +22,9 @@ use hdrhistogram::Histogram;
 /// Histograms by stage, ns.
 pub type ByStage = BTreeMap<String, Histogram<u64>>;
 
-/// What one block of all of them left.
+/// Results of one block of the full loop and the yardsticks.
 pub struct Block {
-    /// Of each controller, in the order in which they were asked for: its run and its histograms.
+    /// For each controller, in the order of the command line: its run and its histograms.
     pub full: Vec<(RunSummary, ByStage)>,
     /// The bare loop's wake-up.
     pub clock: ByStage,
@@ -32,20 +32,20 @@ pub struct Block {
     pub exchange: ByStage,
 }
 
-/// What all blocks share.
+/// Settings shared by all blocks.
 pub struct Stand<'a> {
-    /// What is run; its duration is that of a block.
+    /// The scenario; its duration is that of a block.
     pub scenario: &'a Scenario,
     /// The controllers.
     pub contestants: &'a [ControllerSelection],
-    /// Where files go.
+    /// Folder for files.
     pub out: &'a Path,
-    /// Set when somebody wants it to end.
+    /// Set to request an early end.
     pub stop: &'a AtomicBool,
 }
 
 impl Stand<'_> {
-    /// Plays one block; every second one goes the other way round. `None` if interrupted.
+    /// Runs one block; every second one in reverse order. `None` if interrupted.
     ///
     /// # Errors
     /// A process that can't be started or fails.
@@ -85,7 +85,7 @@ impl Stand<'_> {
         self.played(contestant, scenario, false)
     }
 
-    /// One run of the full loop with the live view of a terminal that nobody sees.
+    /// One run of the full loop with the live view of an invisible terminal.
     ///
     /// # Errors
     /// As [`Stand::play`].

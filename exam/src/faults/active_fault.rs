@@ -1,4 +1,4 @@
-//! What each fault makes of an answer: none, one or several messages.
+//! Effect of each fault on an answer: no message, one or several.
 
 use freeplay_shm::{Command, LAYOUT_VERSION, MAX_JOINTS};
 use rand::{RngExt, SeedableRng};
@@ -6,17 +6,17 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::faults::kinds::{Injection, Kind};
 
-/// Ticks by which delayed answers come late.
+/// Delay of delayed answers, ticks.
 const DELAY: usize = 3;
-/// How often a flood sends each answer.
+/// Number of copies of each answer in a flood.
 const FLOOD: usize = 64;
 
-/// One fault under way.
+/// A fault while it acts.
 pub struct ActiveFault {
     injection: Injection,
     random: ChaCha8Rng,
     limits: Vec<[f64; 2]>,
-    /// The joint that is concerned, once chosen.
+    /// The affected joint, once chosen.
     joint: Option<usize>,
     before: Option<Command>,
     /// The latest answers, oldest first.
@@ -24,7 +24,7 @@ pub struct ActiveFault {
 }
 
 impl ActiveFault {
-    /// `injection` on an arm whose joints take values within `limits`; `before` is the last good answer.
+    /// The fault of `injection` on an arm whose joints take values within `limits`; `before` is the last good answer.
     pub fn new(injection: Injection, limits: &[[f64; 2]], before: Option<Command>) -> Self {
         Self {
             injection,
@@ -36,7 +36,7 @@ impl ActiveFault {
         }
     }
 
-    /// Gives to `send` what becomes of `good`, the answer to a tick at which the fault holds.
+    /// Passes the messages that replace `good`, the answer to a tick with the fault, to `send`.
     pub fn spoil<E>(
         &mut self,
         good: Command,
@@ -90,7 +90,7 @@ impl ActiveFault {
             Kind::StaleVersion => command.layout = LAYOUT_VERSION.wrapping_sub(1),
             Kind::Nan => *value = f64::NAN,
             Kind::Limit => *value = upper + 0.001 * (upper - lower),
-            // The range in the thousand ticks of a second.
+            // The joint's range over the thousand ticks of a second.
             Kind::Drift => *value += 1e-3 * (upper - lower) * (age + 1) as f64,
             Kind::SignFlip => *value = -*value,
             Kind::Gain => *value *= 1.5,
@@ -99,7 +99,7 @@ impl ActiveFault {
         command
     }
 
-    /// The joint that is concerned: one of those that do something at the moment.
+    /// The affected joint: one of those with a non-zero command at the moment.
     fn chosen(&mut self, command: &Command) -> usize {
         if let Some(joint) = self.joint {
             return joint;
@@ -124,7 +124,7 @@ mod tests {
     use crate::faults::kinds::{Injection, Kind};
     use freeplay_shm::{Command, State};
 
-    /// What comes of ten answers, with the tick each is for.
+    /// The messages for ten answers, each with its tick.
     fn sent(kind: Kind) -> Vec<Command> {
         let good = |tick| {
             let mut state = State::new(7, 2);

@@ -1,4 +1,4 @@
-//! Faults that are not the controller's: the plant is killed, shared memory is full.
+//! Faults outside the controller: the plant is killed, shared memory is full.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -14,24 +14,24 @@ use freeplay_terminal::files::make_folder;
 use freeplay_terminal::running::Running;
 use serde::Serialize;
 
-/// How long a process may take to end.
+/// Time limit for the end of a process.
 const LONGEST: Duration = Duration::from_secs(20);
 const LOOK: Duration = Duration::from_millis(1);
-/// Sizes of the shared memory that is to be too small: for the services, for the segments of the plant, for those of a controller.
+/// Insufficient sizes of the shared memory: for the services, for the segments of the plant, for those of a controller.
 const SIZES: [&str; 3] = ["32k", "64k", "80k"];
 
-/// What came of a fault of the surroundings.
+/// Outcome of a fault outside the controller.
 #[derive(Clone, Debug, Serialize)]
 pub struct EnvironmentFault {
     /// The fault.
     pub fault: &'static str,
-    /// Whether it was met as it should be; absent where this machine does not let it be tried.
+    /// Whether the outcome meets the expectation; `None` if this machine does not permit the fault.
     pub holds: Option<bool>,
-    /// What was seen.
+    /// The observation.
     pub found: String,
 }
 
-/// Tries all of them on `examined`.
+/// Tries all these faults on `examined`.
 ///
 /// # Errors
 /// A process that can't be started.
@@ -47,7 +47,7 @@ pub fn examine(
     Ok(found)
 }
 
-/// The plant is killed in the middle of the motion: the controller has to end by itself.
+/// Kills the plant in the middle of the motion: the controller has to end by itself.
 fn plant_killed(
     scenario: &Scenario,
     examined: &ControllerSelection,
@@ -63,11 +63,11 @@ fn plant_killed(
     };
     let files = Files::write(&scenario, &Setup::new(&scenario)?, &out.join("plant-killed"))?;
     let recording = files.out.join(format!("{}.mcap", examined.name()));
-    // That of an earlier exam in this folder would say that this motion has begun.
+    // The recording of an earlier exam in this folder would indicate that this motion has begun.
     freeplay_storage::remove_file(&recording)?;
     let root = new_run()?;
     let mut plant = Running::alone(start_plant(examined, &files, root.address())?);
-    // It says that the plant is gone, which would look like a failure of the exam.
+    // The controller reports that the plant has ended, which would look like a failure of the exam.
     let mut controller = start_in_slot(&scenario, examined, 0, root.address(), Stdio::null())?;
     let begun = Instant::now();
     while freeplay_recording::read(&recording, None).is_err() && begun.elapsed() < LONGEST {
@@ -91,7 +91,7 @@ fn plant_killed(
     })
 }
 
-/// Shared memory of `size` only: the run has to end with a word and a code, not hang.
+/// Limits shared memory to `size`: the run has to end with a message and an exit code, not hang.
 fn memory_full(controller: &str, size: &str, out: &Path) -> Result<EnvironmentFault, Failure> {
     let fault = match size {
         "32k" => "memory-full-32k",
@@ -129,7 +129,7 @@ fn memory_full(controller: &str, size: &str, out: &Path) -> Result<EnvironmentFa
     })
 }
 
-/// Waits for the end of `child`; `None` if it does not.
+/// Waits for the end of `child`; `None` after the time limit.
 fn ends(child: &mut Child) -> Result<Option<std::process::ExitStatus>, Failure> {
     let begun = Instant::now();
     while begun.elapsed() < LONGEST {

@@ -1,4 +1,4 @@
-//! What the paper's Figs. 2 and 5 to 13 show, drawn from these runs.
+//! The paper's Figs. 2 and 5 to 13, drawn from these runs.
 
 use freeplay_harness::scenario::Drive;
 use freeplay_laws::FrictionLaw;
@@ -25,7 +25,7 @@ fn time() -> Axis {
     Axis::new("time", "s")
 }
 
-/// A line for each of the clearances for which the run was made.
+/// A line for each clearance with a run.
 fn lines(
     chart: Chart,
     runs: &Runs,
@@ -39,7 +39,7 @@ fn lines(
     })
 }
 
-/// The journal's orbit and its distance from the middle, by contact mode.
+/// The journal's orbit and its distance from the centre, by contact mode.
 pub fn orbit(title: &str, caption: &str, orbit: &JournalOrbit, clearance: f64) -> Drawing {
     let (x, z) = (&orbit.offset[0], &orbit.offset[1]);
     let eccentricity = orbit.eccentricity();
@@ -147,7 +147,7 @@ fn part(run: &Outcome, column: &[f64], from: f64, to: f64) -> (Vec<f64>, Vec<f64
     (run.trace.times()[range.clone()].to_vec(), column[range].to_vec())
 }
 
-/// What the network predicts, and its error, over time.
+/// Prediction and error of the network, over time.
 pub fn prediction(study: &Study) -> Drawing {
     let shown = &study.shown;
     let t: Vec<f64> = shown.sample.iter().map(|&sample| (sample * STRIDE) as f64 * TICK).collect();
@@ -215,7 +215,7 @@ pub fn scatter(study: &Study) -> Drawing {
     drawing
 }
 
-/// Truth and prediction of the samples that were only tested on.
+/// Truth and prediction of the test samples.
 fn tested(shown: &Prediction, axis: usize) -> (Vec<f64>, Vec<f64>) {
     let pairs = shown.truth[axis].iter().zip(&shown.predicted[axis]).zip(&shown.tested);
     pairs.filter(|(_, tested)| **tested).map(|((y, p), _)| (*y, *p)).unzip()
@@ -230,7 +230,7 @@ struct Fit {
 }
 
 impl Fit {
-    /// None for fewer than two different points.
+    /// `None` for fewer than two different points.
     fn of(x: &[f64], y: &[f64]) -> Option<Self> {
         let count = x.len() as f64;
         let mean = |values: &[f64]| values.iter().sum::<f64>() / count;

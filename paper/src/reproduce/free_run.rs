@@ -1,4 +1,4 @@
-//! Free runs: predictions that look at themselves instead of at measurements.
+//! Free runs: predictions from earlier predictions instead of measurements.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ pub struct FreeRun {
 }
 
 impl FreeRun {
-    /// The predictions for the targets of `windows`, row-major; NaN where there is none.
+    /// The predictions for the targets of `windows`, row-major; NaN for a missing one.
     pub fn of(&self, windows: &[Window]) -> Vec<f64> {
         let unknown = vec![f64::NAN; self.outputs];
         let row =
@@ -23,11 +23,10 @@ impl FreeRun {
     }
 }
 
-/// Runs freely over the targets of `windows`, run by run from the first of them to the last, by `predict` (run, first sample,
-/// number of samples).
+/// Runs freely over the targets of `windows`, run by run from the first target to the last, with `predict` (run, first sample, number of samples).
 ///
 /// # Errors
-/// What `predict` returns.
+/// Errors of `predict`.
 pub fn free_runs(
     series: &Series,
     windows: &[Window],
@@ -45,7 +44,7 @@ pub fn free_runs(
     Ok(FreeRun { outputs, predicted })
 }
 
-/// `windows` with the present moved to the last sample before the free run over `all` began, in the same run.
+/// `windows` with the present moved to the last sample before the beginning of the free run over `all`, in the same run.
 pub fn starts(windows: &[Window], all: &[Window]) -> Vec<Window> {
     let mut first: HashMap<usize, usize> = HashMap::new();
     for window in all {
@@ -59,10 +58,10 @@ pub fn starts(windows: &[Window], all: &[Window]) -> Vec<Window> {
     windows.iter().map(moved).collect()
 }
 
-/// Free run of a linear model, which may grow without bound: from there on the prediction is infinite.
+/// Free run of a linear model, which may diverge: from there on the prediction is infinite.
 ///
 /// # Errors
-/// A model that does not suit the series.
+/// A model that does not fit the series.
 pub fn linear(
     arx: &Arx,
     series: &Series,
@@ -77,7 +76,7 @@ pub fn linear(
         (start - 1 - memory..start).map(|sample| series.output(run, sample).to_vec()).collect();
     let mut predictions = Vec::with_capacity(steps * outputs.len());
     for target in start..start + steps {
-        // The window's own samples: the memory, the present, and the target, whose output is not looked at.
+        // The window's own samples: the memory, the present, and the target, whose output is not used.
         let mut window = Series::new(&inputs, &outputs).map_err(Failure::internal)?;
         let u =
             (target - 1 - memory..=target).flat_map(|sample| series.input(run, sample)).copied().collect();

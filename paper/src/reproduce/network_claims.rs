@@ -261,7 +261,7 @@ mod tests {
         Parts { train: axes.clone(), validation: axes.clone(), test: axes }
     }
 
-    /// A study whose trainings have the errors `mse`, beside a persistence of error `known` with the correlation `r`.
+    /// A study whose trainings have the errors `mse`, with a persistence baseline of error `known` and correlation `r`.
     fn study(period: f64, mse: [f64; 3], known: f64, r: f64) -> Study {
         let trial = |(seed, mse): (usize, f64)| Trial {
             seed: seed as u64,

@@ -1,4 +1,4 @@
-//! The journal's way in its bearing, ten times as fine as a tick: an impact lasts half of one.
+//! The journal's path in its bearing, with ten points per tick: an impact lasts half a tick.
 
 use freeplay_terminal::exit::Failure;
 
@@ -6,7 +6,7 @@ use super::case::Case;
 use super::peaks::{ContactMode, contact_modes};
 use crate::simulation::{Scene, Simulation};
 
-/// Length of a step that is kept, s.
+/// Length of a recorded step, s.
 const STEP: f64 = 1e-4;
 /// Sub-steps of it: 20 µs, as in all other runs.
 const SUBSTEPS: u32 = 5;
@@ -51,13 +51,13 @@ impl JournalOrbit {
         Ok(orbit)
     }
 
-    /// `column` where the journal is in `mode`, NaN elsewhere. A line goes on to the first point of the next mode.
+    /// `column` while the journal is in `mode`, NaN elsewhere. A line continues to the first point of the next mode.
     pub fn only(&self, mode: ContactMode, column: &[f64]) -> Vec<f64> {
         let here = |i: usize| self.mode[i] == mode || (i > 0 && self.mode[i - 1] == mode);
         (0..column.len()).map(|i| if here(i) { column[i] } else { f64::NAN }).collect()
     }
 
-    /// Distance of the journal from the bearing's middle, mm.
+    /// Distance of the journal from the bearing's centre, mm.
     pub fn eccentricity(&self) -> Vec<f64> {
         self.offset[0].iter().zip(&self.offset[1]).map(|(x, z)| x.hypot(*z)).collect()
     }

@@ -1,27 +1,27 @@
-//! Peaks of a force, and how a journal spends its time.
+//! Peaks of a force, and the states of contact of a journal over time.
 
 use freeplay_plant::IMPACT_LIMIT;
 use serde::Serialize;
 
 use crate::simulation::TICK;
 
-/// A peak under gravity rises above this, N: twice the 23 N with which the journal presses at most where it rests on the smooth path.
+/// Threshold of a peak under gravity, N: twice the 23 N with which a resting journal presses at most on the smooth path.
 const UNDER_GRAVITY: f64 = 50.0;
-/// A peak without gravity rises above this, N: the journal rests with less than 3 N there.
+/// Threshold of a peak without gravity, N: a resting journal presses with less than 3 N.
 const WEIGHTLESS: f64 = 20.0;
-/// Ticks on both sides that a peak stands out from: the longest impact lasts 2 ms.
+/// A peak is the maximum within this number of ticks on both sides: the longest impact lasts 2 ms.
 const REACH: usize = 2;
 
 /// A peak of the normal force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Peak {
-    /// When, s.
+    /// Time, s.
     pub time: f64,
-    /// How high, N.
+    /// Height, N.
     pub force: f64,
 }
 
-/// What a peak has to rise above, N.
+/// Threshold of a peak, N.
 pub fn threshold(gravity: bool) -> f64 {
     if gravity { UNDER_GRAVITY } else { WEIGHTLESS }
 }
@@ -39,10 +39,10 @@ pub fn peaks(force: &[f64], threshold: f64) -> Vec<Peak> {
         .collect()
 }
 
-/// How a journal is at an instant.
+/// State of contact of a journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ContactMode {
-    /// It touches nothing.
+    /// Without contact.
     Free,
     /// In a contact shorter than [`IMPACT_LIMIT`].
     Impact,
@@ -64,8 +64,8 @@ impl ContactMode {
     }
 }
 
-/// The mode at every instant, from how long the contact has lasted then, s (zero in free flight). A contact still going on
-/// at the end counts as what it has been so far.
+/// The mode at every instant, from the duration of the contact up to then, s (zero in free flight). A contact that continues beyond the end counts with its
+/// duration so far.
 pub fn contact_modes(episode: &[f64]) -> Vec<ContactMode> {
     let mut modes = Vec::with_capacity(episode.len());
     let is_same = |pair: &f64, next: &f64| (*pair > 0.0) == (*next > 0.0) && next >= pair;

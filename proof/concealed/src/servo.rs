@@ -8,10 +8,10 @@ use crate::felt::Felt;
 const PERIOD: f64 = 1e-3;
 /// Cutoff of the filter of differentiated encoder readings, Hz.
 const SPEED_CUTOFF: f64 = 200.0;
-/// Damping ratio of a joint under the inertia that it feels.
+/// Damping ratio of a joint with its effective inertia.
 const DAMPING: f64 = 0.9;
 
-/// What a servo is set to.
+/// Settings of a servo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Servo {
     /// Undamped frequency of each joint's loop, rad/s.
@@ -24,7 +24,7 @@ pub struct Servo {
     pub resolution: Vec<f64>,
 }
 
-/// A servo at work.
+/// A running servo.
 pub(crate) struct Controller<'a> {
     servo: &'a Servo,
     ws: Workspace,
@@ -50,13 +50,13 @@ impl Servo {
 }
 
 impl Controller<'_> {
-    /// One cycle: the torque asked of each motor for reference position, velocity and acceleration, and the encoders' positions.
+    /// One cycle: computes the torque of each motor for the reference position, velocity and acceleration, and the encoders' positions.
     pub fn torque(&mut self, nominal: &Arm, reference: &[Vec<f64>; 3], positions: &[f64], out: &mut [f64]) {
         let [q, v, a] = reference;
         rnea(nominal, &mut self.ws, q, v, a, out);
         let rounded: Vec<f64> =
             positions.iter().zip(&self.servo.resolution).map(|(x, step)| (x / step).round() * step).collect();
-        // What a joint feels with the others free: gains for more would make a joint chatter whose neighbours give way.
+        // The effective inertia with the other joints free: gains for more would make a joint chatter if its neighbours yield.
         let felt = self.felt.at(nominal, q);
         let share = 1.0 - (-std::f64::consts::TAU * SPEED_CUTOFF * PERIOD).exp();
         for (i, joint) in nominal.joints().iter().enumerate() {

@@ -1,4 +1,4 @@
-//! A made case as files, which tell nothing but what they hold.
+//! Writes a case as files, which reveal nothing beyond their content.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use thiserror::Error;
 use crate::case::Made;
 use crate::sensors::Samples;
 
-/// Why a case was not written.
+/// Reason why a case was not written.
 #[derive(Debug, Error)]
 pub enum WriteCaseError {
     /// A folder or file can't be written.
@@ -18,7 +18,7 @@ pub enum WriteCaseError {
     /// A recording can't be written.
     #[error(transparent)]
     Recording(#[from] WriteError),
-    /// The columns make no recording.
+    /// The columns form no recording.
     #[error(transparent)]
     Columns(#[from] ColumnError),
     /// The truth can't be written as JSON.
@@ -26,7 +26,7 @@ pub enum WriteCaseError {
     Truth {
         /// Number of the case.
         number: usize,
-        /// Why not.
+        /// The error.
         source: serde_json::Error,
     },
 }
@@ -46,7 +46,7 @@ pub fn write_case(folder: &Path, number: usize, made: &Made) -> Result<(), Write
     write_text(&truths.join(format!("{name}.json")), &(truth + "\n"))
 }
 
-/// Writes `model.toml`, `recording.csv` and `second.csv` into `folder`, and nothing of the truth.
+/// Writes `model.toml`, `recording.csv` and `second.csv` into `folder`, without the truth.
 ///
 /// # Errors
 /// [`WriteCaseError`] names the file.

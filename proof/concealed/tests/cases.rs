@@ -1,4 +1,4 @@
-//! Whole cases: the same seed gives the same numbers, severities are as asked for, files tell nothing.
+//! Whole cases: the same seed gives the same numbers, severities equal the requests, and the files reveal nothing.
 
 use freeplay_concealed::{
     CATALOGUE, Case, Demand, Machine, Noise, OUTSIDE, Severity, generate, seats, write_case,
@@ -34,7 +34,7 @@ fn the_same_case_gives_the_same_numbers() {
     assert!(one.recording.t.windows(2).all(|pair| pair[1] > pair[0]), "time increases");
 }
 
-/// What is drawn beside the effect does not depend on it: length, rate and columns are those of the negative control.
+/// The draws beside the effect do not depend on it: length, rate and columns are those of the negative control.
 #[test]
 fn an_effect_leaves_no_mark_on_the_form() {
     let seed = 5;
@@ -91,8 +91,8 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
     f64::sqrt(sum / count)
 }
 
-/// What is said of the strength is what the files hold: with and without the effect they differ by as many floors as is claimed. The
-/// floor is taken from the file without it, by mass, rotor and friction of the data sheet and the measured motion, differentiated here.
+/// The stated strength equals that of the files: with and without the effect they differ by the stated multiple of the floor. The test computes the floor from
+/// the file without the effect, with mass, rotor and friction of the data sheet and the measured motion, differentiated here.
 #[test]
 fn an_effect_is_as_strong_as_is_claimed() {
     let mut looked = 0;
@@ -106,7 +106,7 @@ fn an_effect_is_as_strong_as_is_claimed() {
         let arm =
             freeplay_arm::parse_toml(&with.model, std::path::Path::new("model.toml")).expect("a model").arm;
         let (joint, t) = (&arm.joints()[0], &without.recording.t);
-        // A parabola through readings 20 ms apart.
+        // A parabola through samples 20 ms apart.
         let apart = (0.02 * with.truth.rate) as usize;
         let q = &without.recording.columns[position];
         let tau = &without.recording.columns[torque];
@@ -120,8 +120,7 @@ fn an_effect_is_as_strong_as_is_claimed() {
             moves.then(|| tau[k] - joint.inertia.mass * (a - gravity) - joint.rotor_inertia * a - friction)
         });
         let residual: Vec<f64> = residual.collect();
-        // What is slower than some 20 Hz is the machine alone; the rest is noise of the sensor, which the floor holds, and of the servo,
-        // which it does not.
+        // Content below some 20 Hz comes from the machine alone; the rest is noise of the sensor, which is part of the floor, and of the servo, which is not.
         let window = 2 * (0.012 * with.truth.rate) as usize + 1;
         let slow = residual.windows(window).map(|values| values.iter().sum::<f64>() / window as f64);
         let (least, most) = (rms(slow), rms(residual.iter().copied()));
@@ -144,7 +143,7 @@ fn place(made: &freeplay_concealed::Made, name: &str) -> Option<usize> {
     made.recording.names.iter().position(|other| other == name)
 }
 
-/// A negative control is the machine as it was drawn for the effect that is left out, and nothing else.
+/// A negative control is the machine drawn for the omitted effect, without further differences.
 #[test]
 fn a_negative_control_conceals_nothing() {
     let [_, without] = pair("coulomb_friction", Severity::Slight, 9);

@@ -1,7 +1,7 @@
-//! The sealed folder is filled in the order of the names, so that nothing about a file tells when its case was made.
+//! Fills the sealed folder in the order of the names, so that no property of a file reveals when its case was made.
 //!
-//! Inodes, times of birth and of the last change follow the order of writing, and no system call sets them. The generator writes its cases
-//! in the order of the draw, each when it is done; copies in the order of the names, which follow from a secret key, tell neither.
+//! Inodes, times of birth and of the last change follow the order of writing, and no system call sets them. The generator writes its cases in the order of the
+//! draw, each when it is done. Copies in the order of the names, which follow from a secret key, reveal neither.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use super::generator::without_times;
 /// Moves the cases of the folder `from` to the folder `to`, and gives every file the same time.
 ///
 /// # Errors
-/// What the file system says.
+/// Errors of the file system.
 pub fn arrange(from: &Path, to: &Path) -> Result<(), StorageError> {
     for (case, folder) in entries(from)? {
         make_folder(&to.join(&case))?;
@@ -36,7 +36,7 @@ mod tests {
     use std::fs;
     use std::os::unix::fs::MetadataExt;
 
-    /// Files are written in the order of the names, whatever the order in which they were made; contents stay.
+    /// Files are written in the order of the names, whatever the order of their making; contents stay.
     #[test]
     fn looks_follow_the_names_alone() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -1,7 +1,7 @@
-//! One text for one JSON value, so that a hash does not depend on spaces, the order of keys or the way a number is printed.
+//! Canonical text of a JSON value, so that a hash does not depend on spaces, the order of keys or the notation of numbers.
 //!
-//! Objects have their keys sorted by code point; nothing stands between tokens; strings escape only `"`, `\` and control characters; an
-//! integer is its decimal digits; any other number is `f` and the 16 hexadecimal digits of its IEEE 754 double, the sign first.
+//! Objects have their keys sorted by code point; there are no spaces between tokens; strings escape only `"`, `\` and control characters; an integer is its
+//! decimal digits; any other number is `f` and the 16 hexadecimal digits of its IEEE 754 double, the sign first.
 
 use std::collections::BTreeMap;
 
@@ -48,7 +48,7 @@ fn write(value: &Value, text: &mut String) {
     }
 }
 
-/// The first place where `this` and `other` differ, as a JSON pointer; `None` where their canonical texts are the same.
+/// The first difference between `this` and `other`, as a JSON pointer; `None` if their canonical texts are equal.
 pub fn difference(this: &Value, other: &Value) -> Option<String> {
     match (this, other) {
         (Value::Object(a), Value::Object(b)) => {
@@ -68,7 +68,7 @@ pub fn difference(this: &Value, other: &Value) -> Option<String> {
     }
 }
 
-/// A key as a JSON pointer holds it (RFC 6901).
+/// A key in the form of a JSON pointer (RFC 6901).
 fn escaped(key: &str) -> String {
     key.replace('~', "~0").replace('/', "~1")
 }
@@ -83,7 +83,7 @@ mod tests {
         canonical(&serde_json::from_str::<Value>(text).expect("JSON"))
     }
 
-    /// Order of keys, spaces and the notation of a number are nothing; the type of a number and the order of elements are something.
+    /// Order of keys, spaces and the notation of a number do not matter; the type of a number and the order of elements do.
     #[test]
     fn one_value_has_one_text() {
         assert_eq!(

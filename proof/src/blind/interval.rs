@@ -5,19 +5,19 @@ use serde::Serialize;
 /// The normal quantile of 97.5 %.
 const Z: f64 = 1.959_964;
 
-/// A count out of a count, with its 95 % interval.
+/// A count out of a total, with its 95 % interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Share {
-    /// How many.
+    /// The count.
     pub count: usize,
-    /// Of how many.
+    /// The total.
     pub of: usize,
-    /// Least and greatest share that go with that, 0 to 1.
+    /// Bounds of the share at 95 %, 0 to 1.
     pub ci95: [f64; 2],
 }
 
 impl Share {
-    /// `count` out of `of`: Wilson (1927); where all or none are, the exact bound of Clopper & Pearson (1934), which is closed there.
+    /// `count` out of `of`: Wilson (1927); for all or none, the exact bound of Clopper & Pearson (1934), which has a closed form there.
     pub fn new(count: usize, of: usize) -> Self {
         let n = of as f64;
         let ci95 = if of == 0 {
@@ -35,7 +35,7 @@ impl Share {
         Self { count, of, ci95 }
     }
 
-    /// How many of `items` are `is`.
+    /// Counts the `items` with `is`.
     pub fn among<T>(items: impl Iterator<Item = T>, is: impl Fn(&T) -> bool) -> Self {
         let (mut count, mut of) = (0, 0);
         for item in items {
@@ -45,25 +45,25 @@ impl Share {
         Self::new(count, of)
     }
 
-    /// The share, 0 to 1; NaN of nothing.
+    /// The share, 0 to 1; NaN for a total of zero.
     pub fn value(&self) -> f64 {
         self.count as f64 / self.of as f64
     }
 }
 
-/// A median with the 95 % interval of the order statistics, which knows no distribution.
+/// A median with the 95 % interval of the order statistics, which assumes no distribution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Median {
     /// The median.
     pub value: f64,
     /// Its interval.
     pub ci95: [f64; 2],
-    /// Of how many numbers.
+    /// Number of values.
     pub of: usize,
 }
 
 impl Median {
-    /// The median of `values`; `None` of nothing.
+    /// The median of `values`; `None` without values.
     pub fn new(mut values: Vec<f64>) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let n = values.len();
@@ -81,7 +81,7 @@ impl Median {
 mod tests {
     use super::{Median, Share};
 
-    /// Wilson's interval of 8 in 10 is 0.490 to 0.943 (Brown, Cai & DasGupta 2001); none of 300 is below 1.22 %, the exact bound.
+    /// Wilson's interval of 8 in 10 is 0.490 to 0.943 (Brown, Cai & DasGupta 2001); the exact upper bound for none of 300 is 1.22 %.
     #[test]
     fn intervals_are_those_of_the_books() {
         let some = Share::new(8, 10).ci95;
@@ -92,7 +92,7 @@ mod tests {
         assert!((Share::new(7, 7).ci95[0] - 0.5904).abs() < 1e-4);
     }
 
-    /// Of 100 numbers the interval is from about the 40th to the 61st.
+    /// For 100 numbers the interval is from about the 40th to the 61st.
     #[test]
     fn a_median_lies_inside_its_interval() {
         let median = Median::new((1..=100).map(f64::from).collect()).expect("a median");

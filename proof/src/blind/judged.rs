@@ -1,25 +1,25 @@
-//! A case with its answer and how that came out.
+//! A case with its answer and the score of the answer.
 
 use super::answer::{Answer, Errors};
 use super::sandbox::Isolation;
 use super::score::{Outcome, ParameterScore, outcome, parameter_scores};
 use super::truth::{Sort, Truth};
 
-/// A channel whose error is no larger than this many times the floor has nothing to close.
+/// A channel whose error exceeds the floor by no more than this factor has no error to close.
 const NOTHING_TO_CLOSE: f64 = 1.05;
 
-/// A case with its answer and how that came out.
+/// A case with its answer and the score of the answer.
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// Name of its folder.
     pub name: String,
-    /// What it conceals.
+    /// The concealed truth.
     pub truth: Truth,
-    /// What was answered.
+    /// The answer.
     pub answer: Answer,
-    /// How that compares.
+    /// Result of the comparison.
     pub outcome: Outcome,
-    /// The parameters of what was rightly named.
+    /// Scores of the parameters of correctly named effects.
     pub hits: Vec<ParameterScore>,
 }
 
@@ -30,7 +30,7 @@ impl Judged {
         Self { name: name.to_owned(), outcome: outcome(&truth, &answer), truth, answer, hits }
     }
 
-    /// Without what only a person who looks into a failure asks for: of a right answer, all that was weighed but the truth, and where the analyst was.
+    /// Removes data that only the analysis of a failure needs: of a right answer, all hypotheses but the true ones, and the isolation of the analyst.
     pub fn slim(mut self) -> Self {
         self.answer.isolation = Isolation::default();
         if self.outcome == Outcome::Right {
@@ -41,8 +41,8 @@ impl Judged {
         self
     }
 
-    /// Share of the held-out error above the floor that is gone where `error` is what is left, mean over the channels in which the
-    /// named effects show; `None` where there is nothing to close.
+    /// Share of the held-out error above the floor that is closed if `error` remains, mean over the channels of the named effects; `None` if there is no error
+    /// to close.
     pub fn closed(&self, error: impl Fn(&Errors) -> f64) -> Option<f64> {
         let channels: std::collections::BTreeSet<_> =
             self.answer.effects.iter().flat_map(|e| &e.channels).collect();
@@ -54,12 +54,12 @@ impl Judged {
         (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)
     }
 
-    /// Whether the answer names something that is not there.
+    /// True if the answer names a false effect.
     pub fn names_wrongly(&self) -> bool {
         self.answer.verdict == "named" && matches!(self.outcome, Outcome::Wrong | Outcome::Extra)
     }
 
-    /// Whether the held-out error is less with what is named than without.
+    /// True if the named effects reduce the held-out error.
     pub fn fits_better(&self) -> bool {
         self.closed(|e| e.after).is_some_and(|closed| closed > 0.0)
     }

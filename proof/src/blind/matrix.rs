@@ -21,7 +21,7 @@ pub fn count(of: usize) -> Cell {
     Cell::from(of as u64)
 }
 
-/// The confusion matrix as dots: concealed effects upwards, named effects across.
+/// The confusion matrix as dots: concealed effects vertically, named effects horizontally.
 pub fn confusion(score: &Score) -> Section {
     let concealed: Vec<&String> = score.confusion.keys().collect();
     let mut said: BTreeSet<&String> = score.confusion.values().flat_map(|row| row.keys()).collect();
@@ -49,7 +49,7 @@ pub fn confusion(score: &Score) -> Section {
         for (said, dots) in counts {
             let Some(column) = columns.iter().position(|other| *other == said) else { continue };
             let class = if said == *kind { 0 } else { 1 + usize::from(said.starts_with('(')) };
-            // A square of dots for each cell, one a case.
+            // A square of dots for each cell, with one dot per case.
             let side = (*dots as f64).sqrt().ceil();
             for dot in 0..*dots {
                 let (x, y) = (
@@ -156,7 +156,7 @@ fn place_row(machine: &str, joint: &str, bin: &Bin) -> [Cell; 8] {
     ]
 }
 
-/// One table a machine: kinds downwards, joints across, three letters a place.
+/// One table per machine: kinds vertically, joints horizontally, three letters per place.
 fn grids(section: Section, matrix: &Matrix, parts: &[Part], judged: &[Judged]) -> Section {
     let letters = letters(parts, judged);
     let missing = letters.values().filter(|letter| **letter == NOT_MADE).count();
@@ -210,7 +210,7 @@ fn letters(parts: &[Part], judged: &[Judged]) -> BTreeMap<String, char> {
     }
     for part in parts.iter().filter(|part| part.draw.as_ref().is_some_and(|d| d.matrix.is_some())) {
         let asked = part.not_made.iter().filter_map(|what| what.split_once(": "));
-        // A control that could not be made names no place.
+        // A control that could not be made has no place.
         let places = asked.map(|(place, _)| place).filter(|place| place.contains(" on "));
         letters.extend(places.map(|place| (place.to_owned(), NOT_MADE)));
     }

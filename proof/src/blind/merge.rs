@@ -1,6 +1,6 @@
-//! `freeplay blind --merge`: the receipts of several parts as one.
+//! `freeplay blind --merge`: merges the receipts of several parts.
 //!
-//! One receipt after the other is read, checked and left again: time grows with the cases, and memory with what the score needs of them.
+//! The module reads, checks and releases one receipt after the other: time grows with the cases, and memory with the data that the score needs of them.
 
 use std::path::{Path, PathBuf};
 
@@ -11,20 +11,20 @@ use super::receipt::{Part, Program, Receipt};
 use super::verify::{broken, checks};
 use freeplay_terminal::exit::Failure;
 
-/// Several receipts as one.
+/// Several receipts merged into one.
 pub struct Merged {
     /// Their parts, in the order of their chains.
     pub parts: Vec<Part>,
-    /// What the score needs of their cases, in the order of their names.
+    /// The data of their cases for the score, in the order of their names.
     pub judged: Vec<Judged>,
     /// Their cases.
     pub cases: Gathered,
 }
 
-/// The receipts in `folders` as one; their cases are gathered below `out`.
+/// Merges the receipts in `folders`; their cases are collected below `out`.
 ///
 /// # Errors
-/// A receipt that does not verify, by whichever program it was made; one of another program than the first, or with a case of another.
+/// A receipt that does not verify; one made by another program than the first, or with a case of another one.
 pub fn merged(folders: &[PathBuf], out: &Path) -> Result<Merged, Failure> {
     let this = Program::this()?;
     let mut all =
@@ -34,14 +34,14 @@ pub fn merged(folders: &[PathBuf], out: &Path) -> Result<Merged, Failure> {
         let path = folder.join("receipt.json");
         let receipt = Receipt::read(&path)?;
         let wrong = |why: String| Failure::input(format!("{}: {why}", path.display()));
-        // Another program may have made it; all that binds truths, answers and score has to hold.
+        // Another program may have made it; all hashes of truths, answers and score have to hold.
         if let Some(check) = broken(&checks(&receipt, &folder.join("sealed"), &this)?) {
             return Err(wrong(format!("{}: {}", check.what, check.found)));
         }
         if !receipt.parts.iter().all(Part::is_open) {
             return Err(wrong("its truth is not revealed yet; score it before".to_owned()));
         }
-        // The parts of one receipt do not overlap: that is one of its checks.
+        // The parts of one receipt do not overlap, which verification has checked.
         let twice = receipt.parts.iter().filter_map(|part| overlap.add(part)).next();
         if all.parts.first().is_some_and(|first| receipt.parts[0].program != first.program) {
             return Err(wrong(

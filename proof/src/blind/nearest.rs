@@ -1,9 +1,9 @@
-//! The nearest of many points, by a k-d tree (Bentley 1975): looking up all points takes n log n, comparing all pairs n².
+//! The nearest neighbours among many points, by a k-d tree (Bentley 1975): searching for all points takes n log n, comparing all pairs n².
 
 /// Points of a leaf.
 const LEAF: usize = 16;
 
-/// Points, cut in two along their longest side again and again.
+/// Points, repeatedly divided along their longest side.
 pub struct Tree<'a> {
     points: &'a [Vec<f64>],
     root: Node,
@@ -11,7 +11,7 @@ pub struct Tree<'a> {
 
 enum Node {
     Leaf(Vec<usize>),
-    /// Points that are no more than `at` along `axis` are in the first half, those that are no less in the second.
+    /// Points with a coordinate up to `at` along `axis` are in the first half, those with at least `at` in the second.
     Split {
         axis: usize,
         at: f64,
@@ -26,7 +26,7 @@ impl<'a> Tree<'a> {
         Self { points, root: Node::of(points, &mut indices) }
     }
 
-    /// The `count` points nearest to the one at `index`, without it: the nearest first, of equal distances the one that comes first.
+    /// The `count` points nearest to the one at `index`, without it: the nearest first, with equal distances in the order of `points`.
     pub fn nearest(&self, index: usize, count: usize) -> Vec<usize> {
         let mut found = Found { near: Vec::with_capacity(count + 1), count };
         self.visit(&self.root, index, &mut found);
@@ -46,7 +46,7 @@ impl<'a> Tree<'a> {
                 let gap = point[*axis] - at;
                 let [near, far] = if gap < 0.0 { [&halves[0], &halves[1]] } else { [&halves[1], &halves[0]] };
                 self.visit(near, index, found);
-                // As near as the farthest is near enough: it may come first.
+                // An equal distance counts, too: the point may come first in the order.
                 if found.farthest().is_none_or(|farthest| gap * gap <= farthest) {
                     self.visit(far, index, found);
                 }
@@ -76,7 +76,7 @@ impl Node {
     }
 }
 
-/// The nearest so far, with the squares of their distances.
+/// The nearest points so far, with the squares of their distances.
 struct Found {
     near: Vec<(f64, usize)>,
     count: usize,
@@ -101,7 +101,7 @@ mod tests {
 
     use super::Tree;
 
-    /// Both ways find the same points in the same order, also where coordinates are equal.
+    /// The tree and the comparison of all pairs find the same points in the same order, also with equal coordinates.
     #[test]
     fn the_nearest_are_those_of_all_pairs() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);

@@ -1,4 +1,4 @@
-//! Whether the parts of a receipt hold a case twice, in time linear in the cases.
+//! Checks that no case occurs in two parts of a receipt, in time linear in the number of cases.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -10,7 +10,7 @@ use super::receipt::{Draw, Part};
 /// The cases of the parts so far.
 #[derive(Debug, Default)]
 pub struct Overlap {
-    /// The shards of each draw: by the number of shards that it was cut into, which of them.
+    /// The shards of each draw: for each number of shards, the indices present.
     shards: HashMap<String, BTreeMap<usize, BTreeSet<usize>>>,
     names: HashSet<String>,
     /// The case of each recording, by the hash of the recording.
@@ -18,7 +18,7 @@ pub struct Overlap {
 }
 
 impl Overlap {
-    /// Adds the cases of `part`. Why it holds a case of an earlier part: the same draw with shards that overlap, a name, or a recording.
+    /// Adds the cases of `part`. Returns the reason if it contains a case of an earlier part: the same draw with overlapping shards, a name, or a recording.
     pub fn add(&mut self, part: &Part) -> Option<String> {
         let shards = part.draw.as_ref().and_then(|draw| self.add_shard(draw));
         let name = part.sealed.keys().find(|name| self.names.contains(*name));
@@ -30,18 +30,18 @@ impl Overlap {
         shards.or(name).or(twins)
     }
 
-    /// Adds the shard of `draw`; the earlier one of the same draw that overlaps with it, in words.
+    /// Adds the shard of `draw`; returns the earlier one of the same draw that overlaps with it, in words.
     fn add_shard(&mut self, draw: &Draw) -> Option<String> {
         let [shard, count] = draw.shard;
         let of_draw = self
             .shards
             .entry(json!([draw.seed, draw.quota, draw.matrix, draw.generator]).to_string())
             .or_default();
-        // Shards i of n and j of m share a case where i and j leave the same rest by the greatest common divisor of n and m.
+        // Shards i of n and j of m share a case if i and j have the same remainder modulo the greatest common divisor of n and m.
         let earlier = of_draw.iter().find_map(|(other_count, others)| {
             let step = divisor(count, *other_count).max(1);
             let meets = |other: &&usize| *other % step == shard % step;
-            // Of shards cut alike, only the same one meets this one.
+            // Among shards of the same count, only identical ones overlap.
             let other = match count == *other_count {
                 true => others.get(&shard),
                 false => others.iter().find(meets),
@@ -86,7 +86,7 @@ mod tests {
         }
     }
 
-    /// Every second case and every fourth one meet where they begin alike; other seeds are other cases.
+    /// The shards "every second case" and "every fourth case" overlap if they begin alike; other seeds have other cases.
     #[test]
     fn shards_that_are_cut_otherwise_overlap_where_their_cases_meet() {
         let mut overlap = Overlap::default();

@@ -20,11 +20,11 @@ type Names = [String];
 /// The first rows of a file.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sample {
-    /// By row; NaN for a cell without a number. Times of day are in seconds.
+    /// By row; NaN for a cell without a number. Time stamps are in seconds.
     pub rows: Vec<Vec<f64>>,
     /// Words in the first row: single ones, or lists.
     pub texts: BTreeMap<usize, Vec<String>>,
-    /// Columns of times of day.
+    /// Columns of time stamps.
     pub moments: HashSet<usize>,
 }
 

@@ -1,6 +1,6 @@
-//! One flipped bit in a MCAP costs the chunk that it is in, and never changes what is read.
+//! One flipped bit in an MCAP file costs the chunk that contains it, and never changes other values.
 //!
-//! `FREEPLAY_BIT_FLIPS` sets how many bits are tried at random beside those of the beginning and the end of the file.
+//! `FREEPLAY_BIT_FLIPS` sets the number of random bits in addition to those at the beginning and the end of the file.
 
 use std::ops::Range;
 use std::path::Path;
@@ -12,7 +12,7 @@ const ROWS: usize = 2500;
 /// Samples of one chunk: 0.25 s of data, and the one that ends it.
 const CHUNK: usize = 252;
 
-/// A number that follows from `state` (Knuth, MMIX).
+/// A pseudo-random number from `state` (Knuth, MMIX).
 fn next(state: &mut u64) -> u64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     *state >> 16
@@ -22,7 +22,7 @@ fn value(row: usize, column: usize) -> f64 {
     (row as f64 * 0.013 + column as f64).sin()
 }
 
-/// A recording as a run makes it.
+/// A recording like that of a run.
 fn original() -> Vec<u8> {
     let folder = tempfile::tempdir_in("/dev/shm").expect("a folder in memory");
     let path = folder.path().join("run.mcap");
@@ -44,7 +44,7 @@ fn read(bytes: &[u8]) -> Result<Recording, ReadError> {
     read_from(bytes, Path::new("run.mcap"), None)
 }
 
-/// How many samples of the first `rows` are missing; all that are there are right.
+/// Number of missing samples among the first `rows`; checks that all others are right.
 fn missing(recording: &Recording, rows: usize, at: &str) -> usize {
     for (sample, t) in recording.t.iter().enumerate() {
         let row = (t * 1e3).round() as usize;
@@ -66,7 +66,7 @@ fn missing(recording: &Recording, rows: usize, at: &str) -> usize {
     rows - recording.len()
 }
 
-/// Flips each of `bits` of `bytes`, which hold `rows` samples; `essential` is the chunk that describes all others.
+/// Flips each of `bits` of `bytes`, which contain `rows` samples; `essential` is the chunk that describes all others.
 fn flip_each(
     bytes: &[u8],
     rows: usize,
@@ -110,7 +110,7 @@ fn a_flipped_bit_costs_its_chunk() {
     assert_eq!(missing(&read(&bytes).expect("sound"), ROWS, "sound"), 0);
     let mut state = 1;
     let random = (0..random_flips()).map(|_| next(&mut state) as usize % (8 * bytes.len()));
-    // Every seventh bit in front of the samples and behind them, where the file is described: each place in a byte in turn.
+    // Every seventh bit before and behind the samples, in the parts that describe the file: this reaches each position in a byte.
     let ends = (0..8 * 1200).chain(8 * (bytes.len() - 1500)..8 * bytes.len()).step_by(7);
     let none = 0..0;
     let [tried, harmless, most, refused] = flip_each(&bytes, ROWS, ends.chain(random), &none);
@@ -127,7 +127,7 @@ fn a_flipped_bit_in_a_file_without_its_end_costs_its_chunk() {
     let bytes = &whole[..whole.len() * 2 / 3];
     let sound = read(bytes).expect("readable without its end");
     assert!(sound.truncated);
-    // Without the summary, which repeats it, the first chunk alone says what the columns are.
+    // Without the summary, which repeats the column names, only the first chunk contains them.
     let essential = columns_chunk(bytes);
     let mut state = 2;
     let random = (0..random_flips()).map(|_| next(&mut state) as usize % (8 * bytes.len()));
@@ -139,7 +139,7 @@ fn a_flipped_bit_in_a_file_without_its_end_costs_its_chunk() {
     assert!(most > 100 && harmless > 10);
 }
 
-/// Where the chunks begin.
+/// Offsets of the chunks.
 fn chunks(bytes: &[u8]) -> Vec<usize> {
     let name = [4, 0, 0, 0, b'z', b's', b't', b'd'];
     let named = (37..bytes.len() - 8).filter(|&at| bytes[at..at + 8] == name).map(|at| at - 37);

@@ -1,6 +1,5 @@
-//! Whatever the bytes, a reader answers with a recording that keeps the rules or with one line of error.
-//! 24 000 inputs per run; `PROPTEST_CASES` sets another number per test, `PROPTEST_RNG_SEED` other
-//! inputs.
+//! For any bytes, a reader returns a valid recording or an error of one line. 24 000 inputs per run; `PROPTEST_CASES` sets another number per test,
+//! `PROPTEST_RNG_SEED` other inputs.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -104,7 +103,7 @@ fn check_rules(recording: &Recording) {
 const CSV: &[u8] =
     b"t,q1,q2,tau1,tau2,u\n0,1.5,-2e-3,10,\"20\",7\n0.001,1.6,-1e-3,11,21,8\n0.0021,1.7, 0,12,22,9\n";
 
-/// What a recorder writes: compressed, with checksums.
+/// The file of a recorder: compressed, with checksums.
 static MCAP: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.mcap");

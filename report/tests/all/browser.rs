@@ -1,5 +1,5 @@
-//! The page in a real browser: every chart is drawn, nothing is complained of, nothing sticks out at 360 pixels.
-//! Without a browser on the path, or with one that does not answer in time, this test says that it skips.
+//! The page in a real browser: every chart is drawn, there are no error messages, nothing exceeds the width of 360 pixels. Without a browser on the path, or
+//! with one that does not answer in time, this test reports that it skips.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -12,8 +12,8 @@ const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 const PATIENCE: Duration = Duration::from_secs(30);
 const VISITS: usize = 3;
 
-/// Runs in the page under test: waits for its charts, plays the film, points at the first chart, drags across it, and writes down what came of
-/// it. The page's own time runs ahead of the frames that are drawn, so what is waited for gets many looks, each with a while of real time.
+/// Runs in the page under test: waits for its charts, plays the film, points at the first chart, drags across it, and writes down the results. The page's own
+/// time runs ahead of the drawn frames, so that the probe checks each condition many times, each with a short wait in real time.
 const PROBE: &str = r#"<script>(async () => {
   const note = document.documentElement.dataset;
   const look = () => new Promise(seen => setTimeout(() => {
@@ -75,7 +75,7 @@ fn charts_are_drawn_without_complaint() {
     let path = folder.path().join("report.html");
     let page = every_block("a name </script> as long as names of controllers and joints tend to be");
     std::fs::write(&path, page.to_html() + PROBE).unwrap();
-    // On a busy machine a browser may hand the page over before the probe is through.
+    // On a busy machine a browser may return the page before the probe has finished.
     let seen = (0..VISITS).find_map(|_| visit(&browser, &path, folder.path()));
     let Some((dom, log)) = seen else {
         freeplay_skip::skip(
@@ -105,7 +105,7 @@ fn charts_are_drawn_without_complaint() {
     assert_eq!(noted("zoomed"), Some("true"), "dragging does not zoom");
 }
 
-/// What the probe noted under `name` in `dom`.
+/// The result that the probe noted under `name` in `dom`.
 fn noted<'a>(dom: &'a str, name: &str) -> Option<&'a str> {
     dom.split_once(&format!("data-{name}=\""))?.1.split('"').next()
 }
@@ -118,7 +118,7 @@ fn browser() -> Option<PathBuf> {
         .find_map(|name| folders.iter().map(|folder| folder.join(name)).find(|file| file.is_file()))
 }
 
-/// The document as the browser has it after the probe, and what it logged; none when it does not answer or the probe is not through.
+/// The document in the browser after the probe, and its log; `None` if it does not answer or the probe has not finished.
 fn visit(browser: &Path, page: &Path, folder: &Path) -> Option<(String, String)> {
     let (dom, log) = (folder.join("dom"), folder.join("log"));
     let mut child = Command::new(browser)

@@ -1,6 +1,6 @@
-//! Dry friction before it slides: LuGre's bristles (Canudas de Wit, Olsson, Åström & Lischinsky 1995).
+//! Dry friction in presliding: LuGre's bristles (Canudas de Wit, Olsson, Åström & Lischinsky 1995).
 //!
-//! ż = v − σ₀|v| z / g, friction σ₀ z + σ₁ ż. Sliding steadily, σ₀ z = g sign v: the same curve as the set-valued law.
+//! ż = v − σ₀|v| z / g, friction σ₀ z + σ₁ ż. In steady sliding, σ₀ z = g sign v: the same curve as the set-valued law.
 
 /// The bristles of one drive.
 #[derive(Clone, Copy, Debug)]
@@ -12,13 +12,13 @@ pub(crate) struct Bristles {
 }
 
 impl Bristles {
-    /// Friction torque against the motion over one step of `h` s at speed `v`, with the size `g` (N·m) of sliding friction; `z` is
-    /// the bristles' deflection, rad, moved on exactly for constant `v` and `g`.
+    /// Friction torque against the motion over one step of `h` s at speed `v`, with the size `g` (N·m) of sliding friction; advances the bristles' deflection
+    /// `z`, rad, exactly for constant `v` and `g`.
     pub fn step(&self, z: &mut f64, v: f64, g: f64, h: f64) -> f64 {
         let rate = self.stiffness * v.abs() / g.max(1e-12);
         let before = *z;
         let rate_h = rate * h;
-        // ż = v − rate z, exactly; by its series where the exponent is small.
+        // The exact solution of ż = v − rate z; its series for a small exponent.
         let gained = if rate_h < 1e-6 { h } else { -(-rate_h).exp_m1() / rate };
         *z = before + (v - rate * before) * gained;
         self.stiffness * 0.5 * (before + *z) + self.damping * (*z - before) / h
@@ -29,7 +29,7 @@ impl Bristles {
 mod tests {
     use super::Bristles;
 
-    /// Sliding steadily, the friction is the size given, whatever the speed and the step: the closed form.
+    /// In steady sliding, the friction equals `g`, whatever the speed and the step: the closed form.
     #[test]
     fn steady_sliding_is_the_sliding_friction() {
         let law = Bristles { stiffness: 2000.0, damping: 3.0 };
@@ -52,7 +52,7 @@ mod tests {
         assert!(worst < 1e-9);
     }
 
-    /// Small motions about zero feel a spring of stiffness σ₀.
+    /// Small motions about zero act against a spring of stiffness σ₀.
     #[test]
     fn small_motions_feel_a_spring() {
         let law = Bristles { stiffness: 2000.0, damping: 0.0 };

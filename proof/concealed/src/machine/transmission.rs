@@ -1,15 +1,14 @@
-//! Between motor and link: a spring, with or without a gap.
+//! The transmission between motor and link: a spring, with or without a gap.
 //!
-//! Motor and link are coordinates of their own. Beyond half the gap the teeth push with k p (1 + d ṗ), p the penetration, never pull
-//! (Hunt & Crossley 1975 with exponent 1), so that damping starts and ends at zero; without a gap the spring is linear with a
-//! linear damper.
+//! Motor and link have separate coordinates. Beyond half the gap the teeth push with k p (1 + d ṗ), p the penetration, and never pull (Hunt & Crossley 1975
+//! with exponent 1), so that damping starts and ends at zero; without a gap the spring is linear with a linear damper.
 
 /// A transmission of one joint.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Transmission {
     /// The joint, index from 0.
     pub joint: usize,
-    /// Inertia on the motor's side, kg·m². It is part of the data sheet's inertia: motor and link together are the rigid arm.
+    /// Inertia on the motor side, kg·m². It is part of the data sheet's inertia: motor and link together are the rigid arm.
     pub rotor: f64,
     /// The whole gap, rad.
     pub gap: f64,
@@ -38,7 +37,7 @@ impl Transmission {
 mod tests {
     use super::Transmission;
 
-    /// The window without torque is exactly the gap, and torque is continuous at its edges.
+    /// The range without torque is exactly the gap, and torque is continuous at its edges.
     #[test]
     fn the_window_without_torque_is_the_gap() {
         let law = Transmission { joint: 0, rotor: 0.1, gap: 2e-3, stiffness: 1e4, damping: 0.5 };
@@ -51,7 +50,7 @@ mod tests {
         assert!(law.torque(1e-3 + 1e-9, 1.0) < 2e-5);
     }
 
-    /// The teeth take energy and never give: the work over an impact is never negative.
+    /// The teeth dissipate energy: the work over an impact is never negative.
     #[test]
     fn an_impact_loses_energy() {
         let law = Transmission { joint: 0, rotor: 0.1, gap: 1e-3, stiffness: 1e4, damping: 2.0 };

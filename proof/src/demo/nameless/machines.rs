@@ -1,4 +1,4 @@
-//! The machines, the paths on which they are commissioned, and those on which they are judged.
+//! The machines, the paths for their commissioning, and those for the verdict.
 
 use freeplay_arm::EffectTable;
 use freeplay_laws::NAMELESS;
@@ -6,16 +6,16 @@ use freeplay_path::{PathKind, PathSpec, Size};
 
 use super::super::cases::with;
 
-/// A machine with something nameless.
+/// A machine with concealed physics.
 #[derive(Clone, Debug)]
 pub struct Machine {
     /// Name of its folder, and on the command line.
     pub name: &'static str,
-    /// What is concealed, in words.
+    /// The concealed physics, in words.
     pub hidden: &'static str,
-    /// What is concealed.
+    /// The concealed effects.
     pub effects: Vec<EffectTable>,
-    /// Whether a part of it is without a name.
+    /// Whether a part of it has no name in the catalogue.
     pub is_nameless: bool,
 }
 
@@ -71,7 +71,7 @@ pub fn all() -> Vec<Machine> {
     ]
 }
 
-/// The paths of a demonstration whose periods are in proportion to `period`, s; the comments say them for 6 s.
+/// The paths of a demonstration with periods in proportion to `period`, s; the comments give them for 6 s.
 #[derive(Clone, Copy, Debug)]
 pub struct Paths {
     /// Time of a lap of the first path, s.
@@ -79,7 +79,7 @@ pub struct Paths {
 }
 
 impl Paths {
-    /// Paths on which the machine is commissioned, with a tracker: in 6, 5 and 8 s.
+    /// Paths for commissioning, with a tracker: in 6, 5 and 8 s.
     pub fn commissioning(self) -> [(&'static str, PathSpec); 3] {
         let axes = |axes| Some(Size::Axes(axes));
         [
@@ -89,7 +89,7 @@ impl Paths {
         ]
     }
 
-    /// Paths on which it is judged, without one: in 5, 7 and 9 s.
+    /// Paths for the verdict, without a tracker: in 5, 7 and 9 s.
     pub fn judged(self) -> [(&'static str, PathSpec); 3] {
         let (wide, small) = (Size::Axes([0.1, 0.2, 0.08]), Size::Axes([0.12, 0.12, 0.03]));
         [
@@ -99,12 +99,12 @@ impl Paths {
         ]
     }
 
-    /// A path with the first joint far beyond all on which the machine was commissioned: in 6 s.
+    /// A path with the first joint far beyond all commissioning paths: in 6 s.
     pub fn far_outside(self) -> PathSpec {
         self.path(PathKind::Lissajous, Some(Size::Axes([0.1, 0.1, 0.05])), 6.0, [0.65, 0.55, 0.75])
     }
 
-    /// A path in `seconds` s where the first one takes 6 s.
+    /// A path whose lap takes `seconds` s if that of the first one takes 6 s.
     fn path(self, kind: PathKind, size: Option<Size>, seconds: f64, centre: [f64; 3]) -> PathSpec {
         PathSpec { kind, size, period: seconds * self.period / 6.0, centre, ..PathSpec::default() }
     }
