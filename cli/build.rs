@@ -1,6 +1,6 @@
-//! Gives the program its version with the commit it was built from: `FREEPLAY_COMMIT` if that is set, else, in a release build, what git
-//! says of the checkout, else the version alone, so that an unpacked archive builds the same everywhere. A debug build does not ask git:
-//! it would be compiled anew after every commit.
+//! Sets the version of the program with its commit: `FREEPLAY_COMMIT` if that is set, else, in a release build, the commit of the checkout according to git,
+//! else the version alone, so that an unpacked archive gives the same build everywhere. A debug build does not ask git: it would be compiled anew after every
+//! commit.
 
 use std::path::Path;
 use std::process::Command;
@@ -19,12 +19,12 @@ fn main() {
     println!("cargo::rustc-env=FREEPLAY_VERSION={version}");
 }
 
-/// The commit of the checkout that this crate is in; none without git or in somebody else's checkout.
+/// The commit of the checkout that contains this crate; `None` without git or in a foreign checkout.
 fn commit() -> Option<String> {
     if !Path::new("../.git").exists() {
         return None;
     }
-    // Without such a file, as in a worktree, cargo would take its absence for a change.
+    // cargo would take the absence of this file, as in a worktree, for a change.
     if Path::new("../.git/logs/HEAD").exists() {
         println!("cargo::rerun-if-changed=../.git/logs/HEAD");
     }

@@ -1,25 +1,25 @@
-//! A short bench of the real binary: its accounts are complete, whatever the machine makes of the times.
+//! A short bench of the real binary: its counts are complete, whatever the times on this machine.
 
 use crate::common::{Call, fresh_folder};
 use serde_json::Value;
 
 #[test]
 fn every_tick_is_accounted_for_and_every_miss_has_a_line() {
-    // No priority, no cores of its own: tests run beside each other.
+    // No priority and no reserved cores: tests run in parallel.
     let polite = ["--set", "realtime.priority=0", "--set", "realtime.lock_memory=false"];
     let size = ["--ticks", "600", "--pairs", "2", "--load", "0,5000", "--controller", "computed-torque"];
     let arguments = [&["bench", "--quiet", "--out", "out"][..], &polite[..], &size[..]].concat();
     let ran = Call::new(fresh_folder(), &arguments).run();
-    // What a busy machine does to the ratios is no matter for a test: 0 and 1 are both ends of a bench.
+    // The ratios depend on the load of the machine: a test accepts 0 and 1, both regular ends of a bench.
     assert!(matches!(ran.code(), 0 | 1), "{}", ran.dump());
     let text = std::fs::read_to_string(ran.out().join("bench.json")).expect("a result");
     let bench: Value = serde_json::from_str(&text).expect("JSON");
     let of = &bench["latency_us"]["computed-torque"];
-    // Tick 0 of each block starts the schedule: it has no round trip by it.
+    // Tick 0 of each block starts the schedule, so that it has no scheduled round trip.
     assert_eq!((&of["round_trip"]["count"], &of["wake_up"]["count"]), (&598.into(), &598.into()), "{of:#}");
     assert_eq!(bench["latency_us"]["bare clock loop"]["wake_up"]["count"], 600);
     let contest = &bench["controllers"][0];
-    // Each tick was waited for, or the loop was catching up; so it is with the bare loop.
+    // For each tick, the loop waited or was catching up; the same holds for the bare loop.
     for (of, ticks, caught_up) in
         [(of, 598, "caught_up"), (&bench["latency_us"]["bare clock loop"], 600, "bare_caught_up")]
     {

@@ -1,5 +1,5 @@
-//! The loop closed by the real binary: concealed friction is found in the recording alone, and the controller that is given the diagnosed
-//! model takes the tool's deviation down.
+//! The closed loop with the real binary: the diagnosis finds concealed friction in the recording alone, and the controller with the diagnosed model reduces the
+//! tool's deviation.
 
 use crate::common::{Call, fresh_folder, send_signal};
 
@@ -24,8 +24,7 @@ fn what_is_found_helps_the_controller() {
     }
 }
 
-/// A run of the demonstration whose controller is gone, as one that a busy machine starves: that is no fault of the program, and no result blocks a
-/// second try.
+/// A run of the demonstration that loses its controller, as on a busy machine: this is no fault of the program, and no result blocks a second attempt.
 #[test]
 fn a_run_that_loses_its_controller_ends_with_the_code_of_a_missing_peer() {
     let demo = ["demo", "--case", "friction", "--period", "3", "--out", "out"];
@@ -40,8 +39,8 @@ fn a_run_that_loses_its_controller_ends_with_the_code_of_a_missing_peer() {
     again.wait().expect(5);
 }
 
-/// In half of the time: a detent beside the play has no name; what is learned of it takes it away on other paths without a tracker, a second
-/// call takes the outcome of the first, and the pages are there.
+/// At half of the usual periods: a detent beside the play has no name; the trained network removes its deviation on other paths without a tracker, a second
+/// call reuses the outcome of the first, and the pages exist.
 #[test]
 fn what_has_no_name_is_learned_and_taken_out() {
     let place = fresh_folder();

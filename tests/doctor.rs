@@ -3,7 +3,7 @@
 use crate::common::{Call, Ran, fresh_folder};
 use serde_json::Value;
 
-/// A folder like `/`, of a machine that is fit for everything but for what `changes` make of it.
+/// A folder like `/`, of a machine that is fit for everything except for the `changes`.
 fn machine(call: &Call, changes: &[(&str, &str)]) -> String {
     let fit = [
         ("proc/self/status", "CapEff:\t000001ffffffffff\nCpus_allowed_list:\t0-3\n"),
@@ -48,7 +48,7 @@ fn a_fit_machine_passes_and_each_fault_is_told_with_its_remedy() {
     assert!(ran.stdout().contains("fit for lockstep and for medians; not for tails"), "{}", ran.dump());
     assert!(ran.stderr().contains("time stolen by the hypervisor"), "{}", ran.dump());
     assert!(ran.stdout().contains("→ ask for dedicated cores"), "{}", ran.dump());
-    // Without --require-rt it is told all the same, and is no failure.
+    // Without --require-rt the doctor reports it, too, but does not fail.
     let told = json(&look(&[stolen], &["--format", "json"], 0));
     assert_eq!((&told["verdict"]["medians"], &told["verdict"]["tails"]), (&true.into(), &false.into()));
 }

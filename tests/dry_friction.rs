@@ -1,4 +1,4 @@
-//! Dry friction of a joint that stands for half of the time, in a closed loop whose encoders are noisy: it is the only finding.
+//! Dry friction of a joint that stands for half of the time, in a closed loop with noisy encoders, is the only finding.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -8,13 +8,13 @@ use crate::common::{freeplay_in, fresh_folder};
 const DURATION: f64 = 16.0;
 const COULOMB: f64 = 7.5;
 
-/// From 0 to 1 without a jump of speed.
+/// A smooth step from 0 to 1 with continuous speed.
 fn smooth(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
 }
 
-/// Six joints that swing, of which the third stands from 4 to 11 s.
+/// Six swinging joints; the third stands from 4 to 11 s.
 fn path() -> String {
     const STEP: f64 = 0.01;
     const HOME: [f64; 6] = [0.0, 0.3, 0.4, 0.2, 0.6, 0.1];

@@ -1,14 +1,14 @@
-//! The flags that every command understands: what --quiet leaves out, what --verbose tells, and where there is colour.
+//! The flags of every command: the output that --quiet omits, the output that --verbose adds, and the use of colour.
 
 use std::fmt::Write as _;
 
 use crate::common::{Call, Ran, fresh_folder};
 use tempfile::TempDir;
 
-/// What begins the code of a colour.
+/// First character of a colour code.
 const ESCAPE: char = '\u{1b}';
 
-/// A folder with a recording of the arm that comes with the project, and with a column of text that a reader has a note on.
+/// A folder with a recording of the project's arm, and with a column of text that causes a note of the reader.
 fn folder() -> TempDir {
     let folder = fresh_folder();
     let mut rows = String::from("t,q1,q2,q3,q4,q5,q6,tau1,tau2,tau3,tau4,tau5,tau6,phase\n");

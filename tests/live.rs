@@ -1,4 +1,4 @@
-//! A run that is watched: what is told of it, what may be asked of it, and that watching changes nothing.
+//! The live view of a run: its messages, its requests, and a run that is unaffected by it.
 
 use std::fs::File;
 use std::process::{Command, Stdio};
@@ -38,7 +38,7 @@ fn quiet_and_live_exclude_each_other() {
     assert!(told.contains("--quiet"), "{told}");
 }
 
-/// The plant's process by itself, with requests waiting on its standard input before the controllers come.
+/// The plant's process by itself, with requests on its standard input before the controllers join.
 #[test]
 fn operator_requests_are_heard_and_snapshots_sent() {
     let scenario = lockstep(0.3, &["--controller", "computed-torque", "--standby", "quasi-static"]).expect(0);
@@ -64,7 +64,7 @@ fn operator_requests_are_heard_and_snapshots_sent() {
     let mut call = Call::of(folder, plant);
     call.command.stdin(File::open(&requests).expect("requests"));
     let plant = call.start();
-    // Until the requests were read: the queue is heard at tick 0, which waits for the controllers.
+    // The plant reads the queue at tick 0, which waits for the controllers.
     plant.until("a request that is none", || {
         std::fs::read_to_string(plant.folder.path().join("stderr"))
             .ok()

@@ -1,6 +1,6 @@
-//! The tests of the command, in one program: they are linked once, and run side by side on all cores.
+//! The tests of the command, in one program: they are linked once, and run in parallel on all cores.
 //!
-//! Those that fill the shared memory of all with files of others have programs of their own: `hostile_places`, `kills`, `leftovers`.
+//! Tests that fill the common shared memory with foreign files have separate programs: `hostile_places`, `kills`, `leftovers`.
 
 mod common;
 

@@ -1,7 +1,7 @@
-//! Every URDF below a folder: loaded and run with `joint_sine`, with a table of what became of it.
+//! Loads every URDF below a folder and runs it with `joint_sine`; prints a table of the results.
 //!
-//! `FREEPLAY_URDFS` names the folder; else the robots of the Python package `example-robot-data` are taken, where the interpreter that
-//! `FREEPLAY_PYTHON` names has it. Without either the test says that it skips.
+//! `FREEPLAY_URDFS` names the folder; else the test takes the robots of the Python package `example-robot-data`, if the interpreter of `FREEPLAY_PYTHON` has
+//! it. Without either the test reports that it skips.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -30,7 +30,7 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Whether a refusal tells the owner what it is in the file: its path with a line, or its path where the file is empty.
+/// True if a refusal names the place in the file: its path with a line, or its path if the file is empty.
 fn tells(said: &str, path: &Path) -> bool {
     said.contains(&path.display().to_string()) || ["joint", "link"].iter().any(|word| said.contains(word))
 }
@@ -75,7 +75,7 @@ fn robots_of_others_load_and_run_or_say_what_prevents_it() {
             println!("ran      {name}");
         } else {
             println!("exit {}   {name}: {first}", call.code());
-            // A run whose brakes closed says which joint can't hold the arm, by its own limit.
+            // A run whose brakes closed names the joint that can't hold the arm, with its limit.
             let stdout = call.stdout();
             let weak = stdout.lines().find(|line| line.contains("(line ") && line.contains("effort limit"));
             println!("         {}", weak.unwrap_or_default());

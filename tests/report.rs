@@ -1,4 +1,4 @@
-//! `freeplay report`: runs beside each other, and what it says of folders that are none of a run.
+//! `freeplay report`: several runs in one report, and its messages about folders without a run.
 
 use crate::common::{Call, Ran, fresh_folder, lockstep};
 
@@ -27,7 +27,7 @@ fn runs_are_compared_and_what_was_set_differently_is_listed() {
     ] {
         assert!(page.contains(words), "{words}");
     }
-    // What is the same in all is not listed among what differs.
+    // Settings common to all runs do not appear among the differences.
     assert!(!page.contains("path.period"));
     assert!(page.len() < 5_000_000);
 }
@@ -57,7 +57,7 @@ fn the_film_of_a_run_has_a_place_for_every_part_at_every_frame() {
             );
         }
     }
-    // All three states of a journal are seen.
+    // The film shows all three states of a journal.
     let states: std::collections::BTreeSet<u64> =
         scenes[1]["state"].as_array().expect("states").iter().filter_map(serde_json::Value::as_u64).collect();
     assert_eq!(states.len(), 3, "{states:?}");

@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::common::{Call, fresh_folder};
 use serde_json::Value;
 
-/// `freeplay reproduce --quick` with `more`, writing into `out`: what it printed. However slow the machine, it is waited for.
+/// Calls `freeplay reproduce --quick` with `more`, writing into `out`; returns its output. The test waits without a time limit.
 fn quick(out: &Path, more: &[&str]) -> String {
     let out = out.display().to_string();
     let mut arguments = vec!["reproduce", "--quick", "--quiet", "--out", &out];
@@ -31,7 +31,7 @@ fn the_quick_form_judges_the_claims_and_draws_the_figures() {
     assert_eq!(numbers["schema"], "freeplay.reproduce/1");
     let deviation = claim(&numbers, "deviation_grows_with_clearance");
     assert_eq!(deviation["verdict"], "holds");
-    // The RMS is the clearance on the smooth path; an independent simulator has it next to ours.
+    // The RMS equals the clearance on the smooth path; an independent simulator has it next to ours.
     let row = &deviation["situations"][0];
     for (place, clearance) in [0.2, 0.4, 0.6].into_iter().enumerate() {
         let (ours, theirs) = (row["values"][place].as_f64(), row["reference"][place].as_f64());

@@ -1,10 +1,10 @@
-//! Robots that are more than an arm, and arms that lack something, through the real binary.
+//! Robots with more than an arm, and incomplete arms, with the real binary.
 
 use std::fmt::Write as _;
 
 use crate::common::{Call, Ran, fresh_folder};
 
-/// An arm of two joints with a gripper of two fingers; `upper`, `lower` stand in its links, `extra` in its joints.
+/// An arm of two joints with a gripper of two fingers; `upper`, `lower` are inserted in its links, `extra` in its joints.
 fn robot(upper: &str, lower: &str, extra: &str) -> String {
     let joint = |name: &str, parent: &str, child: &str, x: f64| {
         format!(
@@ -36,7 +36,7 @@ fn inertial(mass: f64, x: f64) -> String {
     )
 }
 
-/// Four seconds of both joints, with the tool where the hand is and, where wanted, torques of nothing known.
+/// Four seconds of both joints, with the position of the hand as the tool and, on request, arbitrary torques.
 fn recording(torques: bool) -> String {
     let mut csv = String::from(if torques { "t,q1,q2,x,y,z,tau1,tau2\n" } else { "t,q1,q2,x,y,z\n" });
     for sample in 0..400 {

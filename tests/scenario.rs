@@ -1,5 +1,4 @@
-//! `freeplay scenario`: the shipped scenarios are good, what is wrong is said with its place, values say where they are from, and the
-//! schema for editors is that of the types.
+//! `freeplay scenario`: the shipped scenarios are valid, errors have their place, values show their origin, and the schema for editors is that of the types.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +20,7 @@ fn shipped() -> Vec<PathBuf> {
         .collect()
 }
 
-/// Calls `freeplay scenario` with `arguments` where the scenario `text` is `s.toml`.
+/// Calls `freeplay scenario` with `arguments` in a folder with the scenario `text` as `s.toml`.
 fn with(text: &str, arguments: &[&str]) -> Ran {
     let folder = fresh_folder();
     std::fs::write(folder.path().join("s.toml"), text).expect("written");

@@ -1,4 +1,5 @@
-//! Mode servo: the arm file's position servos close the loop in the plant; what comes of it is what `compare` simulates, and a filter of commands makes up for it.
+//! Mode servo: the arm file's position servos close the loop in the plant; the motion equals the simulation of `compare`, and a filter of the commands
+//! compensates the servo errors.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -6,7 +7,7 @@ use std::path::Path;
 use crate::common::{Ran, freeplay_in, fresh_folder};
 use freeplay_recording::read;
 
-/// Two links in the plane of gravity, on servos that lag, droop and stick.
+/// Two links in the plane of gravity, on servos with lag, droop and friction.
 const ARM: &str = r#"name = "two links"
 
 [[joint]]
@@ -93,7 +94,7 @@ fn servos_close_the_loop_and_a_filter_of_commands_makes_up_for_them() {
     }
 }
 
-/// The recording of a run as the owner of such an arm has it: what was commanded and what the encoders read, at 200 Hz.
+/// The recording of a run as the owner of such an arm has it: commanded positions and encoder readings, at 200 Hz.
 fn commanded_and_measured(ran: &Ran, to: &Path) {
     let recording = read(&ran.out().join("computed-torque.csv"), None).expect("a recording");
     let references = recording.references().expect("commands");
@@ -105,7 +106,8 @@ fn commanded_and_measured(ran: &Ran, to: &Path) {
     std::fs::write(to, text).expect("written");
 }
 
-/// A machine whose servos nobody knows: recorded, diagnosed from commanded and measured positions alone, and led along another motion by a filter of the model found.
+/// A machine with unknown servos: recorded, diagnosed from commanded and measured positions alone, and moved along another path with a filter of the diagnosed
+/// model.
 #[test]
 fn what_a_diagnosis_finds_of_servos_takes_their_errors_out() {
     let folder = fresh_folder();

@@ -1,4 +1,4 @@
-//! What a person meets of files: links, pipes, odd paths, folders with results or in use, results that are replaced whole.
+//! The handling of files on the command line: links, pipes, odd paths, folders with results or in use, results that are replaced completely.
 
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -24,7 +24,7 @@ fn pipe(path: &Path) {
     assert!(Command::new("mkfifo").arg(path).status().expect("mkfifo").success());
 }
 
-/// One line on standard error that holds all of `words`.
+/// One line on standard error that contains all of `words`.
 fn one_line(ran: &Ran, words: &[&str]) {
     let stderr = ran.stderr();
     assert_eq!(stderr.trim().lines().count(), 1, "{}", ran.dump());
@@ -42,7 +42,7 @@ fn a_folder_with_results_is_replaced_by_force_alone() {
     let again = freeplay_in(ran.folder, &RUN).expect(2);
     one_line(&again, &["out", "scenario.toml of an earlier command", "--out", "--force"]);
     assert_eq!(bytes(&again, "out/summary.json"), summary);
-    // What others have put there is no result, and one that is open to all becomes private.
+    // Files of others are no results, and a folder open to all becomes private.
     std::fs::write(again.folder.path().join("out/notes.txt"), "mine").expect("a file");
     let open = std::fs::Permissions::from_mode(0o666);
     std::fs::set_permissions(again.folder.path().join("out/summary.json"), open).expect("open to all");
@@ -183,7 +183,7 @@ fn an_export_that_cannot_be_finished_leaves_the_old_file() {
         .expect(0);
         let name = format!("old.{form}");
         std::fs::write(ran.folder.path().join(&name), "what was there before").expect("a file");
-        // The shell counts in blocks of 512 bytes or of 1 KiB; SIGXFSZ ignored makes it an error.
+        // The shell counts in blocks of 512 bytes or of 1 KiB; an ignored SIGXFSZ turns the limit into an error.
         let line = format!(
             "trap '' XFSZ; ulimit -f 8; exec \"$0\" record export out/computed-torque.mcap --format {form} --out {name} --force"
         );

@@ -1,5 +1,5 @@
-//! Several controllers in one run of the real binary: the standbys compute in shadow, take over at a tick without a gap, a
-//! held command or a jump, and step in where the one in charge fails.
+//! Several controllers in one run of the real binary: the standbys compute in shadow, take over at a tick without a gap, a held command or a jump, and replace
+//! the active controller when it fails.
 
 use crate::common::{Call, FREEPLAY, Ran, fresh_folder};
 use freeplay_recording::Recording;
@@ -9,14 +9,14 @@ use serde_json::{Value, json};
 const IN_CONTROL: f64 = 1.0;
 const BRAKED: f64 = 3.0;
 
-/// The executable of the faulty controller, which without a fault is a controller of somebody's own.
+/// The executable of the faulty controller, which without a fault is an external controller.
 fn faulty() -> String {
     let path = std::path::Path::new(FREEPLAY).with_file_name("examples").join("faulty");
     assert!(path.is_file(), "build it first: cargo build -p freeplay --example faulty");
     path.display().to_string()
 }
 
-/// A lockstep run of 0.8 s of a brisk path with `controllers`, the first in charge.
+/// A lockstep run of 0.8 s of a fast path with `controllers`, the first one active.
 fn together(controllers: &[&str], arguments: &[&str]) -> Call {
     let mut all = vec!["run", "--quiet", "--out", "out", "--set", "duration=0.8", "--set", "path.period=3"];
     for (slot, controller) in controllers.iter().enumerate() {
@@ -124,7 +124,7 @@ fn a_swap_at_a_tick_by_name() {
 
 #[test]
 fn the_standby_is_in_charge_at_the_tick_after_a_failure() {
-    // Fault of the one in charge, and what it is called.
+    // Fault of the active controller, and the reported cause.
     let cases = [
         ("nan", "not_finite"),
         ("huge", "out_of_range"),

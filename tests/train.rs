@@ -1,4 +1,4 @@
-//! Play that the model leaves out is learned on three paths with a tracker, and taken out on a fourth without one, by the real binary.
+//! A network learns the play that the model lacks on three paths with a tracker, and compensates it on a fourth without one, in the real binary.
 
 use std::path::Path;
 

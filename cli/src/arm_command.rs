@@ -1,4 +1,4 @@
-//! `freeplay arm`: what a model file holds: which chain is the arm, its joints, its effects, and what was not used.
+//! `freeplay arm`: shows the content of a model file: the chain of the arm, its joints, its effects, and unused parts.
 
 use std::fmt::Write as _;
 
@@ -47,7 +47,7 @@ fn kind(joint: &Joint) -> &'static str {
     }
 }
 
-/// A number of a JSON document; none for a limit that there is not.
+/// A number of a JSON document; `None` for a missing limit.
 fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }

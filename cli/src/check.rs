@@ -1,12 +1,12 @@
-//! The first thing that a person should see: recording and model don't mean the same.
+//! The first block on the screen: differences in conventions between recording and model.
 
 use freeplay_diagnosis::{Certainty, SetupFinding, sentences};
 use freeplay_terminal::flags;
 
 use crate::margin::{MARGIN, wrapped};
 
-/// The block CHECK: each fault of the set-up with its remedy. Where a fault is sure, the command `again` follows, which reads the recording as mended or writes a
-/// mapping file that does. A fault that is only likely is worded as a question. Empty without faults.
+/// The block CHECK: each fault of the set-up with its remedy. After a certain fault the command `again` follows; it reads the corrected recording or writes a
+/// mapping file that corrects it. A fault that is only likely becomes a question. Empty without faults.
 pub fn block(findings: &[SetupFinding], again: &str) -> String {
     let mut text = String::new();
     for (index, (certainty, statement, remedy)) in sentences(findings).into_iter().enumerate() {
@@ -30,7 +30,7 @@ mod tests {
 
     use super::block;
 
-    /// A statement that several joints share is said once; what is likely is a question.
+    /// A statement shared by several joints appears once; a likely one is a question.
     #[test]
     fn what_joints_share_is_said_once() {
         let finding = |joint: &str, certainty, statement: &str| SetupFinding {

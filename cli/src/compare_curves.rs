@@ -5,8 +5,8 @@ use std::path::Path;
 use freeplay_diagnosis::Residuals;
 use freeplay_terminal::exit::Failure;
 
-/// Writes `residuals` to the Parquet file `path`: `t` in s, `stretch`, the number of the stretch without gaps that the point lies in, and for
-/// each channel `NAME_measured` and `NAME_model` in the channel's unit, both NaN where the channel was not measured.
+/// Writes `residuals` to the Parquet file `path`: `t` in s, `stretch`, the number of the gap-free stretch that contains the point, and for each channel
+/// `NAME_measured` and `NAME_model` in the channel's unit, both NaN without a measurement.
 ///
 /// # Errors
 /// A file that can't be written.

@@ -1,4 +1,4 @@
-//! The list of commands as `freeplay --help` shows it: by what a person wants to do, the two main commands first.
+//! The list of commands in `freeplay --help`: grouped by purpose, the two main commands first.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use clap::builder::{StyledStr, Styles};
 
 use freeplay_terminal::messages::width;
 
-/// The commands by what they are for, in the order in which they are shown.
+/// The commands by purpose, in the order of the list.
 const GROUPS: [(&str, &[&str]); 7] = [
     ("Main commands", &["run", "diagnose"]),
     ("Run", &["replay", "report"]),

@@ -1,7 +1,7 @@
-//! The `freeplay` command: what was typed, and one short file for each command that no other crate holds.
+//! The `freeplay` command: the command line, and one short file for each command outside other crates.
 //!
-//! Modules: `args` (the command line), `manual`; `compare` with `compare_curves`, `diagnose` with `diagnose_args`, `diagnose_view` and `diagnose_screen`, `excite`, `inputs` (models beside
-//! recordings); `arm_command`, `export_command`, `record`, `scenario_command`, `campaign_command`, `controller`.
+//! Modules: `args` (the command line), `manual`; `compare` with `compare_curves`, `diagnose` with `diagnose_args`, `diagnose_view` and `diagnose_screen`,
+//! `excite`, `inputs` (recordings with their model); `arm_command`, `export_command`, `record`, `scenario_command`, `campaign_command`, `controller`.
 
 mod args;
 mod arm_command;
@@ -23,7 +23,7 @@ mod margin;
 mod record;
 mod scenario_command;
 
-/// A diagnosis makes and drops thousands of columns; the system's allocator gives each back to the kernel.
+/// A diagnosis allocates and frees thousands of columns; the system's allocator would return each to the kernel.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

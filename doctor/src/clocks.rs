@@ -1,21 +1,21 @@
-//! What the clocks, the idle states and the host of a machine mean for a run.
+//! Consequences of the clocks, the idle states and the host of a machine for a run.
 
 use crate::facts::Facts;
 use crate::findings::{Finding, Use, fail, ok, warn};
 use crate::probe::{Probe, SystemState};
 
-/// A share of stolen time from which tails are the host's: a millisecond in a second.
+/// Share of stolen time from which the host determines the tails: a millisecond in a second.
 const STOLEN_FAIL: f64 = 1e-3;
-/// A share from which it shows.
+/// Share of stolen time from which it is noticeable.
 const STOLEN_WARN: f64 = 1e-5;
-/// Coarsest timer that can keep a tick of a millisecond, ns.
+/// Coarsest timer resolution for a tick of a millisecond, ns.
 const COARSEST: u64 = 10_000;
-/// Wake-up p50 from which idle states are worth a change, ns.
+/// Wake-up p50 from which a change of the idle states is worthwhile, ns.
 const SLOW_WAKE_UP: u64 = 20_000;
 /// Wake-up p99 with which the run's own wait (sleep, then spin the last 200 µs) no longer hides the sleep, ns.
 const WAKE_UP_LIMIT: u64 = 200_000;
 
-/// How fine the timer is.
+/// The finding on the resolution of the timer.
 pub fn timer(around: &SystemState) -> Finding {
     let found = format!("{} ns", around.resolution);
     if around.resolution <= COARSEST {
@@ -25,7 +25,7 @@ pub fn timer(around: &SystemState) -> Finding {
     fail(Use::Medians, "timer resolution", found, remedy)
 }
 
-/// What the clock reads.
+/// The finding on the clock source.
 pub fn clock_source(facts: &Facts) -> Finding {
     let item = "clock source";
     match facts.clock_source.as_deref() {
@@ -40,7 +40,7 @@ pub fn clock_source(facts: &Facts) -> Finding {
     }
 }
 
-/// What an idle core costs to wake.
+/// The finding on the wake-up cost of an idle core.
 pub fn idle(facts: &Facts, around: &SystemState, probe: Option<&Probe>) -> Finding {
     let item = "idle states";
     let deepest =
@@ -67,7 +67,7 @@ pub fn idle(facts: &Facts, around: &SystemState, probe: Option<&Probe>) -> Findi
     if probe.asleep.p50 > SLOW_WAKE_UP && helps { warn(item, found, keep) } else { ok(item, found) }
 }
 
-/// What the hypervisor takes.
+/// The finding on time stolen by the hypervisor.
 pub fn stolen(facts: &Facts, probe: Option<&Probe>) -> Finding {
     let item = "time stolen by the hypervisor";
     let Some(time) = facts.cpu_time else { return ok(item, "unknown") };
@@ -95,7 +95,7 @@ pub fn stolen(facts: &Facts, probe: Option<&Probe>) -> Finding {
     }
 }
 
-/// How late the loop wakes.
+/// The finding on the lateness of the loop's wake-up.
 pub fn wake_up(probe: &Probe) -> Finding {
     let found = format!(
         "at 1 kHz under {}: p50 {:.2}, p99 {:.1}, max {:.0} µs late (asleep all the time: {:.0}, {:.0}, {:.0} µs); reading the clock {} ns",

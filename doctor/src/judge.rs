@@ -1,4 +1,4 @@
-//! The examination of a machine: all findings, in the order in which they are shown.
+//! The examination of a machine: all findings, in the order of the output.
 
 use crate::clocks::{clock_source, idle, stolen, timer, wake_up};
 use crate::facts::Facts;
@@ -8,7 +8,7 @@ use crate::system::{
     budget, cores, governor, isolation, kernel, load, memory, preemption, priority, shared_memory,
 };
 
-/// All findings on a machine with these `facts` for runs at real-time priority `wanted`; `probe` where its clock was tried out.
+/// All findings on a machine with these `facts` for runs at real-time priority `wanted`; `probe` if its wake-up was measured.
 pub fn judge(facts: &Facts, around: &SystemState, probe: Option<&Probe>, wanted: u8) -> Vec<Finding> {
     let mut found = vec![
         kernel(facts),

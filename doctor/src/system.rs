@@ -1,19 +1,19 @@
-//! What the kernel, its rights and the memory of a machine mean for a run.
+//! Consequences of the kernel, its rights and the memory of a machine for a run.
 
 use crate::facts::Facts;
 use crate::findings::{Finding, Use, fail, ok, warn};
 use crate::probe::SystemState;
 
-/// Room in shared memory that a run needs with all of its slots, and with a wide margin, bytes.
+/// Free space in shared memory that a run needs with all of its slots, and a comfortable amount, bytes.
 const ROOM: [u64; 2] = [8 << 20, 64 << 20];
 
-/// The kernel.
+/// The finding on the kernel.
 pub fn kernel(facts: &Facts) -> Finding {
     let kind = if facts.is_virtual { ", on a virtual machine" } else { "" };
     ok("kernel", format!("Linux {}{kind}", facts.kernel.as_deref().unwrap_or("of unknown release")))
 }
 
-/// How the kernel may be interrupted.
+/// The finding on the preemption model of the kernel.
 pub fn preemption(facts: &Facts) -> Finding {
     let item = "preemption model";
     let build = facts.build.as_deref().unwrap_or_default();
@@ -30,7 +30,7 @@ pub fn preemption(facts: &Facts) -> Finding {
     }
 }
 
-/// Whether a real-time priority of `wanted` may be had.
+/// The finding on the real-time priority `wanted`.
 pub fn priority(facts: &Facts, wanted: u8) -> Finding {
     let item = "real-time priority";
     match facts.priority {
@@ -50,7 +50,7 @@ pub fn priority(facts: &Facts, wanted: u8) -> Finding {
     }
 }
 
-/// Whether memory may be locked.
+/// The finding on locking memory.
 pub fn memory(facts: &Facts) -> Finding {
     let item = "locking memory";
     if facts.may_lock == Some(true) {
@@ -61,7 +61,7 @@ pub fn memory(facts: &Facts) -> Finding {
     warn(item, "refused: a page fault can delay a tick", remedy)
 }
 
-/// What real-time threads leave to the others.
+/// The finding on the CPU time that real-time threads leave to others.
 pub fn budget(facts: &Facts) -> Finding {
     let item = "real-time budget";
     match facts.realtime_share {
@@ -78,7 +78,7 @@ pub fn budget(facts: &Facts) -> Finding {
     }
 }
 
-/// How many cores there are.
+/// The finding on the number of cores.
 pub fn cores(facts: &Facts) -> Finding {
     let item = "cores";
     let Some(cores) = facts.cores else {
@@ -108,7 +108,7 @@ pub fn cores(facts: &Facts) -> Finding {
     }
 }
 
-/// What else the machine does.
+/// The finding on the load of the machine.
 pub fn load(facts: &Facts) -> Finding {
     let item = "load";
     match (facts.load, facts.cores) {
@@ -123,7 +123,7 @@ pub fn load(facts: &Facts) -> Finding {
     }
 }
 
-/// How the cores are clocked.
+/// The finding on the clock frequency of the cores.
 pub fn governor(facts: &Facts) -> Finding {
     let item = "frequency governor";
     let others: Vec<&str> =
@@ -137,7 +137,7 @@ pub fn governor(facts: &Facts) -> Finding {
     }
 }
 
-/// Whether cores are kept free of others.
+/// The finding on isolated cores.
 pub fn isolation(facts: &Facts) -> Finding {
     let item = "isolated cores";
     match (&facts.isolated, &facts.tickless) {
@@ -155,7 +155,7 @@ pub fn isolation(facts: &Facts) -> Finding {
     }
 }
 
-/// Room on tmpfs.
+/// The finding on free space in tmpfs.
 pub fn shared_memory(around: &SystemState) -> Finding {
     let item = "shared memory";
     let path = around.shared_memory.display();

@@ -1,9 +1,9 @@
 //! Exams of controllers and of the loop.
 //!
-//! - [`swap_command`] and `swap_measures`: what a swap of controllers costs.
-//! - [`faults`]: faults injected on purpose, and what comes of each.
-//! - [`mod@bench`]: how long every stage of the loop takes.
-//! - `recorded`: a run with what it recorded.
+//! - [`swap_command`] and `swap_measures`: the cost of a swap of controllers.
+//! - [`faults`]: injected faults, and the outcome of each.
+//! - [`mod@bench`]: the duration of every stage of the loop.
+//! - `recorded`: a run with its recording.
 
 pub mod bench;
 pub mod faults;

@@ -1,4 +1,4 @@
-//! A run of an exam and what it recorded.
+//! A run of an exam with its recording.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,10 +14,10 @@ use freeplay_harness::summary::RunSummary;
 use freeplay_recording::Recording;
 use freeplay_terminal::exit::{Exit, Failure};
 
-/// Plays `scenario` into `folder` with `contestant` in charge; `None` if interrupted.
+/// Runs `scenario` into `folder` with `contestant` as the active controller; `None` if interrupted.
 ///
 /// # Errors
-/// A run that fails, or that leaves no recording: it can't be judged.
+/// A run that fails, or that leaves no recording, so that it can't be judged.
 pub fn play_recorded(
     scenario: &Scenario,
     contestant: &ControllerSelection,
@@ -43,13 +43,13 @@ pub fn play_recorded(
     Ok(Some((summary, recording)))
 }
 
-/// Checks the `summary` of the run in which the controller `name` was alone. Refuses the controller if its own commands made the plant stop the arm: an exam
-/// has then no sound run to compare with.
+/// Checks the `summary` of the run of the controller `name` alone. Refuses the controller if its own commands made the plant stop the arm: the exam then has no
+/// sound run for comparison.
 ///
 /// # Errors
-/// A verdict that failed: what stopped the arm, and how `mode` takes commands.
+/// A failed verdict: the reason of the stop, and the commands that `mode` requires.
 pub fn check_solo_run(summary: &RunSummary, name: &str, mode: Drive) -> Result<(), Failure> {
-    // Brakes that close because no command came in time may be the fault of a busy machine.
+    // Brakes that close for lack of a command may be due to a busy machine.
     let is_its_own =
         summary.stopped["reason"].is_string() && summary.stopped["reason"] == summary.stopped["quantity"];
     let Some(how) = ending(summary).filter(|_| is_its_own) else { return Ok(()) };

@@ -1,9 +1,9 @@
-//! The paper (S. Erkaya, 2018) and the studies beside it.
+//! The paper (S. Erkaya, 2018) and further studies of its arm.
 //!
 //! - `simulation`: the arm simulated in one process, without a controller.
-//! - [`reference_runs`] and `reference_report`: runs beside an independent reference.
+//! - [`reference_runs`] and `reference_report`: runs compared with an independent reference.
 //! - [`reproduce`]: the scenarios, figures and claims of the paper, each with a verdict.
-//! - [`cells`]: the table of compensation; `bound` and [`bound_table`]: how far the deviation at sharp corners can be reduced at all.
+//! - [`cells`]: the table of compensation; `bound` and [`bound_table`]: the lower bound of the deviation at sharp corners.
 
 mod bound;
 pub mod bound_table;

@@ -7,7 +7,7 @@ use freeplay_terminal::exit::Failure;
 
 use crate::reference_pair::Pair;
 
-/// Writes `report.html` into `folder`; its path.
+/// Writes `report.html` into `folder`; returns its path.
 ///
 /// # Errors
 /// A folder or file that can't be written.

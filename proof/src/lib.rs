@@ -1,7 +1,7 @@
-//! Proof of the diagnosis on machines whose physics is known to nobody but their generator.
+//! Proof of the diagnosis on machines whose physics only their generator knows.
 //!
-//! - [`blind`]: recordings are sealed, diagnosed once, opened and scored.
-//! - [`demo`]: the whole loop on the paper's arm: run, diagnose, control with what was found.
+//! - [`blind`]: recordings are sealed, diagnosed once, revealed and scored.
+//! - [`demo`]: the whole loop on the paper's arm: run, diagnose, control with the diagnosed model.
 
 pub mod blind;
 pub mod demo;

@@ -1,4 +1,4 @@
-//! What recording costs: time per row of `write`, bytes per row, and the speed of reading.
+//! Cost of recording: time per row of `write`, bytes per row, and the speed of reading.
 //!
 //! `cargo run --release -p freeplay-recording --example cost`
 
@@ -18,7 +18,7 @@ fn layout() -> Layout {
     Layout::of(JOINTS, &Group::ALL, true, &others).expect("a layout")
 }
 
-/// A row as a run makes it: angles that move with a little noise, and columns that hardly change.
+/// A row like that of a run: angles that move with a little noise, and columns that hardly change.
 fn fill(row: &mut [f64], tick: usize, seed: &mut u64) {
     row[0] = tick as f64 * 0.001;
     for (column, value) in row.iter_mut().enumerate().skip(1) {

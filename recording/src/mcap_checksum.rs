@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// The key that holds the checksum of all other keys and values.
+/// The key of the checksum over all other keys and values.
 const KEY: &str = "metadata_crc32";
 
 /// The CRC-32 of keys and values in the order of the keys, each behind its length.
@@ -23,7 +23,7 @@ pub(crate) fn signed(mut metadata: BTreeMap<String, String>) -> BTreeMap<String,
     metadata
 }
 
-/// The metadata without their checksum; none if it does not match. Files of others have none, and are believed.
+/// The metadata without their checksum; `None` if it does not match. Files of other tools have no checksum and are accepted.
 pub(crate) fn verified(mut metadata: BTreeMap<String, String>) -> Option<BTreeMap<String, String>> {
     if let Some(expected) = metadata.remove(KEY) {
         return (checksum(&metadata) == expected).then_some(metadata);

@@ -1,4 +1,4 @@
-//! A stream with a look ahead: bytes stay in memory until they are consumed, so that a reader can try them again in another way.
+//! A stream with look-ahead: bytes stay in memory until they are consumed, so that a reader can parse them again in another way.
 
 use std::io::{self, Read};
 
@@ -12,12 +12,12 @@ pub(crate) struct Window<R> {
 }
 
 impl<R: Read> Window<R> {
-    /// A window on `input`, whose first byte stands at `offset` of the file.
+    /// A window on `input`, whose first byte is at `offset` of the file.
     pub fn new(input: R, offset: u64) -> Self {
         Window { input, bytes: Vec::new(), start: 0, offset }
     }
 
-    /// The next bytes: `length` of them, or fewer where the stream ends.
+    /// The next bytes: `length` of them, or fewer at the end of the stream.
     pub fn peek(&mut self, length: usize) -> io::Result<&[u8]> {
         let there = self.bytes.len() - self.start;
         if there < length {
@@ -29,7 +29,7 @@ impl<R: Read> Window<R> {
         Ok(&self.bytes[self.start..end])
     }
 
-    /// Passes over `length` bytes; false if the stream ends before.
+    /// Skips `length` bytes; false if the stream ends before.
     pub fn consume(&mut self, length: u64) -> io::Result<bool> {
         let there = (self.bytes.len() - self.start) as u64;
         let from_memory = length.min(there);

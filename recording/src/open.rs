@@ -1,4 +1,4 @@
-//! Opening a file, and telling what it is by its first bytes.
+//! Opening a file, and detecting its kind from its first bytes.
 
 use std::io::{ErrorKind, Read};
 use std::path::Path;
@@ -36,7 +36,7 @@ pub(crate) fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     Ok(bytes)
 }
 
-/// What a file is, by its first bytes.
+/// Kind of a file, by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Mcap,
@@ -46,17 +46,17 @@ pub(crate) enum Kind {
     Zip,
     Npy,
     Mat,
-    /// Text, or nothing that is known.
+    /// Text, or an unknown kind.
     Text,
-    /// Something that is not read: what, and the way out.
+    /// An unsupported kind: its description and the remedy.
     Foreign(&'static str),
 }
 
-/// Bytes that [`Kind::of`] looks at.
+/// Number of bytes for [`Kind::of`].
 pub(crate) const HEAD: usize = 16;
 
 impl Kind {
-    /// What a file is that begins with `head`.
+    /// The kind of a file that begins with `head`.
     pub fn of(head: &[u8]) -> Self {
         match head {
             _ if head.get(..mcap::MAGIC.len()).is_some_and(is_magic) => Self::Mcap,

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-/// Where in a recording something is.
+/// A place in a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
     /// The file.
@@ -12,16 +12,16 @@ pub struct Place {
     pub row: Row,
 }
 
-/// A row of a recording, counted as its format counts.
+/// A row of a recording, with the numbering of its format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Row {
-    /// None in particular: the recording as a whole.
+    /// No particular row: the recording as a whole.
     Whole,
     /// A line of a CSV, counted from 1, the header included.
     Line(u64),
     /// A line and a column of a text such as a mapping file, each counted from 1.
     Cell(u64, u64),
-    /// A message on the topic of a MCAP, counted from 1.
+    /// A message on the topic of an MCAP file, counted from 1.
     Message(u64),
     /// A sample of a recording made in memory, counted from 1.
     Sample(u64),

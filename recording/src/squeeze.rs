@@ -1,4 +1,4 @@
-//! Columns that are separated by any number of blanks, as columns that are separated by one.
+//! Converts columns separated by any number of blanks to columns separated by one.
 
 use std::io::{self, Read};
 

@@ -54,8 +54,7 @@ impl ToolTrack {
         ToolTrack { topic: topic.to_owned(), poses }
     }
 
-    /// The pose at `time`, ns: positions in between linearly, orientations along the chord between the nearer signs and made unit
-    /// again. None outside the track.
+    /// The pose at `time`, ns: linear interpolation of positions; orientations along the chord between the nearer signs, normalised. `None` outside the track.
     pub fn at(&self, time: i64) -> Option<[f64; 7]> {
         let after = self.poses.partition_point(|(t, _)| *t < time);
         let (t1, b) = self.poses.get(after)?;
@@ -77,7 +76,7 @@ impl ToolTrack {
         Some(pose)
     }
 
-    /// What it is made of, for people.
+    /// The source of the track, for people.
     pub fn in_words(&self) -> String {
         let widest = self.poses.windows(2).map(|pair| pair[1].0 - pair[0].0).max().unwrap_or(0);
         format!(
@@ -100,7 +99,7 @@ mod tests {
             position: Point { x, y: 1.0, z: -x },
             orientation: Quaternion { x: 0.0, y: 0.0, z, w },
         };
-        // From no turn to a quarter turn about z, the second written with the other sign.
+        // From zero to a quarter turn about z, the second with the other sign.
         let track = ToolTrack::new("/pose", vec![(1000, pose(3.0, -half, -half)), (0, pose(1.0, 0.0, 1.0))]);
         let middle = track.at(500).expect("within the track");
         let eighth = std::f64::consts::PI / 8.0;

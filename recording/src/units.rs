@@ -1,9 +1,9 @@
-//! Units as people write them.
+//! Units in their usual spellings.
 
-/// A unit that a column may be in, by what it measures.
+/// The unit of a column, by its quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Unit {
-    /// A time, as a mapping writes its unit.
+    /// A time, in the spelling of a mapping.
     Time(&'static str),
     /// An angle or a length.
     Position(&'static str),
@@ -11,14 +11,14 @@ pub(crate) enum Unit {
     Velocity(&'static str),
     /// A torque or a force.
     Torque(&'static str),
-    /// A current, by its factor to amperes.
+    /// A current, with its factor to amperes.
     Current(&'static str),
-    /// Something that no quantity of a recording is in.
+    /// A unit of no quantity of a recording.
     Other,
 }
 
 impl Unit {
-    /// The unit that `text` names.
+    /// The unit with the spelling `text`.
     pub fn of(text: &str) -> Option<Self> {
         let text = text
             .trim()
@@ -53,7 +53,7 @@ impl Unit {
     }
 }
 
-/// A column's name without the unit in brackets behind it, and that unit's text: `q1 [deg]`, `tau_1 (Nm)`.
+/// A column's name without the unit in brackets at its end, and the text of that unit: `q1 [deg]`, `tau_1 (Nm)`.
 pub(crate) fn without_unit(name: &str) -> (&str, Option<&str>) {
     let name = name.trim();
     for (open, close) in [('[', ']'), ('(', ')'), ('{', '}'), ('<', '>')] {

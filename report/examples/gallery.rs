@@ -47,7 +47,7 @@ fn on_ticks(f: impl Fn(f64) -> f64) -> Vec<f64> {
     ticks().into_iter().map(f).collect()
 }
 
-/// Noise of about ±1 that is the same in every run.
+/// Noise of about ±1, the same in every run.
 fn noise(t: f64) -> f64 {
     ((t * 12_345.678).sin() * 43_758.547).fract()
 }

@@ -3,17 +3,17 @@
 use crate::chart::Chart;
 use crate::document::{Block, Document};
 
-/// How many colours the style sheet has (`--series-0`, `--series-1`, …). Further names start again, dashed.
+/// Number of colours in the style sheet (`--series-0`, `--series-1`, …). Further names start again, dashed.
 pub(crate) const PALETTE: usize = 8;
 
-/// The names that have a colour, in the order in which a reader meets them.
+/// The names that have a colour, in reading order.
 #[derive(Debug, Default)]
 pub(crate) struct Colours<'a> {
     names: Vec<&'a str>,
 }
 
 impl<'a> Colours<'a> {
-    /// Gives a colour to each name that a series of the document goes by.
+    /// Gives a colour to each name of a series in the document.
     pub(crate) fn of(document: &'a Document) -> Self {
         let mut colours = Self::default();
         let sections = document.sections.iter().flat_map(|section| &section.blocks);
@@ -23,7 +23,7 @@ impl<'a> Colours<'a> {
         colours
     }
 
-    /// The place of a name; none for a name without a series.
+    /// The index of a name; `None` for a name without a series.
     pub(crate) fn index(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|known| *known == name)
     }

@@ -1,8 +1,8 @@
-//! Numbers as people read them: mm, mrad and ms in the place of small SI numbers.
+//! Numbers in units for people: mm, mrad and ms instead of small SI numbers.
 
 use crate::text::{Digits, number};
 
-/// Factor and unit in which a value of about `size` in `unit` is read.
+/// Factor and unit for displaying a value of about `size` in `unit`.
 pub fn people(unit: &str, size: f64) -> (f64, String) {
     let small = size.abs() < 0.1;
     match unit {
@@ -15,7 +15,7 @@ pub fn people(unit: &str, size: f64) -> (f64, String) {
     }
 }
 
-/// A number with three figures.
+/// A number with three significant digits.
 pub fn written(value: f64) -> String {
     number(value, Digits::Significant(3))
 }

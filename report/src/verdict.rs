@@ -1,11 +1,11 @@
 //! A verdict and its sign.
 
-/// How something came out.
+/// A verdict.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// As it should be.
     Ok,
-    /// Works, but the reader should know.
+    /// It works, but the reader should know about it.
     Warn,
     /// Not as it should be.
     Fail,
@@ -20,7 +20,7 @@ impl Verdict {
         if ok { Self::Ok } else { Self::Fail }
     }
 
-    /// The word it is shown with.
+    /// Its word in pages.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! What is wrong with a command line, as its parser says it.
+//! Errors of a command line, as reported by its parser.
 
 use std::error::Error;
 use std::io::Write;
@@ -8,9 +8,9 @@ use freeplay_storage::plain_words;
 
 use crate::flags::color_among;
 
-/// Prints help, the version, or what is wrong with the command line: a value that is refused, in plain words.
+/// Prints help, the version, or the error of the command line; a refused value in plain words.
 pub fn print(error: &clap::Error) {
-    // Where neither output can be written, nobody can read the message.
+    // If neither output can be written, nobody can read the message.
     let _ = match in_plain_words(error) {
         Some(message) => {
             let choice = match color_among(std::env::args_os()) {
@@ -24,7 +24,7 @@ pub fn print(error: &clap::Error) {
     };
 }
 
-/// The message of `error` where it refuses a value in words of the program; none where it can be shown as it is.
+/// The message of `error` if it refuses a value in words of the program; `None` if the message can be shown unchanged.
 #[must_use]
 pub fn in_plain_words(error: &clap::Error) -> Option<String> {
     let cause = error.source()?.to_string();

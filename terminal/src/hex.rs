@@ -1,4 +1,4 @@
-//! Bytes as a person reads them.
+//! Bytes as text.
 
 /// Hexadecimal digits, two a byte.
 pub fn hex(bytes: &[u8]) -> String {

@@ -13,22 +13,22 @@ pub use crate::layout::width;
 use crate::output::tell;
 use crate::progress;
 
-/// Where there is no terminal, a command that takes longer tells what it is doing.
+/// Without a terminal, a command that takes longer than this reports its present work.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Says something worth knowing beside the results, unless --quiet.
+/// Prints a note on the results, unless --quiet.
 pub fn note(words: impl Display) {
     if !is_quiet() {
         tell(&one_line(&without_error_number(&words.to_string())));
     }
 }
 
-/// Says on standard error what went wrong, also with --quiet.
+/// Prints a fault on standard error, also with --quiet.
 pub fn fault(words: impl Display) {
     tell(&format!("freeplay: {}", without_error_number(&words.to_string())));
 }
 
-/// Says what was done, with --verbose, after the seconds since the start.
+/// Prints a finished step, with --verbose, after the seconds since the start.
 pub fn detail(words: impl Display) {
     if let Some(settings) =
         OUTPUT_SETTINGS.get().filter(|settings| settings.asked.verbose && !settings.asked.quiet)
@@ -37,7 +37,7 @@ pub fn detail(words: impl Display) {
     }
 }
 
-/// Says what is being done: of a command that takes long, or with --verbose; not with --quiet.
+/// Prints the present work of a long command, or with --verbose; not with --quiet.
 pub fn announce(words: impl Display) {
     let Some(settings) = OUTPUT_SETTINGS.get().filter(|settings| !settings.asked.quiet) else { return };
     if !settings.asked.verbose && progress::step(&one_line(&words.to_string())) {

@@ -4,10 +4,10 @@ use std::thread::Builder;
 
 use crate::exit::Failure;
 
-/// Calls `work` with every number below `count` on all cores; the results in that order.
+/// Calls `work` with every number below `count` on all cores; returns the results in that order.
 ///
 /// # Errors
-/// The first failure met; the other calls may not have been made then.
+/// The first failure; some of the other calls may be missing then.
 pub fn on_all_cores<T: Send>(
     count: usize,
     work: impl Fn(usize) -> Result<T, Failure> + Sync,
@@ -37,7 +37,7 @@ pub fn on_cores<T: Send>(
                 mine.push((index, work(index)?));
             }
         };
-        // This thread is one of the workers: where the system has no threads left, it does all the work.
+        // This thread is one of the workers: if the system has no threads left, it does all the work.
         let threads: Vec<_> =
             (1..workers).map_while(|_| Builder::new().spawn_scoped(scope, take).ok()).collect();
         let own = take();

@@ -4,11 +4,11 @@ use std::process::Child;
 
 use crate::guard::Group;
 
-/// A child process, with all that it has started if it is a group's; ended when this is dropped.
+/// A child process, with its whole group if it has one; dropping it ends them.
 pub struct Running(pub Child, Option<Group>);
 
 impl Running {
-    /// `child`, which starts no processes of its own.
+    /// `child`, without child processes of its own.
     pub fn alone(child: Child) -> Self {
         Self(child, None)
     }
@@ -21,7 +21,7 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // Errors here mean that the child is gone already, which is what is wanted.
+        // An error means that the child has ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
         drop(self.1.take());

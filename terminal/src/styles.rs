@@ -1,4 +1,4 @@
-//! The styles of words that say how something came out.
+//! The styles of words of verdict.
 
 use std::fmt::Display;
 
@@ -11,7 +11,7 @@ pub const UNDECIDED: Style = AnsiColor::Yellow.on_default().bold();
 /// A bad result.
 pub const BAD: Style = AnsiColor::Red.on_default().bold();
 
-/// The styles of [`styled`] words, which alone may speak to the terminal.
+/// The styles of [`styled`] words, the only escape sequences sent to the terminal.
 pub const STYLES: [Style; 3] = [GOOD, UNDECIDED, BAD];
 
 /// `words` in `style`, for [`show`](crate::output::show).
@@ -19,7 +19,7 @@ pub fn styled(style: Style, words: impl Display) -> String {
     format!("{style}{words}{style:#}")
 }
 
-/// The word before what was asked of a run, padded: whether it holds.
+/// The word of a verdict on a run, padded.
 pub fn judgement(holds: bool) -> String {
     if holds { styled(GOOD, "holds  ") } else { styled(BAD, "FAILS  ") }
 }

@@ -1,4 +1,4 @@
-//! What `--out` asks for: a folder of results or, by the ending of its name, a single file of them.
+//! The meaning of `--out`: a folder of results or, by the ending of its name, a single result file.
 
 use std::path::Path;
 
@@ -7,13 +7,13 @@ use freeplay_storage::OutputFolder;
 use crate::exit::Failure;
 use crate::files::{check_target, claim};
 
-/// Which of `endings` (in small letters) the name `out` has; none where it is a folder, or has another ending.
+/// The ending of the name `out` among `endings` (in small letters); `None` for a folder or another ending.
 pub fn asked_file<'a>(out: &Path, endings: &[&'a str]) -> Option<&'a str> {
     let ending = out.extension().and_then(|ending| ending.to_str()).filter(|_| !out.is_dir())?;
     endings.iter().copied().find(|known| ending.eq_ignore_ascii_case(known))
 }
 
-/// Claims what `--out` names: a file with one of `endings`, which is checked, or a folder for `results`, which is locked.
+/// Claims the target of `--out`: checks a file with one of `endings`, or locks a folder for `results`.
 ///
 /// # Errors
 /// As [`check_target`] and [`claim`].
@@ -29,7 +29,7 @@ pub fn claim_out(
     }
 }
 
-/// The folder in which the file `path` lies.
+/// The folder that contains the file `path`.
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

@@ -1,7 +1,7 @@
-//! An analyst that enters the sandbox and then tries every way out of it, in ways of its own.
+//! An analyst that enters the sandbox and then tries to escape from it, with code of its own.
 //!
-//! `hostile_analyst FOLDER PORT UDP PID SANDBOXED`: FOLDER holds what it must not reach (`tests/sandbox.rs`), PORT and UDP are ports of its
-//! parent, PID is another process of the same user; without SANDBOXED being `yes` it stays outside, to show that every way is one.
+//! `hostile_analyst FOLDER PORT UDP PID SANDBOXED`: FOLDER contains files that it must not reach (`tests/sandbox.rs`), PORT and UDP are ports of its parent,
+//! PID is another process of the same user. Unless SANDBOXED is `yes` it stays outside the sandbox, to show that every attempt works there.
 
 #[path = "../../proof/src/blind/channels.rs"]
 mod channels;
@@ -24,7 +24,7 @@ use rustix::process::{
     Pid, PidfdFlags, PidfdGetfdFlags, Signal, getpgid, kill_process, pidfd_getfd, pidfd_open,
 };
 
-/// What was tried, by channel, and what came of it.
+/// Attempts by channel, with their results.
 #[derive(Default)]
 struct Tried(BTreeMap<&'static str, Vec<(String, bool)>>);
 
@@ -126,7 +126,7 @@ impl Target {
         tried.one("writing", "outside", fs::write(self.folder.join("new"), "x").is_ok());
     }
 
-    /// Open files, taken from itself by their numbers, and variables.
+    /// Open files, by guessing their numbers, and variables.
     fn inherited(&self, tried: &mut Tried) {
         let own = Pid::from_raw(std::process::id() as i32).expect("a process");
         let Ok(handle) = pidfd_open(own, PidfdFlags::empty()) else { return };
@@ -158,7 +158,7 @@ impl Target {
             }
             let nix_pid = nix::unistd::Pid::from_raw(number);
             let mut buffer = [0; 8];
-            // The system asks for the right first, and for the address then.
+            // The system checks the right first, then the address.
             let (mut into, from) =
                 ([std::io::IoSliceMut::new(&mut buffer)], [RemoteIoVec { base: 16, len: 8 }]);
             let read = process_vm_readv(nix_pid, &mut into, &from);

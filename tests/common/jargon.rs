@@ -1,6 +1,6 @@
-//! Words that belong to the program, not to the person who reads a message.
+//! Words of the program that are jargon for the reader of a message.
 
-/// Words that a message must not hold: types of the program, and sentences of its parsers.
+/// Words that a message must not contain: types of the program, and sentences of its parsers.
 pub const JARGON: [&str; 25] = [
     "f64",
     "f32",

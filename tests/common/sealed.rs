@@ -4,7 +4,7 @@ use std::path::Path;
 
 use freeplay_concealed::{Case, Demand, Family, Machine, Made, Noise, Severity, generate, write_sealed};
 
-/// Makes the case of `seed` with a strong effect of `kind`, or none, and writes its sealed part into the folder `to`.
+/// Makes the case of `seed` with a strong effect of `kind`, or without an effect, and writes its sealed part into the folder `to`.
 pub fn seal_slide(to: &Path, seed: u64, kind: Option<&str>) -> Made {
     let demand = |kind: &str| Demand { kind: kind.to_owned(), joint: None, severity: Severity::Strong };
     let case = Case {

@@ -1,4 +1,4 @@
-//! Joints that MuJoCo takes otherwise than other tools: stops, light links with friction, gears that slide.
+//! Joints that MuJoCo treats differently from other tools: stops, light links with friction, sliding gears.
 
 use std::path::Path;
 use std::process::Command;
@@ -19,7 +19,7 @@ fn arm(kind: &str, inertia: f64, effects: &str) -> String {
     )
 }
 
-/// The folder with `arm.xml` and `arm.urdf`, and what the first does not say.
+/// The folder with `arm.xml` and `arm.urdf`, and the effects that the first does not express.
 fn exported(text: &str) -> (TempDir, Vec<String>) {
     let folder = fresh_folder();
     std::fs::write(folder.path().join("arm.toml"), text).expect("written");
@@ -32,7 +32,7 @@ fn exported(text: &str) -> (TempDir, Vec<String>) {
     (ran.folder, unsaid)
 }
 
-/// What a script makes of `arm.xml`, which it gets as `model` and `data` of MuJoCo.
+/// The result of a script on `arm.xml`, which it gets as `model` and `data` of MuJoCo.
 fn in_mujoco(folder: &Path, script: &str) -> Value {
     let head = "import json, mujoco, numpy as np\nmodel = mujoco.MjModel.from_xml_path('arm.xml')\ndata = mujoco.MjData(model)\n";
     let mut command = Command::new(python());
@@ -61,7 +61,7 @@ fn what_belongs_to_a_time_is_listed_with_the_reason() {
     assert!(unsaid.len() == 1 && unsaid[0].contains("no clock"), "{unsaid:?}");
 }
 
-/// MuJoCo softens friction by the inertia that the joint feels: a link with next to none would have none of it.
+/// MuJoCo softens friction by the effective inertia of the joint: a link with almost none would have no friction.
 #[test]
 fn friction_of_a_joint_with_hardly_any_inertia_has_its_level_in_mujoco() {
     if !has("mujoco, numpy") {
@@ -78,8 +78,8 @@ fn friction_of_a_joint_with_hardly_any_inertia_has_its_level_in_mujoco() {
     }
 }
 
-/// The mass matrix of motor and gear is [[m + a, m], [m, m]], a being the inertia of the motor; MuJoCo takes it for diagonal where the body's frame is that
-/// of its principal axes.
+/// The mass matrix of motor and gear is [[m + a, m], [m, m]], with a the inertia of the motor; MuJoCo assumes it diagonal if the body's frame is that of its
+/// principal axes.
 #[test]
 fn motor_and_gear_of_a_sliding_joint_move_one_link_in_mujoco() {
     if !has("mujoco, numpy") {

@@ -1,7 +1,7 @@
-//! `freeplay export`: what other tools make of the files, against the model's own dynamics.
+//! `freeplay export`: the exported files in other tools, against the model's own dynamics.
 //!
-//! `FREEPLAY_PYTHON` names an interpreter that has mujoco, numpy and scipy, and pin for Pinocchio; else `python3` is asked. A test whose
-//! package is missing says so and passes.
+//! `FREEPLAY_PYTHON` names an interpreter that has mujoco, numpy and scipy, and pin for Pinocchio; else the tests try `python3`. A test without its package
+//! prints a message and passes.
 
 mod effects;
 mod fmu;
@@ -34,7 +34,7 @@ fn difference(found: &[Vec<f64>], expected: &[Vec<f64>]) -> f64 {
     differences.fold(0.0, f64::max) / largest
 }
 
-/// Arms of all sorts: the paper's, one that stands on a slope, one that slides, one without limits whose joints stand askew.
+/// Arms of all sorts: the paper's, one on a slope, one with a slide, one without limits and with oblique joints.
 fn arms() -> Vec<(&'static str, ArmFile)> {
     let change = |change: &dyn Fn(&mut String)| {
         let mut text = to_toml(&paper_arm());

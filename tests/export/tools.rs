@@ -17,7 +17,7 @@ pub enum Tool {
     Pinocchio,
 }
 
-/// What a tool makes of one motion.
+/// Results of a tool for one motion.
 pub struct Row {
     pub torque: Vec<f64>,
     pub tool: Vec<f64>,
@@ -31,7 +31,7 @@ pub fn here(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/export").join(file)
 }
 
-/// Whether Python has the packages; says which are missing if not.
+/// True if Python has the packages; reports the missing ones if not.
 pub fn has(packages: &str) -> bool {
     let script = format!("import {packages}");
     let found =
@@ -46,7 +46,7 @@ pub fn has(packages: &str) -> bool {
 }
 
 impl Tool {
-    /// Torques along `motions` by the model in `file`; `None` where the tool is not there.
+    /// Torques along `motions` for the model in `file`; `None` without the tool.
     pub fn inverse(self, file: &Path, arm: &Arm, motions: &[Motion]) -> Option<Vec<Row>> {
         let (packages, script) = match self {
             Tool::Mujoco => ("mujoco, numpy", "mujoco_inverse.py"),
@@ -69,7 +69,7 @@ impl Tool {
     }
 }
 
-/// Motions at random, the same in every run, with no joint near standstill.
+/// Random motions, the same in every run, with no joint near standstill.
 pub fn random(dof: usize, count: usize) -> Vec<Motion> {
     let mut seed = 0x2545_F491_4F6C_DD1D_u64;
     let mut next = || {
@@ -88,7 +88,7 @@ pub fn random(dof: usize, count: usize) -> Vec<Motion> {
         .collect()
 }
 
-/// Arms as people write them for MuJoCo.
+/// Arms as users write them for MuJoCo.
 pub const MODELS: [(&str, &str); 2] = [
     (
         "classes.xml",

@@ -11,11 +11,11 @@ use crate::bench::blocks::ByStage;
 use crate::bench::figures::{QUANTILES, curve};
 use crate::bench::verdicts::{BROKEN, Step};
 
-/// Misses that are shown one by one.
+/// Misses that the page lists one by one.
 const MOST_SHOWN: usize = 20;
 
 impl Report<'_> {
-    /// The whole page, of what was `measured`.
+    /// The whole page, for the `measured` controllers and yardsticks.
     pub fn document(&self, measured: &[(String, ByStage)]) -> Result<Document, Failure> {
         let mut document = Document::new("Freeplay bench").subtitle(format!(
             "{} controllers, {} blocks in turn with a bare clock loop and bare iceoryx2",
@@ -190,7 +190,7 @@ fn stage_section(measured: &[(String, ByStage)]) -> Section {
     section
 }
 
-/// What is measured for every tick by the schedule (first) and where that can be seen (second), in one picture each.
+/// Latencies measured for every tick against the schedule (first) and their components (second), in one picture each.
 const PAIRS: [(&str, [&str; 2]); 2] = [
     (
         "Round trip: by the schedule (solid), and uncorrected (dashed)",

@@ -12,7 +12,7 @@ use crate::bench::figures::{QUANTILES, Ratio};
 use crate::bench::verdicts::Contest;
 
 impl Report<'_> {
-    /// For the terminal.
+    /// The text for the terminal.
     pub fn in_words(&self, out: &Path) -> String {
         let mut table = text_table();
         let quantiles = QUANTILES.map(|(name, _)| name);

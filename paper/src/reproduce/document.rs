@@ -14,7 +14,7 @@ use super::{Reproduction, figures, parameters, tables};
 /// The whole report.
 ///
 /// # Errors
-/// Parameters that can't be.
+/// Impossible parameters.
 pub fn document(done: &Reproduction) -> Result<Document, Failure> {
     let mut document = Document::new("Erkaya (2018), reproduced")
         .subtitle("A six-axis arm whose joint 5 has play: what the paper claims, what its equations give, and what was left open")

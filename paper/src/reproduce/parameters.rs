@@ -1,4 +1,4 @@
-//! The paper's Tables 1 and 2, and what was taken where it says nothing.
+//! The paper's Tables 1 and 2, and the values chosen for those that it does not give.
 
 use freeplay_arm::{Arm, paper_arm};
 use freeplay_laws::{Clearance, ClearanceTable};
@@ -37,16 +37,16 @@ pub fn links() -> Table {
     table.note("Frames with z up; the paper's y points up. Off-diagonal elements are −∫xy dm. Two combinations of the inertias have no influence on any motion or load of this arm and are chosen, see `arm/models/erkaya2018.toml`.")
 }
 
-/// From the joint `index` to the next one that is not in the same place, or to the tool, m.
+/// Distance from the joint `index` to the next one at another place, or to the tool, m.
 fn length(arm: &Arm, index: usize) -> f64 {
     let next = arm.joints().iter().skip(index + 1).map(|joint| joint.placement.translation.vector.norm());
     next.chain([arm.tool().translation.vector.norm()]).find(|length| *length > 0.0).unwrap_or(0.0)
 }
 
-/// Parameters of joint and simulation (Table 2), as the runs have them.
+/// Parameters of joint and simulation (Table 2), as used in the runs.
 ///
 /// # Errors
-/// A clearance that can't be.
+/// An impossible clearance.
 pub fn simulation() -> Result<Table, Failure> {
     let play = ClearanceTable::new(CLEARANCES[0] * 1e-3);
     let stiffness: Result<Vec<String>, Failure> = CLEARANCES
@@ -83,7 +83,7 @@ pub fn simulation() -> Result<Table, Failure> {
     Ok(table)
 }
 
-/// What the paper leaves open beside numbers, and what was taken.
+/// Open points of the paper besides numbers, and the choices for them.
 pub fn left_open() -> Table {
     let mut table = Table::new("What the paper leaves open")
         .column(Column::text("what"))

@@ -10,7 +10,7 @@ use super::network::{Study, Trial, total};
 use super::reference::Independent;
 use super::trace::{Outcome, Runs};
 
-/// How a verdict about the paper is shown.
+/// Display of a verdict on the paper.
 pub fn shown(claim: &Claim) -> Verdict {
     match claim.ruling {
         Ruling::Holds => Verdict::Ok,
@@ -42,7 +42,7 @@ pub fn claims(claims: &[Claim]) -> Table {
     table
 }
 
-/// The numbers behind a claim; the independent reference's beside ours where it has any.
+/// The numbers behind a claim, with those of the independent reference if it has any.
 pub fn situations(claim: &Claim) -> Table {
     let mut table = Table::new("").column(Column::text("situation"));
     let has_reference = |place: usize| claim.situations.iter().any(|row| row.reference[place].is_some());
@@ -75,7 +75,7 @@ pub fn situations(claim: &Claim) -> Table {
     table
 }
 
-/// What the imperfect joint costs.
+/// The cost of the imperfect joint.
 pub fn cost(runs: &Runs, scope: &Scope) -> Table {
     let mut table = Table::new("The imperfect joint beside the perfect one")
         .column(Column::text("run"))
@@ -198,7 +198,7 @@ pub fn by_axis(studies: &[Study]) -> Table {
     table
 }
 
-/// How large each training was.
+/// Size of each training.
 pub fn sizes(studies: &[Study]) -> Table {
     let mut table = Table::new("Trainings")
         .column(Column::text("runs"))
@@ -228,7 +228,7 @@ pub fn sizes(studies: &[Study]) -> Table {
     table
 }
 
-/// What the built-in controllers leave.
+/// The remaining deviation with the built-in controllers.
 pub fn compensation(played: &[Played]) -> Table {
     let mut table =
         Table::new("Deviation left by the built-in controllers after 0.5 s, torque-driven, true model")
@@ -257,7 +257,7 @@ pub fn compensation(played: &[Played]) -> Table {
     table.note("`computed-torque` compensates nothing. \"warn\" marks runs that did not end under control. Reference: an independent simulation with a feed-forward of its own that leaves friction out. The paper itself compensates nothing: this is what its prediction could be for.")
 }
 
-/// Ours beside the independent reference's runs.
+/// Our runs compared with those of the independent reference.
 pub fn agreement(runs: &Runs, independent: &Independent) -> Table {
     let mut table = Table::new("Runs of the independent reference beside ours")
         .column(Column::text("run"))

@@ -1,4 +1,4 @@
-//! What a person sees in the terminal: a verdict a claim, and where the rest is.
+//! The terminal output: one verdict per claim, and the place of the report.
 
 use std::fmt::Write as _;
 use std::path::Path;

@@ -1,21 +1,21 @@
-//! The inertia that a joint feels.
+//! The effective inertia of a joint.
 
 use freeplay_arm::{Arm, Workspace, crba};
 use nalgebra::DMatrix;
 
-/// What inertia each coordinate of an arm feels with the others free: 1/(M⁻¹)_ii.
+/// The effective inertia of each coordinate of an arm with the others free: 1/(M⁻¹)_ii.
 pub(crate) struct Felt {
     ws: Workspace,
     mass: DMatrix<f64>,
 }
 
 impl Felt {
-    /// For `arm`.
+    /// A workspace for `arm`.
     pub fn new(arm: &Arm) -> Self {
         Self { ws: Workspace::new(arm), mass: DMatrix::zeros(arm.dof(), arm.dof()) }
     }
 
-    /// At the positions `q` of `arm`, kg·m² (kg for a slide); `None` where the mass matrix is singular.
+    /// The effective inertias at the positions `q` of `arm`, kg·m² (kg for a slide); `None` for a singular mass matrix.
     pub fn at(&mut self, arm: &Arm, q: &[f64]) -> Option<Vec<f64>> {
         crba(arm, &mut self.ws, q, &mut self.mass);
         let inverse = self.mass.clone().cholesky()?.inverse();

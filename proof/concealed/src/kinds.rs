@@ -1,4 +1,4 @@
-//! Which effects there are, and where each can sit.
+//! The kinds of effects, and the possible joints of each.
 
 use freeplay_arm::{Arm, JointKind};
 
@@ -48,10 +48,10 @@ pub const OUTSIDE: [&str; 8] = [
     "broken_tooth",
 ];
 
-/// Where an effect sits: a joint (from 0), or the whole arm.
+/// Place of an effect: a joint (from 0), or the whole arm.
 pub type Seat = Option<usize>;
 
-/// Everywhere that `kind` can sit in `arm`; nowhere for an unknown kind.
+/// All possible places of `kind` in `arm`; empty for an unknown kind.
 pub fn seats(kind: &str, arm: &Arm) -> Vec<Seat> {
     let n = arm.dof();
     let turns = |i: &usize| arm.joints()[*i].kind == JointKind::Revolute;
@@ -63,7 +63,7 @@ pub fn seats(kind: &str, arm: &Arm) -> Vec<Seat> {
     };
     match kind {
         "payload" | "external_force" | "load_drop" => vec![None],
-        // The delay of one axis on a bench says as much as that of all; a tilt of a slide is a constant force.
+        // On a bench with one axis the delay of that axis equals that of all; a tilt of a slide is a constant force.
         "time_delay" => vec![None],
         "base_tilt" if n > 1 => vec![None],
         "mount_resonance" | "sloshing_load" if n > 1 => vec![None],
@@ -84,7 +84,7 @@ pub fn seats(kind: &str, arm: &Arm) -> Vec<Seat> {
     }
 }
 
-/// Whether the effect is judged by the tool alone: rattling and jumps shake the torques, but nobody could name them there.
+/// True if the strength of the effect counts in the tool alone: rattling and jumps shake the torques, but cannot be identified there.
 pub(crate) fn shows_at_tool(kind: &str) -> bool {
     matches!(
         kind,
@@ -97,7 +97,7 @@ pub(crate) fn shows_at_tool(kind: &str) -> bool {
     )
 }
 
-/// Whether what the effect does depends on when: then it is judged on the whole motion.
+/// True if the effect depends on time: then its strength counts over the whole motion.
 pub(crate) fn depends_on_time(kind: &str) -> bool {
     matches!(kind, "friction_drift" | "external_force" | "load_drop" | "encoder_slip")
 }

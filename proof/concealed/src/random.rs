@@ -1,4 +1,4 @@
-//! Independent streams of random numbers from one seed, so that what is drawn for one purpose never shifts another.
+//! Independent streams of random numbers from one seed, so that draws for one purpose never shift those for another.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 /// The stream of `seed` for `purpose`.
 pub(crate) fn stream(seed: u64, purpose: &str) -> ChaCha8Rng {
-    // FNV-1a (Fowler, Noll & Vo 1991): any good mixing of the name would do, but it has to be the same for ever.
+    // FNV-1a (Fowler, Noll & Vo 1991): any good mixing of the name would do, but it must never change.
     let hash = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
     });
@@ -15,17 +15,17 @@ pub(crate) fn stream(seed: u64, purpose: &str) -> ChaCha8Rng {
     rng
 }
 
-/// A standard normal number.
+/// A random number with the standard normal distribution.
 pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
     StandardNormal.sample(rng)
 }
 
-/// A number between `low` and `high`, both above zero, evenly spread over its logarithm.
+/// A random number between `low` and `high`, both above zero, log-uniform.
 pub(crate) fn log_uniform(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
     uniform(rng, low.ln(), high.ln()).exp()
 }
 
-/// A number between `low` and `high`, evenly spread.
+/// A random number between `low` and `high`, uniform.
 pub(crate) fn uniform(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
     use rand::RngExt;
     low + (high - low) * rng.random::<f64>()

@@ -1,4 +1,4 @@
-//! The process that answers for one case. It sees the folder of that case and nothing else.
+//! The process that answers one case. It sees only the folder of that case.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use super::answer::Answer;
 use super::channels::Lures;
 use super::sandbox;
 
-/// The files of a case, by name: the model that is given, and two recordings of one machine.
+/// The files of a case: the given model, and two recordings of one machine.
 pub const FILES: [&str; 3] = ["model.toml", "recording.csv", "second.csv"];
 
 /// Answers for the case in the working folder; `freeplay blind` starts it.
@@ -33,7 +33,7 @@ pub struct AnalystArgs {
     port: Option<u16>,
 }
 
-/// Answers, as JSON on standard output.
+/// Writes the answer as JSON to standard output.
 ///
 /// # Errors
 /// Standard output can't be written.

@@ -14,9 +14,9 @@ use super::terminal_summary::{is_failure, said};
 use super::truth::Sort;
 use super::verify::start;
 
-/// Hypotheses that are shown of a failure.
+/// Hypotheses that the report lists for a failure.
 const LEADING: usize = 4;
-/// Cases that a list of the report shows one by one. A page with ten times as many takes a browser half a minute to open.
+/// Cases that a list of the report shows one by one. A browser takes half a minute to open a page with ten times as many.
 const SHOWN: usize = 2000;
 
 /// The whole report.
@@ -229,7 +229,7 @@ fn improvement(judged: &[Judged]) -> Section {
         .with(Block::Details { summary: "All cases in which an effect was named".to_owned(), blocks })
 }
 
-/// `table` with a note of the cases, of `all`, that it does not show.
+/// `table` with a note on the number of cases, of `all`, that it omits.
 fn rest(table: Table, all: usize) -> Table {
     match all.checked_sub(SHOWN) {
         None | Some(0) => table,
@@ -255,7 +255,7 @@ fn failures(judged: &[Judged]) -> Section {
     section
 }
 
-/// A failure and what misled the tool: how the concealed effects ranked among all that was weighed.
+/// A failure with the hypotheses that misled the diagnosis: the ranks of the concealed effects among all hypotheses.
 fn failure(case: &Judged) -> Block {
     let truth = &case.truth;
     let about = format!(

@@ -1,4 +1,4 @@
-//! The list of every sealed set that was ever drawn: a line when it is sealed, a line when it is scored.
+//! The list of all sealed sets ever drawn: a line at the seal, a line at the score.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use super::strict;
 use super::tally::Score;
 use super::verify::{Check, start};
 
-/// Appends that `part` was sealed: before anybody knows how it will come out, so that no set can be forgotten.
+/// Appends the seal of `part` before its result is known, so that no set can be omitted.
 ///
 /// # Errors
 /// A file that can't be written.
@@ -27,7 +27,7 @@ pub fn sealed(path: &Path, part: &Part) -> Result<(), Failure> {
     )
 }
 
-/// Appends how the set came out whose seal had the hash `seal` in the chain, and whose receipt has the hash `receipt`.
+/// Appends the score of the set whose seal had the hash `seal` in the chain, and whose receipt has the hash `receipt`.
 ///
 /// # Errors
 /// A file that can't be written.
@@ -44,7 +44,7 @@ pub fn scored(path: &Path, seal: &str, receipt: &str, score: &Score) -> Result<(
     )
 }
 
-/// Whether the list `path` has the seal of each part of `receipt`: a receipt made anew with other truths or cases has another seal.
+/// Checks that the list `path` has the seal of each part of `receipt`: a forged receipt with other truths or cases has another seal.
 ///
 /// # Errors
 /// A list that can't be read.

@@ -1,4 +1,4 @@
-//! What the parent holds ready for its analysts to fail on.
+//! Lures of the parent for its analysts: resources that they must not reach.
 
 use std::net::TcpListener;
 use std::os::linux::net::SocketAddrExt;
@@ -8,7 +8,7 @@ use std::process::Command;
 
 use freeplay_terminal::exit::Failure;
 
-/// A file, an abstract socket and a TCP port that no analyst may reach. Gone when this is dropped.
+/// A file, an abstract socket and a TCP port that no analyst may reach; dropping this removes them.
 pub struct Held {
     canary: PathBuf,
     name: String,
@@ -17,10 +17,10 @@ pub struct Held {
 }
 
 impl Held {
-    /// Beside the sealed `cases`, where the truth would be if it were anywhere, with `secret` in the file and in the socket's name.
+    /// Creates the lures beside the sealed `cases`, with `secret` in the file and in the socket's name.
     ///
     /// # Errors
-    /// A file that can't be written. A machine that has no network has no port to try.
+    /// A file that can't be written. A machine without a network has no port to try.
     pub fn beside(cases: &Path, secret: &str) -> Result<Self, Failure> {
         let canary = std::path::absolute(cases.join("canary")).map_err(Failure::internal)?;
         freeplay_terminal::files::write(&canary, secret)?;
@@ -29,7 +29,7 @@ impl Held {
         Ok(Self { canary, name, socket: socket.ok(), port: TcpListener::bind("127.0.0.1:0").ok() })
     }
 
-    /// Tells an analyst of them.
+    /// Passes the lures to an analyst on its command line.
     pub fn tell(&self, analyst: &mut Command) {
         analyst.arg("--canary").arg(&self.canary);
         if self.socket.is_some() {
@@ -44,7 +44,7 @@ impl Held {
 
 impl Drop for Held {
     fn drop(&mut self) {
-        // It is of no use any more; a folder that can't be written to was refused before.
+        // The file is no longer needed; a read-only folder was refused before.
         let _ = freeplay_storage::remove_file(&self.canary);
     }
 }

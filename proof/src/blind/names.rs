@@ -1,7 +1,7 @@
 //! Names of the folders of cases. They follow from a key of the operating system, never from the seed.
 //!
-//! The analysts do not know the key, so that a name tells neither index nor seed. The receipt holds it, so that `--verify` can say of each
-//! name whether the draw has it.
+//! The analysts do not know the key, so that a name reveals neither index nor seed. The receipt contains it, so that `--verify` can check each name against the
+//! draw.
 
 use serde_json::json;
 
@@ -23,7 +23,7 @@ mod tests {
 
     use super::name;
 
-    /// Names are unlike, follow the key, and their order is not that of the cases.
+    /// Names are distinct and follow the key, and their order is not that of the cases.
     #[test]
     fn names_tell_nothing() {
         let names: Vec<String> = (0..2000).map(|index| name("00ff", index)).collect();

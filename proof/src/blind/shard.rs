@@ -1,11 +1,11 @@
-//! The cases of a shard, and what is wrong with their names.
+//! The cases of a shard, and errors in their names.
 
 use std::collections::BTreeSet;
 
 use super::names::name;
 use super::receipt::{Draw, Part};
 
-/// What is wrong with the names of `part`: each case is one of the shard, and each of the shard was sealed or is listed as not made.
+/// Errors in the names of `part`: each case must belong to the shard, and each case of the shard must be sealed or listed as not made.
 pub fn wrong(part: &Part, draw: &Draw) -> Vec<String> {
     let Some(indices) = indices(draw) else {
         return vec![format!("no shard {} of {} can be drawn", draw.shard[0], draw.shard[1])];
@@ -20,7 +20,7 @@ pub fn wrong(part: &Part, draw: &Draw) -> Vec<String> {
     strange.map(|name| format!("{name} is no name of this draw")).collect()
 }
 
-/// The cases of the shard, by their place in the set; `None` where there is no such shard or no such set.
+/// The cases of the shard, by their index in the set; `None` for an impossible shard or set.
 fn indices(draw: &Draw) -> Option<impl ExactSizeIterator<Item = usize> + use<>> {
     let [shard, shards] = draw.shard;
     let quota = &draw.quota;

@@ -1,4 +1,4 @@
-//! JSON in which no key stands twice. A reader that takes the last of two lets one file say two things.
+//! JSON without repeated keys. With a reader that takes the last of two, one file could have two meanings.
 
 use std::fmt;
 use std::path::Path;
@@ -12,18 +12,18 @@ use freeplay_storage::plain_words;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::read_text;
 
-/// The value of `text`.
+/// Parses `text`.
 ///
 /// # Errors
-/// Syntax, or a key that stands twice, with line and column; the latter has the category [`serde_json::error::Category::Data`].
+/// A syntax error, or a repeated key, with line and column; the latter has the category [`serde_json::error::Category::Data`].
 pub fn parse(text: &str) -> Result<Value, serde_json::Error> {
     serde_json::from_str::<Strict>(text).map(|strict| strict.0)
 }
 
-/// The JSON in a file that should be `what`, as [`freeplay_terminal::files::read_json`], without keys that stand twice.
+/// The JSON in a file that should be `what`, as [`freeplay_terminal::files::read_json`], without repeated keys.
 ///
 /// # Errors
-/// A file that can't be read; what is wrong with line and column, and what to give instead.
+/// A file that can't be read; the fault with line and column, and the expected file.
 pub fn read<T: DeserializeOwned>(path: &Path, what: &str) -> Result<T, Failure> {
     let wrong = |why: String| Failure::input(format!("{}: {why}; give {what}", path.display()));
     let text = read_text(path)?;

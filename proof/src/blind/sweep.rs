@@ -1,4 +1,4 @@
-//! `freeplay blind --matrix`: which kinds on which machines.
+//! `freeplay blind --matrix`: the swept kinds and machines.
 
 use clap::Args;
 use freeplay_concealed::{CATALOGUE, Machine, Matrix};
@@ -23,7 +23,7 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// The matrix; `None` where none is asked for.
+    /// The matrix; `None` if the command line requests none.
     ///
     /// # Errors
     /// None of the kinds has a place on any of the machines.

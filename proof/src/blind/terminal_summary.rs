@@ -1,4 +1,4 @@
-//! What the terminal shows of a blind proof.
+//! The terminal output of a blind proof.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -14,9 +14,9 @@ use super::tally::{Bin, Goal, Score};
 use super::truth::{Sort, at};
 use freeplay_report::paste::pasted;
 
-/// Most failures that are told in the terminal.
+/// Most failures listed in the terminal.
 const FAILURES: usize = 12;
-/// Confusions that are told in the terminal.
+/// Most confusions listed in the terminal.
 const CONFUSIONS: usize = 8;
 
 /// The score.
@@ -81,7 +81,7 @@ pub fn summary(parts: &[Part], judged: &[Judged], score: &Score, path: &Path, re
     text
 }
 
-/// Of many failures: the commonest confusions, and success machine by machine.
+/// A digest of many failures: the commonest confusions, and success machine by machine.
 fn digest(score: &Score) -> String {
     let mut mistakes: Vec<_> = score.mistakes.iter().collect();
     mistakes.sort_by_key(|mistake| std::cmp::Reverse(mistake.times));
@@ -115,12 +115,12 @@ fn line(goal: &Goal) -> String {
     )
 }
 
-/// Whether the case is told one by one.
+/// True if the terminal lists the case on its own.
 pub fn is_failure(case: &Judged) -> bool {
     !matches!(case.outcome, Outcome::Right)
 }
 
-/// What was concealed, what was said, and what misled the tool.
+/// The concealed effects, the answer, and the hypotheses that misled the diagnosis.
 pub fn story(case: &Judged) -> String {
     let strengths: Vec<String> = case
         .truth
@@ -132,7 +132,7 @@ pub fn story(case: &Judged) -> String {
     format!("{}{strengths}; answered: {}", case.truth.words(), said(case))
 }
 
-/// What was answered, in a few words.
+/// The answer, in a few words.
 pub fn said(case: &Judged) -> String {
     let answer = &case.answer;
     let effects: Vec<String> = answer.effects.iter().map(|e| at(&e.kind, e.joint.as_deref())).collect();
@@ -150,7 +150,7 @@ pub fn said(case: &Judged) -> String {
     }
 }
 
-/// The answers for a folder whose truth is not known here.
+/// The answers for a folder with a truth that is unknown here.
 pub fn answers(receipt: &Receipt, path: &Path) -> String {
     let mut text = String::new();
     for (name, record) in &receipt.cases {

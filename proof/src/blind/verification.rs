@@ -1,4 +1,4 @@
-//! `freeplay blind --verify`: what is read, and what a person sees of it.
+//! `freeplay blind --verify`: reading of the receipts, and output of the checks.
 
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,7 @@ pub fn verify(paths: &[PathBuf], history: Option<&Path>, format: Format) -> Resu
     match format {
         Format::Json => {
             let mut shown: Vec<Value> = all.iter().map(|(path, checks)| as_json(path, checks)).collect();
-            // One receipt is no list, as ever.
+            // The output for one receipt is not a list, as in earlier versions.
             let shown = if shown.len() == 1 { shown.remove(0) } else { Value::Array(shown) };
             say(&format!("{shown:#}\n"))?;
         }

@@ -1,4 +1,4 @@
-//! The page of the demonstration: one table, then each machine with what was found and what it was good for.
+//! The page of the demonstration: one table, then each machine with its findings and their benefit.
 
 use freeplay_arm::paper_arm;
 use freeplay_diagnosis::page::{pictures, strongest_map};
@@ -9,7 +9,7 @@ use freeplay_terminal::exit::Failure;
 use super::play::{CONTROLLER, Outcome, Played};
 use super::{errors, found, judged, named, verdict};
 
-/// Every how many samples the deviation is drawn.
+/// Number of samples from one drawn deviation to the next.
 const STRIDE: usize = 5;
 
 /// The page.
@@ -65,7 +65,7 @@ fn section(outcome: &Outcome) -> Result<Section, Failure> {
     if let Some(failure) = &outcome.failure {
         section = section.with((Verdict::Fail, format!("The run with the diagnosed model: {failure}")));
     }
-    // The whole diagnosis shows the others.
+    // The complete diagnosis shows the other pictures.
     section = picture(outcome).into_iter().fold(section, Section::with);
     if !named(outcome) {
         section = strongest_map(&outcome.diagnosis).into_iter().fold(section, Section::with);
@@ -81,7 +81,7 @@ fn section(outcome: &Outcome) -> Result<Section, Failure> {
     Ok(section.with(chart).with(Block::Text(whole)))
 }
 
-/// The picture of the first finding; none without one.
+/// The picture of the first finding; `None` without one.
 pub fn picture(outcome: &Outcome) -> Option<Drawing> {
     if outcome.diagnosis.effects.is_empty() {
         return None;
@@ -89,7 +89,7 @@ pub fn picture(outcome: &Outcome) -> Option<Drawing> {
     pictures(&outcome.diagnosis, &paper_arm().arm, 0).into_iter().next()
 }
 
-/// The distance of the tool from where the perfect arm would have it.
+/// The distance of the tool from its position on the perfect arm.
 fn deviation(played: &Played, name: &str) -> Result<Series, Failure> {
     let recording = freeplay_recording::read(&played.recording, None).map_err(Failure::input)?;
     let column = |axis: &str| recording.column(&format!("deviation_{axis}")).map(<[f64]>::to_vec);

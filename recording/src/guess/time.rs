@@ -1,4 +1,4 @@
-//! Which column is the time, and in which unit.
+//! Finds the time column and its unit.
 
 use super::words::words;
 use super::{Names, Sample};
@@ -15,21 +15,21 @@ pub(super) struct Time {
 }
 
 impl Time {
-    /// The column that is the time, by its name and by how it goes in `sample`.
+    /// The time column, by its name and by its values in `sample`.
     pub fn of(names: &Names, sample: &Sample) -> Option<Self> {
         let single = names.iter().enumerate().filter_map(|(place, name)| single(place, name, sample));
         let candidates = split(names).into_iter().chain(single);
         let goes = |time: &Time| {
             time.columns.len() == 2 || time.columns.iter().all(|(place, _)| sample.goes_on(*place))
         };
-        // Of equals the first.
+        // Among equal candidates the first.
         candidates.filter(goes).fold(None, |best: Option<Time>, time| {
             if best.as_ref().is_none_or(|best| time.score > best.score) { Some(time) } else { best }
         })
     }
 }
 
-/// Whole seconds and nanoseconds in two columns of one stem; the stamp of a message's header before others.
+/// Whole seconds and nanoseconds in two columns of one stem; a message header's time stamp has priority.
 fn split(names: &Names) -> Option<Time> {
     let parted: Vec<Vec<String>> = names.iter().map(|name| words(name)).collect();
     let ends = |words: &[String], of: &[&str]| words.last().is_some_and(|last| of.contains(&last.as_str()));
@@ -43,7 +43,7 @@ fn split(names: &Names) -> Option<Time> {
     pairs.into_iter().next()
 }
 
-/// One column, if its name or its cells are of times.
+/// A single column, if its name or its cells denote time.
 fn single(place: usize, name: &str, sample: &Sample) -> Option<Time> {
     let (stem, unit) = without_unit(name);
     let parted = words(stem);
@@ -75,7 +75,7 @@ fn single(place: usize, name: &str, sample: &Sample) -> Option<Time> {
     Some(Time { columns: vec![(place, unit)], score })
 }
 
-/// The unit of a time since 1970, by its size in this century; seconds where it is none.
+/// The unit of a time since 1970, from its size in this century; seconds for other times.
 fn by_size(first: Option<f64>) -> &'static str {
     match first.unwrap_or(0.0) {
         value if value > 9e17 => "ns",

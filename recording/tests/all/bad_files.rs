@@ -1,4 +1,4 @@
-//! Every way a CSV can be wrong gives one clear line: the place, the column, the value and the remedy.
+//! Every fault of a CSV gives one clear line: the place, the column, the value and the remedy.
 
 use std::fs;
 use std::path::Path;
@@ -73,7 +73,7 @@ const CELLS: [(&str, &str); 12] = [
     ),
 ];
 
-/// Files of which nothing is left, and what is lacking in their first row.
+/// Files without a complete row, and the missing value of their first row.
 const LACKING: [(&str, &str); 4] = [
     ("t,q1\n0,1e999\n", "run.csv:2: column q1 holds no number, and so in all 1 rows: "),
     ("t,q1\nNaN,0\n", "run.csv:2: column t holds no number, and so in all 1 rows: "),

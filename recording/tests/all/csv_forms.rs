@@ -1,10 +1,10 @@
-//! CSV as people have it: every form of one and the same recording is read as that recording.
+//! Usual forms of CSV: every form of the same recording is read as that recording.
 
 use freeplay_recording::{ImportOptions, Mapping, Recording, import, read};
 
 const ROWS: usize = 60;
 
-/// What all forms hold: time from 0, two joints with their torques.
+/// The common content of all forms: time from 0, two joints with their torques.
 fn value(column: usize, row: usize) -> f64 {
     let t = row as f64 * 0.01;
     match column {
@@ -29,13 +29,13 @@ fn cells(values: [f64; 5], separator: &str, decimal: &str) -> String {
 
 fn read_text(text: &str) -> Result<Recording, String> {
     let folder = tempfile::tempdir().expect("a folder");
-    // The ending says nothing.
+    // The ending carries no information.
     let path = folder.path().join("run.dat");
     std::fs::write(&path, text).expect("written");
     read(&path, None).map_err(|error| error.to_string())
 }
 
-/// Fails unless `recording` is what all forms hold.
+/// Fails unless `recording` equals the common content of all forms.
 fn check(name: &str, recording: &Recording) {
     assert_eq!((recording.len(), recording.joints()), (ROWS, 2), "{name}: {:?}", recording.columns());
     let tau = recording.tau.as_ref().unwrap_or_else(|| panic!("{name} has torques"));
@@ -162,7 +162,7 @@ fn a_file_without_a_header_is_read_by_a_mapping() {
     }
 }
 
-/// The mapping that was guessed, given back, reads the same.
+/// The guessed mapping, used as a mapping file, gives the same recording.
 #[test]
 fn a_guess_can_be_given_back() {
     let folder = tempfile::tempdir().expect("a folder");

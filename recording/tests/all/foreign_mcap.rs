@@ -1,4 +1,4 @@
-//! A MCAP that somebody else wrote, or that was damaged: read if it can be, else one clear line.
+//! An MCAP file of another tool, or a damaged one: read if possible, else one clear line.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -154,7 +154,7 @@ fn damage_is_found_by_the_checksum_and_told_from_a_missing_end() {
 
 #[test]
 fn a_claim_of_size_is_not_believed() {
-    // A chunk that says it decompresses to 2^50 bytes, and a record that says it has as many.
+    // A chunk that claims a decompressed size of 2^50 bytes, and a record that claims as many.
     let chunk = |size: u64| {
         let name = [&4_u32.to_le_bytes()[..], b"zstd"].concat();
         [&[0; 16][..], &size.to_le_bytes(), &[0; 4], &name, &[0; 8]].concat()

@@ -1,6 +1,6 @@
-//! The tests of recordings: formats, imports and damaged files, in one program: they are linked once, and run side by side on all cores.
+//! The tests of recordings: formats, imports and damaged files, in one program: they are linked once, and run in parallel on all cores.
 //!
-//! Those that read the most memory that a process ever had have programs of their own.
+//! Tests that measure the peak memory of a process have separate programs.
 #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 
 mod bad_files;

@@ -1,6 +1,6 @@
-//! What other people's packages write is read with the right joints: rosbags, pandas, NumPy, SciPy, data sets like LeRobot's.
+//! Files of other packages are read with the right joints: rosbags, pandas, NumPy, SciPy, data sets like LeRobot's.
 //!
-//! `FREEPLAY_PYTHON` names an interpreter that has them; else `python3` is asked. Without it this test says so and passes.
+//! `FREEPLAY_PYTHON` names an interpreter that has them; else the test tries `python3`. Without it this test prints a message and passes.
 
 use std::path::Path;
 use std::process::Command;
@@ -23,7 +23,7 @@ fn available() -> bool {
     found
 }
 
-/// Fails unless `recording`, paired with an arm by name, holds sin(k t) and k cos(k t) for joints k = 1, 2, 3.
+/// Fails unless `recording`, paired with an arm by name, contains sin(k t) and k cos(k t) for joints k = 1, 2, 3.
 fn check(name: &str, recording: Recording) {
     let arm = ["shoulder_pan_joint", "elbow_joint", "wrist_1_joint"].map(str::to_owned);
     let named = recording.joint_names.clone();
@@ -85,7 +85,7 @@ fn every_form_has_the_right_joints() {
             read(&folder.path().join(name), None).unwrap_or_else(|error| panic!("{name}: {error}"));
         check(name, recording);
     }
-    // Under a name that says something else.
+    // With a name that suggests another kind.
     let renamed = folder.path().join("log.txt");
     std::fs::rename(folder.path().join("ros1_lz4.bag"), &renamed).expect("renamed");
     check("log.txt", read(&renamed, None).expect("by its content"));

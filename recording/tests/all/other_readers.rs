@@ -1,5 +1,5 @@
-//! A MCAP of ours in the hands of the reference packages, and a bag of theirs in ours: `pip install mcap mcap-ros2-support`, and `FREEPLAY_PYTHON`
-//! names the interpreter that has them.
+//! An MCAP file of ours read by the reference packages, and a bag of theirs read by ours: `pip install mcap mcap-ros2-support`; `FREEPLAY_PYTHON` names the
+//! interpreter that has them.
 
 use std::fs;
 use std::path::Path;
@@ -29,7 +29,7 @@ fn row(k: u32) -> [f64; 4] {
     [t, t.sin(), f64::from_bits(0x3ff0_0000_0000_0000 + u64::from(k)), -0.0]
 }
 
-/// The number a line holds behind `name=`, as Python's `float.hex` writes it.
+/// The number after `name=` in a line, in the format of Python's `float.hex`.
 fn field(line: &str, name: &str) -> f64 {
     let text =
         line.split(' ').find_map(|part| part.strip_prefix(name)?.strip_prefix('=')).expect("the field");
@@ -113,7 +113,7 @@ fn a_bag_of_the_reference_packages_is_imported() {
     let x = &recording.tool.as_ref().expect("a tool")[0];
     for (k, x) in x.iter().enumerate() {
         let angle = k as f64 * 0.01;
-        // The poses are a straight line in time, so that what is interpolated is known.
+        // The poses are linear in time, so that the interpolated values are known.
         for (found, expected) in
             [(recording.q[0][k], angle.cos()), (recording.q[1][k], angle.sin()), (*x, k as f64 * 0.001)]
         {

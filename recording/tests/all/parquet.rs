@@ -1,4 +1,4 @@
-//! A recording as Parquet keeps every bit, also in other people's hands.
+//! A recording as Parquet keeps every bit, also when other packages read it.
 
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt;

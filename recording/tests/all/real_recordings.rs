@@ -1,6 +1,6 @@
-//! Recordings of real machines: read whole, with the numbers their descriptions state.
+//! Recordings of real machines: read completely, with the numbers in their descriptions.
 //!
-//! They are no part of this project: `FREEPLAY_RECORDINGS` names their folder.
+//! They are not part of this project: `FREEPLAY_RECORDINGS` names their folder.
 
 use std::fs;
 use std::path::Path;
@@ -23,7 +23,7 @@ fn check(path: &Path, entry: &toml::Table, joints: usize) -> i64 {
     let step = recording.median_step() / number("dt_median_s") - 1.0;
     println!("{}: duration off by {off:.1e} s, step by {step:+.1e}", path.display());
     assert!(off <= 0.5e-4 + 1e-9, "the description states four decimals");
-    // For an even count the description does not say which of the two middle steps it takes.
+    // For an even count the description does not define the median step between the two middle ones.
     assert!(step.abs() < 1e-5, "step {}", recording.median_step());
     assert!(recording.notes.is_empty(), "{:?}", recording.notes);
     recording.len() as i64
@@ -38,7 +38,7 @@ fn every_real_recording_is_read_as_described() {
         let Ok(meta) = fs::read_to_string(machine.join("meta.toml")) else { continue };
         let meta: toml::Table = meta.parse().expect("TOML");
         let joints = meta["dof"].as_integer().expect("a number") as usize;
-        // A folder may hold something else than recordings.
+        // A folder may contain other files than recordings.
         for entry in meta.get("recording").and_then(toml::Value::as_array).into_iter().flatten() {
             let entry = entry.as_table().expect("a table");
             rows += check(&machine.join(entry["file"].as_str().expect("a name")), entry, joints);

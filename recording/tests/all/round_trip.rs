@@ -1,4 +1,4 @@
-//! What is written is read again, bit for bit, in either format and from one to the other.
+//! A written recording is read again, bit for bit, in either format and after conversion from one to the other.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -158,7 +158,7 @@ fn a_dropped_writer_finishes_its_file() {
     }
 }
 
-/// A MCAP cut anywhere is read up to its last complete chunk, and says so.
+/// An MCAP file cut at any place is read up to its last complete chunk, with a note.
 #[test]
 fn a_mcap_cut_anywhere_is_read_up_to_there() {
     let folder = tempfile::tempdir().expect("a folder");

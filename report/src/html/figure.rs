@@ -27,13 +27,13 @@ pub(crate) fn chart(chart: &Chart, context: &Context<'_>) -> Markup {
     }
 }
 
-/// Keeps the place free until the script has drawn, so that links into the page lead to where they should.
+/// Reserves the space until the script has drawn, so that links into the page lead to the right place.
 fn place(chart: &Chart) -> String {
-    // Charts with equal axes are as high as the window is wide.
+    // The height of a chart with equal axes follows from the width of the window.
     if chart.equal_axes { String::new() } else { format!("min-height: {}px", chart.height) }
 }
 
-/// What a reader who cannot see the chart should know of it.
+/// The description of the chart for a reader who cannot see it.
 pub(crate) fn in_words(chart: &Chart) -> String {
     let kind = if chart.plane { "Points in the plane" } else { "Chart" };
     let mut words = format!("{kind}: {} upwards against {} across.", chart.y.heading(), chart.x.heading());
@@ -47,7 +47,7 @@ pub(crate) fn in_words(chart: &Chart) -> String {
     words
 }
 
-/// From where to where a series goes, on both axes.
+/// The range of a series on both axes.
 fn extent(series: &Series, x_scale: Scale) -> String {
     let Some((low, high)) = range(&series.y) else { return "nothing to draw".to_owned() };
     let written = |value| number(value, Digits::Significant(3));

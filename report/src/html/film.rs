@@ -1,4 +1,4 @@
-//! Films: the still as SVG, and the places of all that moves as data for the script.
+//! Films: the still as SVG, and the positions of all moving parts as data for the script.
 
 use maud::{Markup, html};
 use serde::Serialize;
@@ -12,10 +12,10 @@ use crate::film::{Film, Moving, Scene};
 const WIDTH: f64 = 400.0;
 /// Radius of the dots of joints, and of the dot that leaves a trail.
 const DOTS: [f64; 2] = [2.6, 5.0];
-/// How far from the scene what lies outside is put at most; what has no place at all is put there, too.
+/// Points outside the scene are clamped to this distance; undefined points get it, too.
 const AWAY: f64 = 1e4;
 
-/// What the script is told.
+/// Data for the script.
 #[derive(Serialize)]
 struct Data<'a> {
     times: Vec<f64>,
@@ -30,7 +30,7 @@ struct SceneData<'a> {
     state: &'a [usize],
 }
 
-/// The places of one part: x and y of its points by turns, frame after frame.
+/// The positions of one part: x and y of its points alternating, frame after frame.
 #[derive(Serialize)]
 struct MovingData {
     trail: usize,
@@ -66,7 +66,7 @@ pub(crate) fn film(film: &Film, context: &Context<'_>) -> Markup {
     }
 }
 
-/// From the scene's unit to its SVG: scale, and the height.
+/// Conversion from the scene's unit to its SVG: scale, and height.
 fn measure(scene: &Scene) -> (f64, f64) {
     let scale = WIDTH / (scene.x[1] - scene.x[0]).max(f64::MIN_POSITIVE);
     (scale, (scene.y[1] - scene.y[0]) * scale)

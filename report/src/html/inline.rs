@@ -4,10 +4,10 @@ use maud::{Markup, html};
 
 use crate::verdict::Verdict;
 
-/// Text with what stands between backticks set as code.
+/// Text in which words between backticks are set as code.
 pub(crate) fn inline(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
-    // An odd number of backticks leaves the last one as it is.
+    // With an odd number of backticks the last one stays.
     let closed = if parts.len().is_multiple_of(2) { parts.len() - 1 } else { parts.len() };
     html! {
         @for (place, part) in parts.iter().enumerate() {

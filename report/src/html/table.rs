@@ -7,14 +7,14 @@ use super::inline::{badge, badge_with, inline};
 use crate::table::{Best, Cell, Column, Content, Table};
 use crate::text::{number, uncertain};
 
-/// What the cells of a column share.
+/// Properties shared by the cells of a column.
 struct Drawn {
     numeric: bool,
     best: Option<f64>,
     longest: f64,
 }
 
-/// A table in a box of its own, which scrolls sideways where the window is too narrow.
+/// A table in a box of its own, which scrolls horizontally if the window is too narrow.
 pub(crate) fn table(table: &Table, context: &Context<'_>) -> Markup {
     let drawn: Vec<Drawn> =
         table.columns.iter().enumerate().map(|(place, c)| Drawn::new(table, place, c)).collect();
@@ -52,7 +52,7 @@ fn is_number(content: &Content) -> bool {
     matches!(content, Content::Number(_) | Content::Uncertain(..) | Content::Count(_))
 }
 
-/// The row of headings that stand over several columns; nothing where no column has one.
+/// The row of headings over several columns; empty if no column has one.
 fn group_headings(columns: &[Column]) -> Markup {
     let runs = columns.chunk_by(|a, b| a.group == b.group);
     html! {
@@ -122,7 +122,7 @@ fn content(cell: &Cell, column: Option<(&Column, &Drawn)>, context: &Context<'_>
     }
 }
 
-/// The colour a name has in the charts; nothing for a name that is in no chart.
+/// The colour of a name in the charts; empty for a name that no chart has.
 fn swatch(name: &str, context: &Context<'_>) -> Markup {
     html! {
         @if let Some(place) = context.colours.index(name) {

@@ -1,4 +1,4 @@
-//! Drawings: what is on the sheet, in the colours of the page, whatever the numbers.
+//! Drawings: their content, in the colours of the page, for any numbers.
 
 use freeplay_report::{Axis, Chart, Document, Drawing, Mark, Series};
 use proptest::prelude::{ProptestConfig, any, prop_assert, prop_assert_eq, proptest};

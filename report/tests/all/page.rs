@@ -1,4 +1,4 @@
-//! The page as a whole: nothing escapes, nothing is fetched, everything is there.
+//! The page as a whole: nothing escapes, nothing is fetched, everything is present.
 
 use crate::common::every_block;
 use freeplay_report::{Axis, Cell, Chart, Column, Document, Section, Series, Table};

@@ -1,18 +1,18 @@
-//! A cable that is dragged along: it pulls as a spring, holds on with static friction and slips by a jump.
+//! A dragged cable: it pulls as a spring, sticks by static friction and slips by a jump.
 
 /// The cable of one joint.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cable {
     /// N·m/rad.
     pub stiffness: f64,
-    /// Pull at which it lets go, N·m.
+    /// Pull at which it slips, N·m.
     pub stick: f64,
-    /// Pull that is left after it slipped, N·m; below `stick`.
+    /// Pull after a slip, N·m; below `stick`.
     pub slip: f64,
 }
 
 impl Cable {
-    /// Torque on the joint at `q`; `anchor` is the position at which the cable is slack, rad, and moves when it slips.
+    /// Torque on the joint at `q`; `anchor` is the position with a slack cable, rad, and moves at each slip.
     pub fn torque(&self, q: f64, anchor: &mut f64) -> f64 {
         let pull = self.stiffness * (q - *anchor);
         if pull.abs() > self.stick {
@@ -26,7 +26,7 @@ impl Cable {
 mod tests {
     use super::Cable;
 
-    /// Dragged steadily, the pull is a saw between `slip` and `stick` with the period (stick − slip)/k.
+    /// In steady motion the pull is a sawtooth between `slip` and `stick` with the period (stick − slip)/k.
     #[test]
     fn the_pull_is_a_saw() {
         let cable = Cable { stiffness: 50.0, stick: 5.0, slip: 3.0 };

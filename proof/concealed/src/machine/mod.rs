@@ -1,4 +1,4 @@
-//! The machine as it is, and what it does: laws one to a file, the plan that puts them together, the time stepping.
+//! The true machine and its motion: one file per law, the plan that combines them, the time stepping.
 
 mod bristles;
 mod build;

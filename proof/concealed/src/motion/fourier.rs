@@ -7,11 +7,10 @@ use rand_chacha::ChaCha8Rng;
 use super::Room;
 use crate::random::uniform;
 
-/// How long the sines take to grow from nothing, s.
+/// Duration of the fade-in of the sines, s.
 const FADE_IN: f64 = 1.5;
 
-/// q = c + w(t) Σ A_k sin(ω_k t + φ_k), faded in by a smooth step w (Swevers et al. 1997 without the common period: a
-/// recording is not one lap).
+/// q = c + w(t) Σ A_k sin(ω_k t + φ_k), with a smooth step w as fade-in (Swevers et al. 1997 without the common period: a recording is not one lap).
 #[derive(Clone, Debug)]
 pub(super) struct Fourier {
     centre: f64,

@@ -6,7 +6,7 @@ use super::Room;
 use super::fourier::fade;
 use crate::random::uniform;
 
-/// Part of a trapezoid's time that is spent accelerating, and again decelerating.
+/// Share of a trapezoid's time for acceleration, and again for deceleration.
 const RAMP: f64 = 0.3;
 
 /// One move and the dwell after it.
@@ -18,7 +18,7 @@ struct Move {
     to: Vec<f64>,
 }
 
-/// Moves with a speed profile in common: a trapezoid, or the smooth quintic.
+/// Moves with a common speed profile: a trapezoid, or the smooth quintic.
 #[derive(Clone, Debug)]
 pub(super) struct PointToPoint {
     moves: Vec<Move>,
@@ -28,7 +28,7 @@ pub(super) struct PointToPoint {
 impl PointToPoint {
     pub fn draw(rooms: &[Room], duration: f64, rng: &mut ChaCha8Rng) -> Self {
         let trapezoid = uniform(rng, 0.0, 1.0) < 0.5;
-        // Largest speed and acceleration of the profile over a unit way in a unit time.
+        // Largest speed and acceleration of the profile over a unit distance in a unit time.
         let (speed, acceleration) =
             if trapezoid { (1.0 / (1.0 - RAMP), 1.0 / (RAMP * (1.0 - RAMP))) } else { (1.875, 5.774) };
         let mut from: Vec<f64> = rooms.iter().map(|room| room.home).collect();
@@ -62,7 +62,7 @@ impl PointToPoint {
     }
 }
 
-/// A unit way in a unit time with a trapezoid of speed, and its two derivatives.
+/// A unit distance in a unit time with a trapezoidal speed, and its two derivatives.
 fn trapezoid(s: f64) -> [f64; 3] {
     let (top, acceleration) = (1.0 / (1.0 - RAMP), 1.0 / (RAMP * (1.0 - RAMP)));
     if s <= 0.0 {

@@ -1,12 +1,12 @@
-//! Slow sweeps to and fro at constant speed, for one joint.
+//! Slow sweeps back and forth at constant speed, for one joint.
 
 use rand_chacha::ChaCha8Rng;
 
 use super::Room;
 use crate::random::{log_uniform, sign, uniform};
 
-/// To and fro: speed ±v, turned round at constant acceleration in the time `turn`; period 2 (`straight` + `turn`). Every second
-/// pair of sweeps is made at another speed, so that friction is met at more than one.
+/// Back and forth: speed ±v, with a reversal at constant acceleration in the time `turn`; period 2 (`straight` + `turn`). Every second pair of sweeps has
+/// another speed, so that the recording contains friction at more than one speed.
 #[derive(Clone, Debug)]
 pub(super) struct Sweep {
     centre: f64,
@@ -22,7 +22,7 @@ impl Sweep {
         let mut speed = || log_uniform(rng, 0.1, 0.6) * room.speed;
         let speeds = [speed(), speed()];
         let turn = uniform(rng, 0.12, 0.3).max(2.0 * speeds[0].max(speeds[1]) / room.acceleration);
-        // The turn of the faster sweep takes speed · turn / 4 at each end.
+        // The reversal of the faster sweep takes the distance speed · turn / 4 at each end.
         let straight = speeds.map(|v| ((way - 0.25 * v * turn) / v).max(0.3));
         let direction = sign(rng);
         Self { centre: room.home - 0.5 * direction * way, direction, speeds, straight, turn }
@@ -50,7 +50,7 @@ impl Sweep {
     }
 }
 
-/// From rest at one end to rest at the other: half a turn, the straight, half a turn.
+/// From rest at one end to rest at the other: half a reversal, the straight, half a reversal.
 fn one_way(t: f64, speed: f64, straight: f64, turn: f64) -> [f64; 3] {
     let (half, a) = (0.5 * turn, 2.0 * speed / turn);
     if t < half {

@@ -1,4 +1,4 @@
-//! The pages: one with the table of all machines, one of each machine with what was learned.
+//! The pages: one with the table of all machines, one for each machine with the results of its training.
 
 use freeplay_harness::closed_loop::RATE;
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Figure, Section, Series, Table, Verdict};
@@ -75,7 +75,7 @@ fn section(outcome: &Outcome) -> Section {
     checked(outcome, section)
 }
 
-/// The checks of `outcome`, and what it reached far outside the training, below `section`.
+/// Adds the checks of `outcome`, and its result far outside the training, to `section`.
 fn checked(outcome: &Outcome, section: Section) -> Section {
     let checks = outcome.checks().into_iter();
     let mut section = checks
@@ -89,7 +89,7 @@ fn checked(outcome: &Outcome, section: Section) -> Section {
     section
 }
 
-/// The page of one machine: the tool's deviation on the judged paths, `courses` by path and way, and what was learned.
+/// The page of one machine: the tool's deviation on the judged paths, `courses` by path and method, and the results of the training.
 pub fn of_machine(outcome: &Outcome, trained: &Trained, courses: &[(&str, Vec<Vec<f64>>)]) -> Document {
     let mut judged = checked(outcome, Section::new("On other paths, without a tracker"));
     for (path, drawn) in courses {

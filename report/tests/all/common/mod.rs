@@ -1,11 +1,11 @@
-//! What several tests need: a page with every kind of block.
+//! A page with every kind of block, for several tests.
 
 use freeplay_report::{
     Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Film, Mark, Moving, Scene, Section, Series,
     Table, Verdict,
 };
 
-/// Every kind of block, each text of it being `text`, with three charts that are drawn and one that is empty.
+/// Every kind of block, with `text` as each text, with three charts that are drawn and one that is empty.
 pub fn every_block(text: &str) -> Document {
     let word = || text.to_owned();
     let x = [0.0, 1.0, 2.0];
