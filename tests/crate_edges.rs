@@ -162,7 +162,7 @@ fn is_library(target: &Value) -> bool {
     ["lib", "rlib"].iter().any(|kind| target["kind"][0] == *kind)
 }
 
-/// A crate without documentation examples disables their tests: searching for them costs seconds of a build.
+/// `doctest` in the manifest of a crate is set exactly if its documentation has examples: searching for them costs seconds of a build.
 #[test]
 fn examples_in_documentation_are_tests_where_there_are_some() {
     for (name, package) in &packages() {

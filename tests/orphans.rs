@@ -119,7 +119,7 @@ fn a_killed_run_takes_all_its_processes_along_at_any_moment() {
     }
 }
 
-/// Whether this process was started with SIGHUP ignored.
+/// True if this process was started with SIGHUP ignored.
 fn ignores_hang_ups() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").expect("a process");
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).expect("a mask");

@@ -26,11 +26,11 @@ pub struct Facts {
     pub kernel: Option<String>,
     /// Build of the kernel, which states its preemption model.
     pub build: Option<String>,
-    /// Whether it is a PREEMPT_RT kernel with real-time preemption active.
+    /// True if it is a PREEMPT_RT kernel with real-time preemption active.
     pub realtime: bool,
     /// Highest real-time priority that this process may take, 1 to 99; 0 for none.
     pub priority: Option<u64>,
-    /// Whether this process may lock all of its memory.
+    /// True if this process may lock all of its memory.
     pub may_lock: Option<bool>,
     /// Share of each second that real-time threads may use; absent: all.
     pub realtime_share: Option<f64>,
@@ -50,7 +50,7 @@ pub struct Facts {
     pub quota: Option<f64>,
     /// Number of running and runnable processes, average over the last minute.
     pub load: Option<f64>,
-    /// Whether the machine is virtual.
+    /// True if the machine is virtual.
     pub is_virtual: bool,
     /// Stolen time since the start of the machine.
     pub cpu_time: Option<MachineCpuTime>,

@@ -30,13 +30,13 @@ const SPIN: u64 = 200_000;
 pub struct SystemState {
     /// Folder of the runs' shared memory.
     pub shared_memory: PathBuf,
-    /// Whether it is on a tmpfs.
+    /// True if it is on a tmpfs.
     pub is_tmpfs: bool,
     /// Free space, bytes; `None` if it cannot be used.
     pub free: Option<u64>,
     /// Resolution of the clock, ns.
     pub resolution: u64,
-    /// Whether this process may prevent deep idle states.
+    /// True if this process may prevent deep idle states.
     pub may_hold: bool,
 }
 

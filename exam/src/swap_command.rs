@@ -26,7 +26,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::recorded::{check_solo_run, play_recorded};
-use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
+use crate::swap_measures::{Measured, SETTLING, SoloRun, measure, steady_change};
 
 /// The schema of `swap.json`.
 const SCHEMA: &str = "freeplay.swap/1";
@@ -189,9 +189,9 @@ impl Stage {
                 return Ok(played);
             };
             check_solo_run(&summary, &name, self.scenario.mode)?;
-            alone.push(Alone::new(&summary, &name, &recording)?);
+            alone.push(SoloRun::new(&summary, &name, &recording)?);
         }
-        played.held_alone = alone.iter().map(Alone::held_share).fold(0.0, f64::max);
+        played.held_alone = alone.iter().map(SoloRun::held_share).fold(0.0, f64::max);
         while (played.planned() as u32) < count {
             let left = count - played.planned() as u32;
             let Some(swaps) = self.play_swaps(played.runs, left.min(per_run), &alone, window)? else {
@@ -212,7 +212,7 @@ impl Stage {
         &self,
         run: usize,
         count: u32,
-        alone: &[Alone],
+        alone: &[SoloRun],
         window: usize,
     ) -> Result<Option<Vec<Measured>>, Failure> {
         let mut scenario = self.scenario.clone();

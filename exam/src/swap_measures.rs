@@ -18,7 +18,7 @@ pub const SETTLING: usize = 200;
 
 /// One controller's run alone.
 #[derive(Clone, Debug)]
-pub struct Alone {
+pub struct SoloRun {
     /// Name of the controller.
     pub name: String,
     /// The tool's deviation at each tick, m.
@@ -64,7 +64,7 @@ pub struct Measured {
     pub stalls: u64,
     /// Stalls among these from [`AROUND`] ticks before the planned tick to the swap; with such a stall the gap does not count either.
     pub stalls_in_gap: u64,
-    /// Whether the journals came into contact or lost it in these ticks.
+    /// True if the journals came into contact or lost it in these ticks.
     pub contact_event: bool,
 }
 
@@ -81,7 +81,7 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
 }
 
-impl Alone {
+impl SoloRun {
     /// Reads the summary and the recording of a run of one controller.
     ///
     /// # Errors
@@ -106,14 +106,14 @@ impl Alone {
 }
 
 /// The least of the steady changes of `alone`, by joint: a smaller change occurs in the steady motion of every controller.
-pub fn steady_change(alone: &[Alone]) -> Vec<f64> {
+pub fn steady_change(alone: &[SoloRun]) -> Vec<f64> {
     let joints = alone.iter().map(|alone| alone.steady.len()).min().unwrap_or(0);
     let least = |joint: usize| alone.iter().map(|alone| alone.steady[joint]).fold(f64::INFINITY, f64::min);
     // Slightly reduced, since a sum and a difference of two torques are rounded.
     (0..joints).map(|joint| least(joint) * (1.0 - 1e-9)).collect()
 }
 
-impl Alone {
+impl SoloRun {
     /// Share of the ticks for which the last command was held, after the first [`SETTLING`].
     pub fn held_share(&self) -> f64 {
         self.held as f64 / self.deviation.len().saturating_sub(SETTLING).max(1) as f64
@@ -136,7 +136,7 @@ struct Run<'a> {
     /// Time in contact of each joint with play at each tick, s.
     contact: Vec<&'a [f64]>,
     /// The run alone of the controller in each slot.
-    alone: Vec<&'a Alone>,
+    alone: Vec<&'a SoloRun>,
     window: usize,
 }
 
@@ -147,7 +147,7 @@ struct Run<'a> {
 pub fn measure(
     summary: &RunSummary,
     recording: &Recording,
-    alone: &[Alone],
+    alone: &[SoloRun],
     names: &[String],
     seed: u64,
     window: usize,
@@ -218,8 +218,8 @@ impl Run<'_> {
             gap_ticks: count("gap_ticks"),
             missed_ticks: ticks_with(self.rejected, &|code| code != 0.0),
             held_ticks: count("held_ticks") + ticks_with(self.in_force, &|code| code == HELD_COMMAND),
-            jump: self.of_usual(&numbers(&swap["jump"]), slots, &ticks),
-            blend_change: self.of_usual(&numbers(&swap["greatest_change"]), slots, &ticks),
+            jump: self.relative_to_solo(&numbers(&swap["jump"]), slots, &ticks),
+            blend_change: self.relative_to_solo(&numbers(&swap["greatest_change"]), slots, &ticks),
             stalls: stalls_in(&self.stalls, &(planned.saturating_sub(self.window as u64)..ticks.end as u64)),
             stalls_in_gap: stalls_in(&self.stalls, &(planned.saturating_sub(AROUND)..tick + 1)),
             deviation_peak_mm: peak * 1e3,
@@ -242,7 +242,7 @@ impl Run<'_> {
     }
 
     /// Ratio of `change` to the greatest change of the controllers in `slots` without swap; maximum over the joints.
-    fn of_usual(&self, change: &[f64], slots: [usize; 2], ticks: &Range<usize>) -> f64 {
+    fn relative_to_solo(&self, change: &[f64], slots: [usize; 2], ticks: &Range<usize>) -> f64 {
         let usual = |joint: usize| {
             slots.iter().map(|&slot| self.alone[slot].change(joint, ticks)).fold(0.0, f64::max)
         };

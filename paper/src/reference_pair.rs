@@ -63,7 +63,7 @@ impl Figures {
 pub struct Pair {
     /// Name of the run.
     pub run: String,
-    /// Whether the path is free of corners.
+    /// True if the path is free of corners.
     pub smooth: bool,
     /// The reference's figures.
     pub theirs: Figures,

@@ -21,7 +21,7 @@ pub const TICK: f64 = 1e-3;
 /// Set-up of a simulation.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Who moves the joints.
+    /// Drive of the joints.
     pub drive: Drive,
     /// The reference path.
     pub path: PathSpec,

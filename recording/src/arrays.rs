@@ -26,7 +26,7 @@ pub(crate) struct Array {
 
 /// Memory budget for the arrays of one file, checked before inflation.
 #[derive(Debug)]
-pub(crate) struct Room {
+pub(crate) struct MemoryBudget {
     /// Remaining numbers.
     numbers: u64,
     /// Largest possible number of samples: the times of a recording differ, so that each takes at least one bit of a compressed file.
@@ -37,16 +37,16 @@ pub(crate) struct Room {
 
 /// An array exceeds the remaining budget.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct NoRoom;
+pub(crate) struct OverBudget;
 
-impl Room {
+impl MemoryBudget {
     /// The budget for a file of `length` bytes.
     pub fn of(source: &Source, length: usize) -> Self {
         Self { numbers: source.limit, samples: (length as u64).saturating_mul(8), too_long: Vec::new() }
     }
 
     /// Takes the numbers of the array `name` of this `shape` from the budget and returns their count; 0 for an array to be skipped.
-    pub fn take(&mut self, name: &str, shape: &[usize]) -> Result<usize, NoRoom> {
+    pub fn take(&mut self, name: &str, shape: &[usize]) -> Result<usize, OverBudget> {
         if shape.contains(&0) {
             return Ok(0);
         }
@@ -54,8 +54,9 @@ impl Room {
             self.too_long.push(name.to_owned());
             return Ok(0);
         }
-        let count = shape.iter().try_fold(1_usize, |count, size| count.checked_mul(*size)).ok_or(NoRoom)?;
-        self.numbers = self.numbers.checked_sub(count as u64).ok_or(NoRoom)?;
+        let count =
+            shape.iter().try_fold(1_usize, |count, size| count.checked_mul(*size)).ok_or(OverBudget)?;
+        self.numbers = self.numbers.checked_sub(count as u64).ok_or(OverBudget)?;
         Ok(count)
     }
 }
@@ -92,8 +93,8 @@ pub(crate) fn numbers(
 pub(crate) const NO_SAMPLES: &str = "its arrays are empty, or longer than the times of which so short a file can tell; write it again, with the time of each sample";
 
 /// The columns in `arrays`, with the names of the joints from `texts`; `None` without samples. Samples run along the length that most arrays share. The arrays
-/// were read within `room`.
-pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>, room: Room) -> Option<Foreign> {
+/// were read within `budget`.
+pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>, budget: MemoryBudget) -> Option<Foreign> {
     let mut foreign = Foreign::default();
     let squeezed: Vec<Array> = arrays
         .into_iter()
@@ -108,7 +109,7 @@ pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>, room: Room) -
         *lengths.entry(*size).or_default() += 1;
     }
     let (&samples, _) = lengths.iter().max_by_key(|(size, count)| (**count, **size))?;
-    let mut aside = room.too_long;
+    let mut aside = budget.too_long;
     for array in squeezed {
         let columns = array.values.len() / samples;
         if foreign.names.len() + columns > MAX_COLUMNS {

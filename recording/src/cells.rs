@@ -10,7 +10,7 @@ pub(crate) enum Cell {
     /// A number; NaN for a missing one.
     Number(f64),
     /// A time stamp, ns: since 1970, or since midnight if the cell has no date.
-    Moment(i128),
+    TimeStamp(i128),
     /// Numbers in brackets.
     List(Vec<f64>),
     /// Words in brackets.
@@ -29,8 +29,8 @@ pub(crate) fn cell(cell: &[u8], decimal: u8) -> Cell {
     if is_nothing(text) {
         return Cell::Number(f64::NAN);
     }
-    if let Some(ns) = moment(text) {
-        return Cell::Moment(ns);
+    if let Some(ns) = time_stamp(text) {
+        return Cell::TimeStamp(ns);
     }
     list(text).unwrap_or(Cell::Text)
 }
@@ -79,7 +79,7 @@ fn plain(part: &str) -> &str {
 }
 
 /// A time in ISO 8601 or a similar form: `2026-01-31T12:30:00.25+01:00`, `2026-01-31 12:30:00`, `12:30:00.25`; ns.
-fn moment(text: &str) -> Option<i128> {
+fn time_stamp(text: &str) -> Option<i128> {
     let (day, clock) = match text.split_once(['T', ' ']) {
         Some((day, clock)) => (days(day)?, clock),
         None => (0, text),
@@ -139,11 +139,11 @@ fn days(text: &str) -> Option<i64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Cell, cell, moment};
+    use super::{Cell, cell, time_stamp};
 
     #[test]
-    fn moments_of_every_spelling_are_the_same() {
-        let expected = moment("2024-11-20T10:00:00.25Z").expect("a moment");
+    fn time_stamps_of_every_spelling_are_the_same() {
+        let expected = time_stamp("2024-11-20T10:00:00.25Z").expect("a time stamp");
         assert_eq!(expected, 1_732_096_800_250_000_000, "date -d 2024-11-20T10:00Z +%s");
         for text in [
             "2024-11-20 10:00:00.250",
@@ -151,11 +151,14 @@ mod tests {
             "2024/11/20 05:00:00.25-0500",
             "2024-11-20 10:00:00.250000+00:00",
         ] {
-            assert_eq!(moment(text), Some(expected), "{text}");
+            assert_eq!(time_stamp(text), Some(expected), "{text}");
         }
-        assert_eq!(moment("10:00:00.5").zip(moment("10:00")), Some((36_000_500_000_000, 36_000_000_000_000)));
+        assert_eq!(
+            time_stamp("10:00:00.5").zip(time_stamp("10:00")),
+            Some((36_000_500_000_000, 36_000_000_000_000))
+        );
         for text in ["2024-13-20 10:00:00", "10", "10:00:00:00", "a:b", "2024-11-20", "1:2:3.x", "", "-1"] {
-            assert_eq!(moment(text), None, "{text}");
+            assert_eq!(time_stamp(text), None, "{text}");
         }
     }
 

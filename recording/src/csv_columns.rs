@@ -12,7 +12,7 @@ use crate::interpret::tidy;
 enum Held {
     Numbers,
     /// Time stamps, read as seconds since the first one.
-    Moments,
+    TimeStamps,
     /// So many numbers in each cell.
     Lists(usize),
     Text,
@@ -78,12 +78,12 @@ impl Columns {
                     row[place..place + width].fill(f64::NAN);
                     place += width;
                 }
-                (Held::Moments, Cell::Moment(ns)) => {
+                (Held::TimeStamps, Cell::TimeStamp(ns)) => {
                     let begin = *self.begin.get_or_insert(ns);
                     row[place] = (ns - begin) as f64 * 1e-9;
                     place += 1;
                 }
-                (Held::Moments, Cell::Number(value)) if !value.is_nan() => {
+                (Held::TimeStamps, Cell::Number(value)) if !value.is_nan() => {
                     odd(place, &text(bytes))?;
                     row[place] = f64::NAN;
                     place += 1;
@@ -114,8 +114,8 @@ impl Columns {
         for (column, held) in self.held.iter().enumerate() {
             let first = rows.first().and_then(|row| row.get(column)).unwrap_or_default();
             match held {
-                Held::Moments => {
-                    sample.moments.insert(place);
+                Held::TimeStamps => {
+                    sample.time_stamps.insert(place);
                 }
                 Held::Text => {
                     let words = match cell(first, self.decimal) {
@@ -162,7 +162,7 @@ fn held(rows: &[ByteRecord], column: usize, decimal: u8) -> Held {
     let is_nothing = |cell: &Cell| matches!(cell, Cell::Number(value) if value.is_nan());
     match cells.find(|cell| !is_nothing(cell)) {
         None | Some(Cell::Number(_)) => Held::Numbers,
-        Some(Cell::Moment(_)) => Held::Moments,
+        Some(Cell::TimeStamp(_)) => Held::TimeStamps,
         Some(Cell::List(values)) => Held::Lists(values.len().max(1)),
         Some(Cell::Words(_) | Cell::Text) => Held::Text,
     }

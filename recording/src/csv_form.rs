@@ -20,7 +20,7 @@ const MARKS: [char; 2] = ['#', '%'];
 
 /// The form as stated in a mapping.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Told {
+pub(crate) struct StatedForm {
     pub separator: Option<u8>,
     pub decimal: Option<u8>,
     /// Lines before the header.
@@ -72,18 +72,18 @@ impl Line {
 
 impl Form {
     /// The form of a file that begins with `head`, complete lines but for the last; `None` if there are only blank lines and comments.
-    pub fn of(head: &[u8], told: Told) -> Option<Self> {
+    pub fn of(head: &[u8], stated: StatedForm) -> Option<Self> {
         let all = lines(head);
         let lines = all.as_slice();
-        let skip = told.skip.unwrap_or(0).min(lines.len().saturating_sub(1));
+        let skip = stated.skip.unwrap_or(0).min(lines.len().saturating_sub(1));
         let lines = lines.get(skip..)?;
         let plain: Vec<Line> = lines.iter().filter(|line| !line.is_comment()).cloned().collect();
         let judged = &plain[plain.len().saturating_sub(JUDGED)..];
-        let form = chosen(judged, told).or_else(|| chosen(lines, told))?;
+        let form = chosen(judged, stated).or_else(|| chosen(lines, stated))?;
         let typical = judged.iter().map(|line| line.data_cells(form).0).max().unwrap_or(0);
         let is_data = |line: &Line| typical > 0 && 2 * line.data_cells(form).0 >= typical.max(2);
         let is_header_told =
-            told.skip.is_some() && lines.first().is_some_and(|line| !is_data(line) || lines.len() == 1);
+            stated.skip.is_some() && lines.first().is_some_and(|line| !is_data(line) || lines.len() == 1);
         let data =
             plain.iter().find(|line| is_data(line) && !(is_header_told && line.number == lines[0].number));
         let first = data.map(|line| line.cells(form.0)).unwrap_or_default();
@@ -104,13 +104,13 @@ impl Form {
 }
 
 /// The separator and decimal sign with which `lines` have most numbers; a mapping overrides the detection.
-fn chosen(lines: &[Line], told: Told) -> Option<(u8, u8)> {
+fn chosen(lines: &[Line], stated: StatedForm) -> Option<(u8, u8)> {
     lines.first()?;
     let mut forms: Vec<(u8, u8)> = FORMS.to_vec();
-    if let Some(separator) = told.separator {
+    if let Some(separator) = stated.separator {
         forms = [(separator, b'.'), (separator, b',')].into();
     }
-    if let Some(decimal) = told.decimal {
+    if let Some(decimal) = stated.decimal {
         forms.iter_mut().for_each(|form| form.1 = decimal);
         forms.retain(|form| form.0 != form.1);
     }
@@ -232,11 +232,11 @@ pub(crate) fn text(bytes: &[u8]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Form, Told};
+    use super::{Form, StatedForm};
 
     /// Separator, decimal sign, names, first line of data.
     fn form(text: &str) -> (char, char, Option<String>, u64) {
-        let form = Form::of(text.as_bytes(), Told::default()).expect("a form");
+        let form = Form::of(text.as_bytes(), StatedForm::default()).expect("a form");
         let names = form.header.map(|names| names.join("|"));
         (char::from(form.separator), char::from(form.decimal), names, form.data.1)
     }

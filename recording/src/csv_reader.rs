@@ -5,7 +5,7 @@ use std::io::{self, Cursor, Read};
 use csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 
 use crate::csv_columns::Columns;
-use crate::csv_form::{Form, Told};
+use crate::csv_form::{Form, StatedForm};
 use crate::error::ReadError;
 use crate::input::Source;
 use crate::interpret::interpret;
@@ -38,7 +38,7 @@ pub(crate) fn read(
     if head.contains(&0) {
         return Err(ReadError::NotText { file: source.file.to_path_buf(), what: "it holds zero bytes" });
     }
-    let form = Form::of(whole_lines(&head), mapping.map_or_else(Told::default, Mapping::told));
+    let form = Form::of(whole_lines(&head), mapping.map_or_else(StatedForm::default, Mapping::stated_form));
     let form = form.ok_or_else(|| ReadError::Empty { file: source.file.to_path_buf() })?;
     let (start, line) = form.data;
     let sample = sampled(&whole_lines(&head)[start.min(whole_lines(&head).len())..], &form);

@@ -122,7 +122,7 @@ pub enum ReadError {
     /// A line longer than any line of a recording.
     #[error("{place}: the line is longer than {limit} bytes; not a CSV, or a quote that is never closed")]
     LongLine {
-        /// Where the line begins.
+        /// Beginning of the line.
         place: Place,
         /// The longest line read, bytes.
         limit: usize,

@@ -22,7 +22,7 @@ pub(crate) struct Foreign {
     pub names: Vec<String>,
     pub columns: Vec<Vec<f64>>,
     /// Columns in seconds since the first time stamp.
-    pub moments: HashSet<usize>,
+    pub time_stamps: HashSet<usize>,
     /// Numbers name the columns.
     pub numbered: bool,
     /// The joints' names, if the file has such a list.
@@ -108,7 +108,7 @@ impl Foreign {
         let sample = Sample {
             rows: (0..rows.min(SAMPLE)).map(row).collect(),
             texts: BTreeMap::new(),
-            moments: self.moments.clone(),
+            time_stamps: self.time_stamps.clone(),
         };
         let whole = source.place(Row::Whole);
         let interpreted = interpret(tidy(&self.names), self.numbered, &sample, mapping, None, &whole)?;

@@ -1,7 +1,7 @@
 //! A mapping file in TOML: it gives the meaning of the columns of a recording from another tool.
 //!
 //! ```toml
-//! separator = ";"                 # optional, as are decimal and skip: else told from the file
+//! separator = ";"                 # optional, as are decimal and skip: else detected from the file
 //! decimal = ","
 //! skip = 2                        # lines before the header
 //! joints = ["shoulder", "elbow"]  # optional: the joints' names, in the order of the columns
@@ -36,14 +36,14 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::csv_form::{Form, Told};
+use crate::corrections::{Relative, shifted, unwrapped};
+use crate::csv_form::{Form, StatedForm};
 use crate::mapped::{Mapped, Places};
 use crate::mapping_error::MappingError;
 use crate::mapping_text::MappingText;
 use crate::names::{Group, ORIENTATION, TOOL, list};
 use crate::place::Place;
 use crate::recording::Recording;
-use crate::reread::{Relative, shifted, unwrapped};
 use crate::sources::{Quantity, Sources};
 
 /// Meaning of the columns of a foreign recording.
@@ -259,9 +259,9 @@ impl Mapping {
     }
 
     /// The form of the file as far as the mapping states it.
-    pub(crate) fn told(&self) -> Told {
+    pub(crate) fn stated_form(&self) -> StatedForm {
         let byte = |sign: Option<char>| sign.map(|sign| sign as u8);
-        Told { separator: byte(self.separator), decimal: byte(self.decimal), skip: self.skip }
+        StatedForm { separator: byte(self.separator), decimal: byte(self.decimal), skip: self.skip }
     }
 
     /// The joints' names, in the order of the columns.

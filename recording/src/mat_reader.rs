@@ -5,7 +5,7 @@
 
 use std::io::Read;
 
-use crate::arrays::{Array, NO_SAMPLES, NoRoom, Number, Room, columns, numbers};
+use crate::arrays::{Array, MemoryBudget, NO_SAMPLES, Number, OverBudget, columns, numbers};
 use crate::error::ReadError;
 use crate::foreign::Foreign;
 use crate::input::Source;
@@ -42,15 +42,15 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
     };
     let (header, mut rest) = bytes.split_at_checked(HEADER).ok_or_else(|| said(Fault::Damaged))?;
     let is_big = header.ends_with(b"MI");
-    let room = Room::of(source, bytes.len());
-    let mut found = Found { is_big, arrays: Vec::new(), texts: Vec::new(), room };
+    let budget = MemoryBudget::of(source, bytes.len());
+    let mut found = Found { is_big, arrays: Vec::new(), texts: Vec::new(), budget };
     while found.variable(&mut rest).map_err(said)? {}
-    if found.arrays.is_empty() && found.room.too_long.is_empty() {
+    if found.arrays.is_empty() && found.budget.too_long.is_empty() {
         return Err(unusable(
             "no arrays of numbers in this MAT-file; save some: save('run.mat', '-v7', 't', 'q', 'tau')",
         ));
     }
-    columns(found.arrays, found.texts, found.room).ok_or_else(|| unusable(NO_SAMPLES))
+    columns(found.arrays, found.texts, found.budget).ok_or_else(|| unusable(NO_SAMPLES))
 }
 
 /// Reason why a file can't be read.
@@ -66,8 +66,8 @@ impl From<std::io::Error> for Fault {
     }
 }
 
-impl From<NoRoom> for Fault {
-    fn from(_: NoRoom) -> Self {
+impl From<OverBudget> for Fault {
+    fn from(_: OverBudget) -> Self {
         Self::TooLarge
     }
 }
@@ -86,7 +86,7 @@ struct Found {
     is_big: bool,
     arrays: Vec<Array>,
     texts: Vec<Vec<String>>,
-    room: Room,
+    budget: MemoryBudget,
 }
 
 impl Found {
@@ -166,7 +166,7 @@ impl Found {
 
     /// Reads the numbers of the array `name` of this `shape`.
     fn values(&mut self, input: &mut dyn Read, name: String, shape: &[usize]) -> Result<(), Fault> {
-        let count = self.room.take(&name, shape)?;
+        let count = self.budget.take(&name, shape)?;
         if count == 0 {
             return Ok(());
         }

@@ -42,7 +42,7 @@ pub(crate) struct Chunk<'b> {
     records: Cow<'b, [u8]>,
     /// Length of the body that the chunk itself claims, bytes.
     pub length: usize,
-    /// Whether a checksum confirmed the content.
+    /// True if a checksum confirmed the content.
     pub is_verified: bool,
 }
 

@@ -6,7 +6,7 @@ use std::io::Read;
 
 use rawzip::{CompressionMethod, ZipArchive};
 
-use crate::arrays::{Array, NO_SAMPLES, NoRoom, Number, Room, columns, numbers};
+use crate::arrays::{Array, MemoryBudget, NO_SAMPLES, Number, OverBudget, columns, numbers};
 use crate::error::ReadError;
 use crate::foreign::Foreign;
 use crate::input::Source;
@@ -35,7 +35,7 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
     let archive = ZipArchive::from_slice(bytes).map_err(|error| damaged(&error))?;
     let (mut arrays, mut texts, mut aside, mut entries) =
         (Vec::new(), Vec::new(), Vec::new(), archive.entries());
-    let mut room = Room::of(source, bytes.len());
+    let mut budget = MemoryBudget::of(source, bytes.len());
     while let Some(entry) = entries.next_entry().map_err(|error| damaged(&error))? {
         let path = entry.file_path();
         let path = String::from_utf8_lossy(path.as_ref()).into_owned();
@@ -57,17 +57,17 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
                 )));
             }
         };
-        match array(name, data, &mut room).map_err(|what| unusable(format!("{path}: {what}")))? {
+        match array(name, data, &mut budget).map_err(|what| unusable(format!("{path}: {what}")))? {
             Held::Numbers(array) => arrays.push(array),
             Held::Texts(text) => texts.push(text),
             Held::Other(kind) => aside.push(format!("{name} ({kind})")),
         }
     }
-    if arrays.is_empty() && room.too_long.is_empty() {
+    if arrays.is_empty() && budget.too_long.is_empty() {
         let what = "a ZIP archive or a spreadsheet, without arrays of numbers: export it as CSV, or write it with numpy.savez";
         return Err(unusable(what.to_owned()));
     }
-    let mut foreign = columns(arrays, texts, room).ok_or_else(|| unusable(NO_SAMPLES.to_owned()))?;
+    let mut foreign = columns(arrays, texts, budget).ok_or_else(|| unusable(NO_SAMPLES.to_owned()))?;
     if !aside.is_empty() {
         foreign.notes.push(format!("arrays that hold no numbers are left out: {}", list(&aside)));
     }
@@ -80,10 +80,10 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
 /// [`ReadError::Unusable`].
 pub(crate) fn read_single(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> {
     let unusable = |what: String| ReadError::Unusable { file: source.file.to_path_buf(), what };
-    let mut room = Room::of(source, bytes.len());
-    match array("column", &mut { bytes }, &mut room).map_err(unusable)? {
+    let mut budget = MemoryBudget::of(source, bytes.len());
+    match array("column", &mut { bytes }, &mut budget).map_err(unusable)? {
         Held::Numbers(array) if array.shape.len() == 2 => {
-            let mut foreign = columns(vec![array], Vec::new(), room)
+            let mut foreign = columns(vec![array], Vec::new(), budget)
                 .ok_or_else(|| unusable(NO_SAMPLES.to_owned()))?;
             foreign.names = (1..=foreign.names.len()).map(|number| number.to_string()).collect();
             foreign.numbered = true;
@@ -96,7 +96,7 @@ pub(crate) fn read_single(bytes: &[u8], source: &Source) -> Result<Foreign, Read
 }
 
 /// The array in `input`, or its fault.
-fn array(name: &str, input: &mut dyn Read, room: &mut Room) -> Result<Held, String> {
+fn array(name: &str, input: &mut dyn Read, budget: &mut MemoryBudget) -> Result<Held, String> {
     let header = header(input).ok_or("no NumPy array, or its header is cut")?;
     let kind = value_of(&header, "descr").ok_or("its header has no descr")?.trim_matches(['\'', '"']);
     let is_fortran = value_of(&header, "fortran_order").is_some_and(|text| text.starts_with("True"));
@@ -118,7 +118,7 @@ fn array(name: &str, input: &mut dyn Read, room: &mut Room) -> Result<Held, Stri
     }
     let Some((size, number)) = number_of(letter) else { return Ok(Held::Other(shorten(kind))) };
     let count =
-        room.take(name, &shape).map_err(|NoRoom| "more numbers than what is read; write fewer rows")?;
+        budget.take(name, &shape).map_err(|OverBudget| "more numbers than what is read; write fewer rows")?;
     if count == 0 {
         return Ok(Held::Numbers(Array { name: name.to_owned(), shape: vec![0], values: Vec::new() }));
     }

@@ -23,7 +23,7 @@ impl Reordered {
 /// in the order of the file, or the `positions` travel farther when sorted, since sorting mixes two motions.
 pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -> Option<Reordered> {
     let t = &columns[time];
-    if is_clock_back(t) {
+    if clock_jumps_back(t) {
         return None;
     }
     let mut latest = f64::NEG_INFINITY;
@@ -58,9 +58,9 @@ pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -
 /// clock that jumps back are steady before and behind the jump, and mixed when sorted. If the times behind a jump don't reach those before it, sorting mixes
 /// nothing.
 ///
-/// The test models the deviation of time steps from the median step by Laplace's distribution, in the order of the file and sorted. The order of the file pays
+/// The test models the deviations of the time steps from their median with a Laplace distribution, in the order of the file and sorted. The order of the file pays
 /// for place and size of each jump as in the Bayesian information criterion (Schwarz 1978): so stamps that jitter by more than a step are not taken for jumps.
-fn is_clock_back(t: &[f64]) -> bool {
+fn clock_jumps_back(t: &[f64]) -> bool {
     let runs = t.chunk_by(|before, after| before <= after);
     let mut spans: Vec<[f64; 2]> = runs.map(|run| [run[0], run[run.len() - 1]]).collect();
     let jumps = spans.len().saturating_sub(1) as f64;
@@ -79,12 +79,12 @@ fn is_clock_back(t: &[f64]) -> bool {
         return false;
     }
     let middle = steps.len() / 2;
-    let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let median_step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
     // The deviation of a gap is limited to that of a missing step.
-    let off = |steps: &[f64]| {
-        steps.iter().map(|step| (step - usual).abs().min(usual)).sum::<f64>() / steps.len() as f64
+    let mean_deviation = |steps: &[f64]| {
+        steps.iter().map(|step| (step - median_step).abs().min(median_step)).sum::<f64>() / steps.len() as f64
     };
-    let (count, gain) = (sorted.len() as f64, (off(&sorted) / off(&file)).ln());
+    let (count, gain) = (sorted.len() as f64, (mean_deviation(&sorted) / mean_deviation(&file)).ln());
     // Exactly even times give infinity, and NaN if sorting leaves them even.
     count * gain > 2.0 * jumps * count.ln()
 }

@@ -73,7 +73,7 @@ struct Leaf {
     values: Vec<f64>,
     /// Count of numbers of each row; `None` if each row has one.
     widths: Option<Vec<usize>>,
-    is_moment: bool,
+    is_time_stamp: bool,
 }
 
 impl Leaf {
@@ -98,7 +98,7 @@ impl Leaf {
         raw.check(reader.metadata(), pages, column, claims)?;
         let second = seconds(&raw.descriptor);
         let mut begin: Option<i64> = None;
-        let mut moment = |value: i64, second: f64| (value - *begin.get_or_insert(value)) as f64 / second;
+        let mut since_first = |value: i64, second: f64| (value - *begin.get_or_insert(value)) as f64 / second;
         for group in 0..reader.num_row_groups() {
             match reader.get_row_group(group)?.get_column_reader(column)? {
                 ColumnReader::DoubleColumnReader(values) => raw.take(values, |value| *value)?,
@@ -108,20 +108,20 @@ impl Leaf {
                     raw.take(values, |value| f64::from(u8::from(*value)))?
                 }
                 ColumnReader::Int64ColumnReader(values) => match second {
-                    Some(second) => raw.take(values, |value| moment(*value, second))?,
+                    Some(second) => raw.take(values, |value| since_first(*value, second))?,
                     None => raw.take(values, |value| *value as f64)?,
                 },
                 ColumnReader::Int96ColumnReader(values) => {
-                    raw.take(values, |value| moment(value.to_nanos(), 1e9))?
+                    raw.take(values, |value| since_first(value.to_nanos(), 1e9))?
                 }
                 ColumnReader::ByteArrayColumnReader(_) | ColumnReader::FixedLenByteArrayColumnReader(_) => {
                     return Ok(None);
                 }
             }
         }
-        let is_moment = second.is_some() || raw.descriptor.physical_type() == Type::INT96;
+        let is_time_stamp = second.is_some() || raw.descriptor.physical_type() == Type::INT96;
         let widths = raw.is_list.then_some(raw.widths);
-        Ok(Some(Self { name: name(&raw.descriptor), values: raw.values, widths, is_moment }))
+        Ok(Some(Self { name: name(&raw.descriptor), values: raw.values, widths, is_time_stamp }))
     }
 
     /// Adds the column to `foreign`; a list becomes one column for each of its positions.
@@ -131,8 +131,8 @@ impl Leaf {
             return Err(Refused(format!("column {} has {found} rows of {rows}", self.name)));
         }
         let Some(widths) = self.widths else {
-            if self.is_moment {
-                foreign.moments.insert(foreign.names.len());
+            if self.is_time_stamp {
+                foreign.time_stamps.insert(foreign.names.len());
             }
             foreign.add(self.name, self.values);
             return Ok(());

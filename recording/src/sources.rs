@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use crate::reread::Relative;
+use crate::corrections::Relative;
 
 /// The columns of one quantity in the file, with scale, offset and so on, column by column.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -16,7 +16,7 @@ pub struct Quantity {
     pub scale: Vec<f64>,
     /// Offsets, subtracted from the scaled values, SI; an empty list means zero.
     pub offset: Vec<f64>,
-    /// Whether jumps by whole turns are removed.
+    /// True if jumps by whole turns are removed.
     pub unwrap: bool,
     /// Delay of the columns, s.
     pub delay: f64,
@@ -31,7 +31,7 @@ pub struct Sources {
     pub quantities: Vec<Quantity>,
     /// Positions that contain another joint's: joint, other (from 0) and factor.
     pub relative: Vec<(usize, usize, f64)>,
-    /// Whether the torques of the file lack the arm's weight.
+    /// True if the torques of the file lack the arm's weight.
     pub gravity_compensated: bool,
 }
 

@@ -117,10 +117,10 @@ impl Database {
     /// Names and types of the topics.
     fn topics(&self) -> Result<BTreeMap<i64, (String, String)>, Fault> {
         let mut query = self.connection.prepare("SELECT id, name, type FROM topics NOT INDEXED")?;
-        let (mut rows, mut topics, mut room) = (query.query([])?, BTreeMap::new(), Room(self.size));
+        let (mut rows, mut topics, mut budget) = (query.query([])?, BTreeMap::new(), RowBudget(self.size));
         while let Some(row) = rows.next()? {
             let (name, kind): (String, String) = (row.get(1)?, row.get(2)?);
-            room.take(name.len() + kind.len()).ok_or(Fault::NoRoom(self.size))?;
+            budget.take(name.len() + kind.len()).ok_or(Fault::NoRoom(self.size))?;
             topics.insert(row.get(0)?, (name, kind));
         }
         Ok(topics)
@@ -134,7 +134,7 @@ impl Database {
             "SELECT timestamp, topic_id, CASE WHEN topic_id IN ({wanted}) THEN data END FROM messages NOT INDEXED"
         );
         let mut query = self.connection.prepare(&messages)?;
-        let (mut rows, mut found, mut room) = (query.query([])?, Vec::new(), Room(self.size));
+        let (mut rows, mut found, mut budget) = (query.query([])?, Vec::new(), RowBudget(self.size));
         loop {
             let row = match rows.next() {
                 Ok(Some(row)) => row,
@@ -142,7 +142,7 @@ impl Database {
                 Err(error) => return Ok((found, Some(error.into()))),
             };
             let data = row.get_ref(2)?.as_blob().ok();
-            if room.take(data.map_or(0, <[u8]>::len)).is_none() {
+            if budget.take(data.map_or(0, <[u8]>::len)).is_none() {
                 return Ok((Vec::new(), Some(Fault::NoRoom(self.size))));
             }
             if let Some(data) = data {
@@ -153,10 +153,10 @@ impl Database {
 }
 
 /// Remaining bytes for rows. A page of a database that is referenced again and again gives rows without end.
-struct Room(u64);
+struct RowBudget(u64);
 
-impl Room {
-    /// Takes the room of a row with so many bytes of data, if it is available; a row has at least one more byte.
+impl RowBudget {
+    /// Subtracts the room of a row with so many bytes of data, if it is available; a row has at least one more byte.
     fn take(&mut self, bytes: usize) -> Option<()> {
         self.0 = self.0.checked_sub(bytes as u64 + 1)?;
         Some(())

@@ -17,7 +17,7 @@ pub struct Chart {
     pub marks: Vec<Mark>,
     /// True if the points lie in any order in the plane, false if y is a function of x.
     pub plane: bool,
-    /// Whether one unit is equally long on both axes (planes only).
+    /// True if one unit is equally long on both axes (planes only).
     pub equal_axes: bool,
     /// Charts of the same group share cursor, horizontal zoom and hidden series; empty for none. Their x must be the same quantity.
     pub group: String,
@@ -66,7 +66,7 @@ pub struct Series {
     pub y: Vec<f64>,
     /// Drawing style.
     pub style: Style,
-    /// Whether its line is dashed.
+    /// True if its line is dashed.
     pub dashed: bool,
 }
 

@@ -14,7 +14,7 @@ pub struct Drawing {
     pub caption: String,
     /// The panels, in reading order.
     pub panels: Vec<Chart>,
-    /// Whether panels are side by side if the window is wide enough, else one below the other.
+    /// True if panels are side by side if the window is wide enough, else one below the other.
     pub beside: bool,
 }
 

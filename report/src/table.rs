@@ -29,9 +29,9 @@ pub struct Column {
     pub digits: Digits,
     /// Selects the number that is marked as the best.
     pub best: Best,
-    /// Whether each number has a bar; the largest number of the column has the longest bar.
+    /// True if each number has a bar; the largest number of the column has the longest bar.
     pub bars: bool,
-    /// Whether long texts are broken into lines.
+    /// True if long texts are broken into lines.
     pub wraps: bool,
 }
 

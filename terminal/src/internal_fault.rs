@@ -15,7 +15,7 @@ use signal_hook::flag::register_conditional_shutdown;
 use crate::exit::{Exit, Failure};
 use crate::messages;
 
-/// Whether a panic has been reported. Further panics are its consequences, as in a scope that joins a thread.
+/// True if a panic has been reported. Further panics are its consequences, as in a scope that joins a thread.
 static IS_REPORTED: AtomicBool = AtomicBool::new(false);
 
 /// Calls `work`. A panic in it is reported in one line and becomes [`Exit::Internal`]; so does an abort of the process, or the loss of shared memory.

@@ -10,7 +10,7 @@ use signal_hook::flag::{register, register_conditional_shutdown};
 
 use crate::exit::{Exit, Failure};
 
-/// Whether a signal ends this process at once.
+/// True if a signal ends this process at once.
 static ENDS_AT_ONCE: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 
 /// Makes SIGINT, SIGTERM and SIGHUP end this process at once with the exit code of an interruption, until a call of [`stop_on_signals`] by a command that has

@@ -59,7 +59,7 @@ const KINDS: usize = 4;
 /// Kind of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-enum Looking {
+enum BlockKind {
     /// Neither recording nor live view.
     Plain,
     /// Neither, too: the control shows the ratios that chance alone causes.
@@ -70,7 +70,7 @@ enum Looking {
     Watched,
 }
 
-impl Looking {
+impl BlockKind {
     const ALL: [Self; KINDS] = [Self::Plain, Self::Control, Self::Recorded, Self::Watched];
 
     fn name(self) -> &'static str {
@@ -87,17 +87,17 @@ impl Looking {
 #[derive(Debug, Serialize)]
 struct Cost {
     stage: &'static str,
-    looking: Looking,
+    looking: BlockKind,
     /// At p50, p99 and p99.9.
     ratios: [Option<Ratio>; 3],
     /// Verdict on the limit of p99.
-    verdict: Told,
+    verdict: LimitVerdict,
 }
 
 /// Verdict of the blocks on a limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-enum Told {
+enum LimitVerdict {
     /// Their median is within the limit at 95 %.
     Holds,
     /// The limit lies within the confidence interval of their median: more blocks or a quieter machine could decide.
@@ -106,7 +106,7 @@ enum Told {
     Fails,
 }
 
-impl Told {
+impl LimitVerdict {
     fn of(ratio: Option<Ratio>) -> Self {
         match ratio {
             Some(ratio) if ratio.bounds[0] > MOST => Self::Fails,
@@ -133,16 +133,18 @@ pub fn cost(stand: &Stand, pairs: usize, format: Format) -> Result<Exit, Failure
     let bar = progress::bar(pairs as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}").with_message("blocks");
     let mut measured: [Measured; KINDS] = Default::default();
     for number in 0..pairs {
-        let mut order = Looking::ALL;
-        order.rotate_left(number % Looking::ALL.len());
+        let mut order = BlockKind::ALL;
+        order.rotate_left(number % BlockKind::ALL.len());
         for looking in order {
             let mut scenario = stand.scenario.clone();
-            if looking == Looking::Recorded {
+            if looking == BlockKind::Recorded {
                 scenario.recording = RecordingKind::Mcap;
             }
             let played = match looking {
-                Looking::Watched => stand.watched(contestant, &scenario)?,
-                Looking::Plain | Looking::Control | Looking::Recorded => stand.full(contestant, &scenario)?,
+                BlockKind::Watched => stand.watched(contestant, &scenario)?,
+                BlockKind::Plain | BlockKind::Control | BlockKind::Recorded => {
+                    stand.full(contestant, &scenario)?
+                }
             };
             let Some((_, stages)) = played else { return Ok(Exit::Interrupted) };
             measured[looking as usize].push(&stages);
@@ -151,8 +153,13 @@ pub fn cost(stand: &Stand, pairs: usize, format: Format) -> Result<Exit, Failure
     }
     bar.finish_and_clear();
     let costs = costs(&measured);
-    let told = |word: Told| costs.iter().any(|cost| cost.looking != Looking::Control && cost.verdict == word);
-    let verdict = [Told::Fails, Told::Open].into_iter().find(|&word| told(word)).unwrap_or(Told::Holds);
+    let told = |word: LimitVerdict| {
+        costs.iter().any(|cost| cost.looking != BlockKind::Control && cost.verdict == word)
+    };
+    let verdict = [LimitVerdict::Fails, LimitVerdict::Open]
+        .into_iter()
+        .find(|&word| told(word))
+        .unwrap_or(LimitVerdict::Holds);
     let text = json!({
         "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"), "scenario": stand.scenario,
         "controller": contestant.asked(), "blocks": pairs, "limit_p99": MOST, "verdict": verdict, "costs": costs,
@@ -163,13 +170,13 @@ pub fn cost(stand: &Stand, pairs: usize, format: Format) -> Result<Exit, Failure
         Format::Json => say(&format!("{text}\n"))?,
         Format::Text => show(&in_words(&costs, verdict, pairs, contestant.asked()))?,
     }
-    Ok(if verdict == Told::Fails { Exit::Verdict } else { Exit::Done })
+    Ok(if verdict == LimitVerdict::Fails { Exit::Verdict } else { Exit::Done })
 }
 
 fn costs(measured: &[Measured; KINDS]) -> Vec<Cost> {
-    let plain = &measured[Looking::Plain as usize];
+    let plain = &measured[BlockKind::Plain as usize];
     let mut costs = Vec::new();
-    for looking in [Looking::Control, Looking::Recorded, Looking::Watched] {
+    for looking in [BlockKind::Control, BlockKind::Recorded, BlockKind::Watched] {
         let with = &measured[looking as usize];
         for (stage, _) in STAGES {
             let ratios = [0, 1, 2].map(|which| {
@@ -177,14 +184,14 @@ fn costs(measured: &[Measured; KINDS]) -> Vec<Cost> {
                 Ratio::of((with.stage_quantile(stage, which), plain.stage_quantile(stage, which)), each)
             });
             if ratios.iter().any(Option::is_some) {
-                costs.push(Cost { stage, looking, ratios, verdict: Told::of(ratios[1]) });
+                costs.push(Cost { stage, looking, ratios, verdict: LimitVerdict::of(ratios[1]) });
             }
         }
     }
     costs
 }
 
-fn in_words(costs: &[Cost], verdict: Told, pairs: usize, controller: &str) -> String {
+fn in_words(costs: &[Cost], verdict: LimitVerdict, pairs: usize, controller: &str) -> String {
     let mut table = text_table();
     table.set_header(["stage", "over plain", "p50", "p99", "p99, 95 % of the median", "p99.9", ""]);
     for cost in costs {
@@ -197,7 +204,7 @@ fn in_words(costs: &[Cost], verdict: Told, pairs: usize, controller: &str) -> St
             .map_or_else(String::new, |Ratio { bounds: [least, greatest], .. }| {
                 format!("{least:.3} … {greatest:.3}")
             });
-        let word = if cost.looking == Looking::Control { "" } else { cost.verdict.name() };
+        let word = if cost.looking == BlockKind::Control { "" } else { cost.verdict.name() };
         let looking = cost.looking.name().to_owned();
         table.add_row([title.to_owned(), looking, p50, p99, bounds, p999, word.to_owned()]);
     }
@@ -207,11 +214,11 @@ fn in_words(costs: &[Cost], verdict: Told, pairs: usize, controller: &str) -> St
         }
     }
     let remark = match verdict {
-        Told::Holds => "",
-        Told::Open => {
+        LimitVerdict::Holds => "",
+        LimitVerdict::Open => {
             ": undecided where the bounds include the limit; use a quieter machine or more --pairs and --ticks"
         }
-        Told::Fails => ": where it fails, so do the bounds of the median",
+        LimitVerdict::Fails => ": where it fails, so do the bounds of the median",
     };
     format!(
         "{controller}, {pairs} blocks of each kind in turn; medians of the blocks' ratios\n\n{table}\n\n\

@@ -25,7 +25,7 @@ const SIZES: [&str; 3] = ["32k", "64k", "80k"];
 pub struct EnvironmentFault {
     /// The fault.
     pub fault: &'static str,
-    /// Whether the outcome meets the expectation; `None` if this machine does not permit the fault.
+    /// True if the outcome meets the expectation; `None` if this machine does not permit the fault.
     pub holds: Option<bool>,
     /// The observation.
     pub found: String,

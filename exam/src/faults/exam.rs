@@ -21,7 +21,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::faults::findings::{FaultOutcome, RunFindings, Verdict};
 use crate::faults::kinds::{Injection, Kind, Plan};
 use crate::recorded::{check_solo_run, play_recorded};
-use crate::swap_measures::{Alone, stalls};
+use crate::swap_measures::{SoloRun, stalls};
 
 /// First tick of a fault; the arm has settled by then.
 const FIRST: u64 = 600;
@@ -41,7 +41,7 @@ const PER_RUN: u32 = 20;
 const ANSWER_PATIENCE: f64 = 0.15;
 /// Least time to wait for a process to join, s: a process that a busy machine starts late is not at fault.
 const LEAST_PATIENCE_S: f64 = 60.0;
-/// A lockstep run in which a sound controller was late is repeated up to this many times: the delay came from a busy machine.
+/// Largest number of times that a lockstep run is played if a sound controller was late: the delay came from a busy machine.
 const ATTEMPTS: u32 = 3;
 /// Real time injects up to this many faults for each requested one, until the requested number could be judged.
 const MOST_FOR_ONE: u32 = 3;
@@ -59,7 +59,7 @@ pub struct Exam {
     stop: Arc<AtomicBool>,
     names: Vec<String>,
     limits: Vec<[f64; 2]>,
-    alone: Vec<Alone>,
+    alone: Vec<SoloRun>,
 }
 
 impl Exam {
@@ -157,7 +157,7 @@ impl Exam {
             let played = self.play_patiently(&sound, &contestant, &folder, is_late)?;
             let Some((summary, recording)) = played else { return Ok(false) };
             check_solo_run(&summary, name, self.scenario.mode)?;
-            self.alone.push(Alone::new(&summary, name, &recording)?);
+            self.alone.push(SoloRun::new(&summary, name, &recording)?);
             if slot == 0 && self.scenario.compare.is_none() {
                 let tolerance = self.limits.iter().map(|[lower, upper]| TOLERANCE * (upper - lower));
                 let file = summary.recording.as_ref().map(|file| self.out.join(&folder).join(file));

@@ -174,7 +174,7 @@ struct Saboteur {
     stopped: bool,
     /// The last tick of the run, and the time at which its state was passed on, ns.
     last: Option<(u64, u64)>,
-    /// Whether its answer has arrived.
+    /// True if its answer has arrived.
     done: bool,
 }
 

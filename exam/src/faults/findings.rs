@@ -10,7 +10,7 @@ use freeplay_terminal::exit::Failure;
 use serde::Serialize;
 
 use crate::faults::kinds::{Expected, Injection, Kind, LENGTH};
-use crate::swap_measures::{AROUND, Alone, HELD_COMMAND, deviation, stalls_in};
+use crate::swap_measures::{AROUND, HELD_COMMAND, SoloRun, deviation, stalls_in};
 
 /// Largest ratio of the deviation with a fault to that without, for a fault that is to do no harm.
 const HARMLESS: f64 = 1.05;
@@ -22,9 +22,9 @@ const BRAKED: f64 = 3.0;
 pub struct FaultOutcome {
     /// The fault.
     pub injection: Injection,
-    /// Whether the controller was active, with open brakes, when the fault set in; else the fault cannot be detected.
+    /// True if the controller was active, with open brakes, when the fault set in; else the fault cannot be detected.
     pub was_in_charge: bool,
-    /// Whether a journal was in contact when it set in.
+    /// True if a journal was in contact when it set in.
     pub in_contact: bool,
     /// Ticks from the first faulty answer to the one in which something other than the controller's answers was in force.
     pub detected_after: Option<u64>,
@@ -36,11 +36,11 @@ pub struct FaultOutcome {
     pub faulty_in_force: u64,
     /// Ticks for which the last command was held.
     pub held: u64,
-    /// Whether the brakes closed.
+    /// True if the brakes closed.
     pub braked: bool,
     /// Name of the next active controller.
     pub next_in_charge: String,
-    /// Whether the controller was active again before the next fault.
+    /// True if the controller was active again before the next fault.
     pub back: bool,
     /// Stalls of the machine around the fault, until the standby was in force. If the standby has to contradict the controller, the count begins earlier, by
     /// the time after which the standby is trusted again. A stalled fault measures the machine more than the controller.
@@ -65,7 +65,7 @@ impl FaultOutcome {
         injection: Injection,
         recording: &Recording,
         stalls: &[Stall],
-        alone: &[Alone],
+        alone: &[SoloRun],
         names: &[String],
         window: usize,
     ) -> Result<Self, Failure> {
@@ -191,7 +191,7 @@ impl RunFindings {
 pub struct Verdict {
     /// The kind.
     pub kind: Kind,
-    /// Whether the outcomes meet the expectations.
+    /// True if the outcomes meet the expectations.
     pub holds: bool,
     /// Faults injected.
     pub count: usize,

@@ -34,7 +34,7 @@ pub struct Friction {
 /// One run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Case {
-    /// Who moves the joints.
+    /// Drive of the joints.
     pub drive: Drive,
     /// Shape of the path.
     pub path: PathKind,
@@ -42,7 +42,7 @@ pub struct Case {
     pub period: f64,
     /// Radial clearance, mm; 0 is a perfect joint.
     pub clearance: f64,
-    /// Whether there is gravity.
+    /// True if there is gravity.
     pub gravity: bool,
     /// Laps.
     pub laps: u32,
@@ -108,13 +108,13 @@ pub fn drive_name(drive: Drive) -> &'static str {
 /// Selection of the simulated runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scope {
-    /// Who moves the joints.
+    /// Drive of the joints.
     pub drives: Vec<Drive>,
     /// Shapes of the path.
     pub paths: Vec<PathKind>,
     /// Friction coefficients at which the printed law is compared with the corrected one.
     pub frictions: Vec<f64>,
-    /// Whether there are runs of several laps and without gravity, too.
+    /// True if there are runs of several laps and without gravity, too.
     pub beside: bool,
 }
 

@@ -29,7 +29,7 @@ pub struct Row {
     pub values: Vec<f64>,
     /// The independent reference's value for each, if it has one.
     pub reference: Vec<Option<f64>>,
-    /// Whether the claim holds here.
+    /// True if the claim holds here.
     pub holds: bool,
 }
 

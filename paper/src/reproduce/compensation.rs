@@ -30,7 +30,7 @@ pub struct Task {
 pub struct Left {
     /// The controller.
     pub controller: String,
-    /// Whether the run ended with the controller active.
+    /// True if the run ended with the controller active.
     pub finished: bool,
     /// RMS of the deviation after 0.5 s, mm.
     pub rms: f64,

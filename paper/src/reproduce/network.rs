@@ -26,7 +26,7 @@ pub const HIDDEN: [usize; 4] = [10; 4];
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cut {
-    /// At random, as MATLAB does unless told otherwise: the test lies between training samples.
+    /// At random, the default of MATLAB: the test lies between training samples.
     Random,
     /// In blocks of time: the test block comes after the training blocks.
     Block,
@@ -45,7 +45,7 @@ impl Cut {
 /// One training experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Experiment {
-    /// Who moves the joints.
+    /// Drive of the joints.
     pub drive: Drive,
     /// Shape of the path.
     pub path: PathKind,
@@ -111,7 +111,7 @@ pub struct Prediction {
     pub truth: [Vec<f64>; 3],
     /// Predicted deviation of each axis, mm.
     pub predicted: [Vec<f64>; 3],
-    /// Whether the sample belongs to the test windows.
+    /// True if the sample belongs to the test windows.
     pub tested: Vec<bool>,
 }
 

@@ -79,7 +79,7 @@ pub struct Floor {
     /// Movement of the tool per movement of the joint, m.
     pub lever: Vec<f64>,
     /// Effective inertia in the mean position, kg·m² or kg.
-    pub felt: Vec<f64>,
+    pub effective_inertia: Vec<f64>,
 }
 
 /// Strength of an effect.
@@ -91,8 +91,8 @@ pub struct Strength {
     pub channel: String,
 }
 
-/// Workspace for a walk along a motion.
-struct Walk<'a> {
+/// Workspace for the residuals along a motion.
+struct ResidualWorkspace<'a> {
     nominal: &'a Arm,
     ws: Workspace,
     q: Vec<f64>,
@@ -102,7 +102,7 @@ struct Walk<'a> {
     model: Vec<f64>,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> ResidualWorkspace<'a> {
     fn new(nominal: &'a Arm) -> Self {
         let zeros = vec![0.0; nominal.dof()];
         let ws = Workspace::new(nominal);
@@ -118,7 +118,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Evaluates the sensors and the model's torque without friction at `t`.
-    fn look(&mut self, clean: &Clean<'_>, t: f64) {
+    fn evaluate(&mut self, clean: &Clean<'_>, t: f64) {
         let n = self.q.len();
         let (mut before, mut after) = (vec![0.0; n], vec![0.0; n]);
         clean.positions(t - HALF, &mut before);
@@ -159,14 +159,18 @@ pub(crate) fn residual(
     duration: f64,
 ) -> Residual {
     let clean = Clean::new(plan, trace, deviations);
-    let mut walk = Walk::new(nominal);
+    let mut workspace = ResidualWorkspace::new(nominal);
     let mut residual = Residual { torque: vec![Vec::new(); nominal.dof()], ..Residual::default() };
     for t in grid(duration) {
-        walk.look(&clean, t);
+        workspace.evaluate(&clean, t);
         for (i, torque) in residual.torque.iter_mut().enumerate() {
-            torque.push(walk.friction(i).map_or(f64::NAN, |friction| walk.tau[i] - walk.model[i] - friction));
+            torque.push(
+                workspace
+                    .friction(i)
+                    .map_or(f64::NAN, |friction| workspace.tau[i] - workspace.model[i] - friction),
+            );
         }
-        residual.tool.push(walk.tool(&clean, t));
+        residual.tool.push(workspace.tool(&clean, t));
     }
     for torque in &mut residual.torque {
         let smooth = smoothed(torque);
@@ -212,16 +216,22 @@ pub(crate) fn floor(
 ) -> (Floor, Residual) {
     let without = residual(nominal, plan, trace, deviations, duration);
     let clean = Clean::new(plan, trace, deviations);
-    let mut walk = Walk::new(nominal);
+    let mut workspace = ResidualWorkspace::new(nominal);
     let n = nominal.dof();
     let mut seen: [Vec<Vec<f64>>; 5] = std::array::from_fn(|_| vec![Vec::new(); n]);
     let mut peak = vec![0.0_f64; n];
     for t in grid(duration).step_by(5) {
-        walk.look(&clean, t);
+        workspace.evaluate(&clean, t);
         for i in 0..n {
-            let row = [walk.q[i], walk.v[i], walk.a[i], walk.model[i], walk.friction(i).unwrap_or(0.0)];
+            let row = [
+                workspace.q[i],
+                workspace.v[i],
+                workspace.a[i],
+                workspace.model[i],
+                workspace.friction(i).unwrap_or(0.0),
+            ];
             seen.iter_mut().zip(row).for_each(|(column, value)| column[i].push(value));
-            peak[i] = peak[i].max(walk.tau[i].abs());
+            peak[i] = peak[i].max(workspace.tau[i].abs());
         }
     }
     let mean = |values: &Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
@@ -235,7 +245,7 @@ pub(crate) fn floor(
     let torque = without.torque.iter().zip(&chain.torque_noise);
     let torque = torque.map(|(r, noise)| rms(r.iter().copied()).hypot(*noise)).collect();
     let tool = rms(without.tool.iter().map(length)).hypot(3.0_f64.sqrt() * chain.tool_noise);
-    let (lever, felt) = geometry(nominal, &middle);
+    let (lever, effective_inertia) = geometry(nominal, &middle);
     let floor = Floor {
         torque,
         tool,
@@ -248,7 +258,7 @@ pub(crate) fn floor(
         way,
         middle,
         lever,
-        felt,
+        effective_inertia,
     };
     (floor, without)
 }

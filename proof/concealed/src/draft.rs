@@ -47,7 +47,7 @@ impl Context<'_> {
     /// The damper parallel to a spring of `stiffness` at `joint` for the damping ratio `ratio` of motor against link.
     fn damping(&self, joint: usize, stiffness: f64, ratio: f64) -> f64 {
         // Motor and link have 0.4 and 0.6 of the inertia or more.
-        2.0 * ratio * (stiffness * 0.24 * self.floor.felt[joint]).sqrt()
+        2.0 * ratio * (stiffness * 0.24 * self.floor.effective_inertia[joint]).sqrt()
     }
 
     fn speed(&self, joint: usize) -> f64 {
@@ -269,13 +269,17 @@ impl Context<'_> {
             Physics::Backlash { gap: x, .. } => *x = x.min(0.05),
             Physics::JointElasticity { stiffness, damping } => {
                 // The servo has to remain stable: a resonance of 5 Hz or more.
-                let least = seat.map_or(0.0, |joint| self.floor.felt[joint] * (TAU * 5.0).powi(2));
+                let least =
+                    seat.map_or(0.0, |joint| self.floor.effective_inertia[joint] * (TAU * 5.0).powi(2));
                 *stiffness = stiffness.max(least);
                 *damping = damping.max(seat.map_or(0.0, |joint| self.damping(joint, *stiffness, 0.05)));
             }
             // The cross-coupling of a shared shaft stays below the own inertia of each joint.
             Physics::JointCoupling { with, inertia, .. } => {
-                let other = self.arm.joint_index(with).map_or(f64::INFINITY, |other| self.floor.felt[other]);
+                let other = self
+                    .arm
+                    .joint_index(with)
+                    .map_or(f64::INFINITY, |other| self.floor.effective_inertia[other]);
                 *inertia = inertia.min(0.4 * other);
             }
             Physics::LoadDependentFriction { coefficient: x } => *x = x.min(0.4),

@@ -21,7 +21,7 @@ mod case;
 mod data_sheet_deviations;
 mod distinct;
 mod draft;
-mod felt;
+mod effective_inertia;
 mod kinds;
 mod machine;
 mod matrix;

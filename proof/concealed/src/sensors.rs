@@ -67,9 +67,9 @@ pub struct Chain {
     pub tracker: Option<f64>,
     /// Standard deviation of the sampling instants, s.
     pub jitter: f64,
-    /// Whether the links have encoders.
+    /// True if the links have encoders.
     pub link_encoders: bool,
-    /// Whether the commanded position is recorded.
+    /// True if the commanded position is recorded.
     pub reference: bool,
 }
 
@@ -97,7 +97,7 @@ pub(crate) struct Clean<'a> {
 impl<'a> Clean<'a> {
     pub fn new(plan: &'a Plan, trace: &'a Trace, deviations: &DataSheetDeviations) -> Self {
         let filtered = plan
-            .senses
+            .sensor_dynamics
             .cutoff
             .iter()
             .enumerate()
@@ -106,8 +106,8 @@ impl<'a> Clean<'a> {
             plan,
             trace,
             filtered: filtered.collect(),
-            torque_delay: deviations.torque_delay + plan.senses.torque_delay,
-            tool_delay: deviations.tool_delay + plan.senses.tool_delay,
+            torque_delay: deviations.torque_delay + plan.sensor_dynamics.torque_delay,
+            tool_delay: deviations.tool_delay + plan.sensor_dynamics.tool_delay,
         }
     }
 

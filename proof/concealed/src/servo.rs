@@ -2,7 +2,7 @@
 
 use freeplay_arm::{Arm, Workspace, rnea};
 
-use crate::felt::Felt;
+use crate::effective_inertia::EffectiveInertia;
 
 /// Servo period, s.
 const PERIOD: f64 = 1e-3;
@@ -28,7 +28,7 @@ pub struct Servo {
 pub(crate) struct Controller<'a> {
     servo: &'a Servo,
     ws: Workspace,
-    felt: Felt,
+    effective_inertia: EffectiveInertia,
     last: Option<Vec<f64>>,
     speed: Vec<f64>,
     sum: Vec<f64>,
@@ -41,7 +41,7 @@ impl Servo {
         Controller {
             servo: self,
             ws: Workspace::new(nominal),
-            felt: Felt::new(nominal),
+            effective_inertia: EffectiveInertia::new(nominal),
             last: None,
             speed: vec![0.0; n],
             sum: vec![0.0; n],
@@ -57,13 +57,13 @@ impl Controller<'_> {
         let rounded: Vec<f64> =
             positions.iter().zip(&self.servo.resolution).map(|(x, step)| (x / step).round() * step).collect();
         // The effective inertia with the other joints free: gains for more would make a joint chatter if its neighbours yield.
-        let felt = self.felt.at(nominal, q);
+        let inertias = self.effective_inertia.at(nominal, q);
         let share = 1.0 - (-std::f64::consts::TAU * SPEED_CUTOFF * PERIOD).exp();
         for (i, joint) in nominal.joints().iter().enumerate() {
             let difference = self.last.as_ref().map_or(0.0, |last| (rounded[i] - last[i]) / PERIOD);
             self.speed[i] += share * (difference - self.speed[i]);
             let error = q[i] - rounded[i];
-            let inertia = felt.as_ref().map_or(0.0, |felt| felt[i]);
+            let inertia = inertias.as_ref().map_or(0.0, |inertias| inertias[i]);
             let stiffness = inertia * self.servo.bandwidth * self.servo.bandwidth;
             self.sum[i] += stiffness * self.servo.integral * PERIOD * error;
             self.sum[i] = self.sum[i].clamp(-0.3 * joint.limits.effort, 0.3 * joint.limits.effort);

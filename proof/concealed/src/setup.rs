@@ -53,7 +53,7 @@ pub struct SetupFault {
     pub joints: Vec<usize>,
     /// Its parameters in SI units; their meaning depends on the kind.
     pub values: Vec<f64>,
-    /// Whether a torque flips with its joint; which channels are late or still.
+    /// Further details in words: a torque that flips with its joint, or the late or frozen channels.
     pub detail: String,
 }
 

@@ -17,7 +17,7 @@ pub struct TruthEffect {
     pub weak: Vec<&'static str>,
     /// Other names that explain the recording as well: to be accepted as right.
     pub equivalents: Vec<Equivalent>,
-    /// Whether it belongs to the catalogue.
+    /// True if it belongs to the catalogue.
     pub catalogued: bool,
     /// `slight`, `clear` or `strong`.
     pub severity: &'static str,

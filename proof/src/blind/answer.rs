@@ -19,7 +19,7 @@ pub struct Answer {
     pub effects: Vec<Named>,
     /// The alternatives that the diagnosis considered.
     pub rivals: Vec<Rival>,
-    /// Where model and machine differ: joint, channels, share.
+    /// Places where model and machine differ: joint, channels, share.
     pub location: Vec<Place>,
     /// Every kind at every place: its score for the recordings alone and beside the named effects, and the threshold.
     pub hypotheses: Vec<Hypothesis>,
@@ -66,7 +66,7 @@ pub struct Rival {
     pub kind: String,
     /// Its joint; `None`: the arm as a whole.
     pub joint: Option<String>,
-    /// Whether the recordings cannot distinguish it from the named effect.
+    /// True if the recordings cannot distinguish it from the named effect.
     pub indistinguishable: bool,
     /// Log of the odds of the named effect against it.
     pub log_odds_against: f64,

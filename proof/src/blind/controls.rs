@@ -89,7 +89,7 @@ type AnswerKey<'a> = Vec<(&'a str, Option<&'a str>)>;
 
 /// True if an answer with `effects` names exactly the concealed effect: by kind and joint, and by kind alone.
 fn hits(concealed: &Concealed, effects: &[Named]) -> [bool; 2] {
-    let all = concealed.said_by(effects).len();
+    let all = concealed.stated_by(effects).len();
     [all > 0 && all == effects.len(), effects.len() == 1 && effects[0].kind == concealed.kind]
 }
 

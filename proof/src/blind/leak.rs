@@ -16,9 +16,9 @@ use super::truth::Sort;
 /// Number of neighbours.
 const NEIGHBOURS: usize = 7;
 /// Number of random permutations of the sorts.
-const DEALS: usize = 400;
+const PERMUTATIONS: usize = 400;
 /// A leak is found if a smaller share of the permutations reaches the accuracy of the true sorts.
-const CHANCE: f64 = 0.005;
+const SIGNIFICANCE: f64 = 0.005;
 
 /// Result of a classifier on the appearance of a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -34,37 +34,37 @@ pub struct Leak {
 impl Leak {
     /// True if the folder reveals nothing.
     pub fn is_tight(&self) -> bool {
-        self.p > CHANCE
+        self.p > SIGNIFICANCE
     }
 
     /// The result for the cases of `part` among `cases`, which are in the order of their names, as in a receipt; `None` for too few of them.
     pub fn of(part: &Part, cases: &[Judged]) -> Option<Self> {
         let place = |name: &String| cases.binary_search_by(|case| case.name.cmp(name)).ok();
         let cases: Vec<&Judged> = part.sealed.keys().filter_map(|name| cases.get(place(name)?)).collect();
-        let looks: Vec<Vec<f64>> =
-            cases.iter().enumerate().map(|(place, case)| look(part, &case.name, place)).collect();
+        let features: Vec<Vec<f64>> =
+            cases.iter().enumerate().map(|(place, case)| features_of(part, &case.name, place)).collect();
         let sorts: Vec<Sort> = cases.iter().map(|case| case.truth.sort()).collect();
-        (cases.len() > 2 * NEIGHBOURS).then(|| Self::among(&looks, sorts))
+        (cases.len() > 2 * NEIGHBOURS).then(|| Self::among(&features, sorts))
     }
 
-    fn among(looks: &[Vec<f64>], mut sorts: Vec<Sort>) -> Self {
-        let near = neighbours(&spread(looks));
+    fn among(features: &[Vec<f64>], mut sorts: Vec<Sort>) -> Self {
+        let near = neighbours(&standardised(features));
         let right = accuracy(&near, &sorts);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let deals: Vec<f64> = (0..DEALS)
+        let accuracies: Vec<f64> = (0..PERMUTATIONS)
             .map(|_| {
                 sorts.shuffle(&mut rng);
                 accuracy(&near, &sorts)
             })
             .collect();
-        let as_good = deals.iter().filter(|deal| **deal >= right).count();
-        let chance = deals.iter().sum::<f64>() / DEALS as f64;
-        Self { right, chance, p: (as_good + 1) as f64 / (DEALS + 1) as f64 }
+        let as_good = accuracies.iter().filter(|accuracy| **accuracy >= right).count();
+        let chance = accuracies.iter().sum::<f64>() / PERMUTATIONS as f64;
+        Self { right, chance, p: (as_good + 1) as f64 / (PERMUTATIONS + 1) as f64 }
     }
 }
 
 /// The features of a case that are visible without opening its files.
-fn look(part: &Part, name: &str, place: usize) -> Vec<f64> {
+fn features_of(part: &Part, name: &str, place: usize) -> Vec<f64> {
     let number = u64::from_str_radix(name, 16).unwrap_or_default() as f64;
     let sizes =
         part.sealed.get(name).into_iter().flat_map(|files| files.values().map(|file| file.bytes as f64));
@@ -72,24 +72,24 @@ fn look(part: &Part, name: &str, place: usize) -> Vec<f64> {
 }
 
 /// Each column scaled to mean 0 and standard deviation 1.
-fn spread(looks: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let width = looks.iter().map(Vec::len).min().unwrap_or(0);
-    let n = looks.len() as f64;
-    let mut spread = vec![vec![0.0; width]; looks.len()];
+fn standardised(features: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let width = features.iter().map(Vec::len).min().unwrap_or(0);
+    let n = features.len() as f64;
+    let mut standardised = vec![vec![0.0; width]; features.len()];
     for column in 0..width {
-        let mean = looks.iter().map(|row| row[column]).sum::<f64>() / n;
-        let square = looks.iter().map(|row| (row[column] - mean).powi(2)).sum::<f64>() / n;
-        for (to, from) in spread.iter_mut().zip(looks) {
+        let mean = features.iter().map(|row| row[column]).sum::<f64>() / n;
+        let square = features.iter().map(|row| (row[column] - mean).powi(2)).sum::<f64>() / n;
+        for (to, from) in standardised.iter_mut().zip(features) {
             to[column] = (from[column] - mean) / square.sqrt().max(1e-12);
         }
     }
-    spread
+    standardised
 }
 
 /// The nearest others of each.
-fn neighbours(looks: &[Vec<f64>]) -> Vec<Vec<usize>> {
-    let tree = Tree::new(looks);
-    (0..looks.len()).map(|at| tree.nearest(at, NEIGHBOURS)).collect()
+fn neighbours(features: &[Vec<f64>]) -> Vec<Vec<usize>> {
+    let tree = Tree::new(features);
+    (0..features.len()).map(|at| tree.nearest(at, NEIGHBOURS)).collect()
 }
 
 /// Accuracy of the commonest sort among the neighbours.
@@ -110,14 +110,14 @@ mod tests {
     #[test]
     fn a_leak_is_found_where_there_is_one() {
         let sorts: Vec<Sort> = (0..200).map(|k| Sort::ALL[[0, 1, 1, 1, 2, 3][k % 6]]).collect();
-        let looks = |leaks: bool| -> Vec<Vec<f64>> {
+        let features = |leaks: bool| -> Vec<Vec<f64>> {
             let size = |k: usize| (k * 7919 % 200) as f64 * 0.01;
             (0..200)
                 .map(|k| vec![size(k), if leaks { sorts[k] as u8 as f64 + size(k) } else { size(k * 31) }])
                 .collect()
         };
         let (leaking, tight) =
-            (Leak::among(&looks(true), sorts.clone()), Leak::among(&looks(false), sorts.clone()));
+            (Leak::among(&features(true), sorts.clone()), Leak::among(&features(false), sorts.clone()));
         println!("leaking {leaking:?}, tight {tight:?}");
         assert!(!leaking.is_tight() && leaking.right > 0.6);
         assert!(tight.is_tight() && tight.right < 0.6);

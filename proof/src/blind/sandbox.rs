@@ -24,9 +24,9 @@ const RULES: ABI = ABI::V9;
 pub struct Isolation {
     /// The mechanisms that the kernel enforces, in words.
     pub mechanism: String,
-    /// Whether reading the canary, a file outside the folder of the case, failed.
+    /// True if reading the canary, a file outside the folder of the case, failed.
     pub canary_refused: bool,
-    /// Whether opening the parent's memory failed.
+    /// True if opening the parent's memory failed.
     pub parent_refused: bool,
     /// Every channel by its name: `closed`, or `open: ` and how.
     pub channels: BTreeMap<String, String>,

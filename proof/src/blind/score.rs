@@ -63,15 +63,15 @@ pub fn outcome(truth: &Truth, answer: &Answer) -> Outcome {
 
 /// Number of concealed effects that the answer states, and number of named effects that state none of them.
 fn said(truth: &Truth, effects: &[Named]) -> (usize, usize) {
-    let by: Vec<Vec<usize>> = truth.effects.iter().map(|concealed| concealed.said_by(effects)).collect();
+    let by: Vec<Vec<usize>> = truth.effects.iter().map(|concealed| concealed.stated_by(effects)).collect();
     let found = by.iter().filter(|by| !by.is_empty()).count();
-    let idle = (0..effects.len()).filter(|index| by.iter().all(|by| !by.contains(index))).count();
-    (found, idle)
+    let unmatched = (0..effects.len()).filter(|index| by.iter().all(|by| !by.contains(index))).count();
+    (found, unmatched)
 }
 
 fn named(truth: &Truth, answer: &Answer) -> Outcome {
-    let (found, idle) = said(truth, &answer.effects);
-    match (found == truth.effects.len(), idle) {
+    let (found, unmatched) = said(truth, &answer.effects);
+    match (found == truth.effects.len(), unmatched) {
         (true, 0) => Outcome::Right,
         (true, _) => Outcome::Extra,
         (false, 0) if found > 0 => Outcome::Partly,
@@ -91,10 +91,10 @@ fn one_of(truth: &Truth, answer: &Answer) -> Outcome {
         return Outcome::Right;
     }
     let among = truth.effects.iter().filter(|concealed| concealed.is_among(answer)).count();
-    let (found, idle) = said(truth, &answer.effects);
+    let (found, unmatched) = said(truth, &answer.effects);
     match (among == truth.effects.len(), answer.effects.len() <= truth.effects.len()) {
         (true, true) => Outcome::Refused,
-        (false, true) if found > 0 && idle == 0 => Outcome::Partly,
+        (false, true) if found > 0 && unmatched == 0 => Outcome::Partly,
         (false, true) if among > 0 && among >= answer.effects.len() => Outcome::Refused,
         _ => Outcome::Wrong,
     }
@@ -109,7 +109,7 @@ pub struct ParameterScore {
     pub truth: f64,
     /// Relative error; of angles that may be zero, the error in rad.
     pub error: f64,
-    /// Whether the 95 % interval contains the truth; `None` without an interval.
+    /// True if the 95 % interval contains the truth; `None` without an interval.
     pub covered: Option<bool>,
 }
 

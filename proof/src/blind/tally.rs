@@ -38,7 +38,7 @@ pub struct Goal {
     pub of: usize,
     /// `%` or `s`.
     pub unit: &'static str,
-    /// Whether the result meets the goal; `None` without cases.
+    /// True if the result meets the goal; `None` without cases.
     pub met: Option<bool>,
 }
 

@@ -139,7 +139,7 @@ impl Concealed {
     }
 
     /// Indices of the named effects that state it: one with its name, or those of an equivalent; empty if it is not stated.
-    pub fn said_by(&self, effects: &[Named]) -> Vec<usize> {
+    pub fn stated_by(&self, effects: &[Named]) -> Vec<usize> {
         let place = |kind: &str, joint: &Option<String>| {
             effects.iter().position(|e| e.kind == kind && e.joint == *joint)
         };
@@ -157,7 +157,7 @@ impl Concealed {
         let rival = |kind: &str, joint: &Option<String>| {
             answer.rivals.iter().any(|r| r.indistinguishable && r.kind == kind && r.joint == *joint)
         };
-        !self.said_by(&answer.effects).is_empty()
+        !self.stated_by(&answer.effects).is_empty()
             || rival(&self.kind, &self.joint)
             || self.equivalents.iter().any(|e| e.kinds.len() == 1 && rival(&e.kinds[0], &e.joint))
     }

@@ -18,7 +18,7 @@ use super::{canonical, hash, shard};
 pub struct Check {
     /// The checked item.
     pub what: String,
-    /// Whether it is unchanged; `None` without anything to compare with.
+    /// True if it is unchanged; `None` without anything to compare with.
     pub good: Option<bool>,
     /// The observation.
     pub found: String,

@@ -13,7 +13,7 @@ pub struct Case {
     pub hidden: &'static str,
     /// The concealed effect; `None` for a machine that equals its model.
     pub effect: Option<EffectTable>,
-    /// Rotor inertias in the model by the index of their joint, kg·m²: an elastic or loose gear separates them from the link.
+    /// Rotor inertias in the model by the index of their joint, kg·m²: an elastic or loose gear transmits only the torque of its link, without that of the rotor.
     pub rotors: &'static [(usize, f64)],
     /// A notch in the gear of this joint, added to the recorded torque: no effect of the catalogue.
     pub notch: Option<Notch>,

@@ -25,7 +25,7 @@ pub(crate) struct Sample {
     /// Words in the first row: single ones, or lists.
     pub texts: BTreeMap<usize, Vec<String>>,
     /// Columns of time stamps.
-    pub moments: HashSet<usize>,
+    pub time_stamps: HashSet<usize>,
 }
 
 impl Sample {

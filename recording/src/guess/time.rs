@@ -56,14 +56,14 @@ fn single(place: usize, name: &str, sample: &Sample) -> Option<Time> {
     let told = unit.and_then(time_unit).or(behind);
     let named = if behind.is_some() { rest } else { parted.as_slice() };
     let is = |word: &str| named.iter().any(|named| named == word);
-    let is_moment = sample.moments.contains(&place);
+    let is_time_stamp = sample.time_stamps.contains(&place);
     let score = if stem == "t" {
         6
     } else if is("stamp") || is("timestamp") || is("timestamps") {
         if is("header") { 5 } else { 4 }
     } else if is("time") || is("zeit") || is("datetime") || (named.len() == 1 && is("t")) {
         if named.len() == 1 { 4 } else { 3 }
-    } else if is_moment {
+    } else if is_time_stamp {
         2
     } else if parted.len() == 1 && time_unit(last).is_some() {
         1
@@ -71,7 +71,8 @@ fn single(place: usize, name: &str, sample: &Sample) -> Option<Time> {
         return None;
     };
     let lone = (parted.len() == 1).then(|| time_unit(last)).flatten();
-    let unit = if is_moment { "s" } else { told.or(lone).unwrap_or_else(|| by_size(sample.first(place))) };
+    let unit =
+        if is_time_stamp { "s" } else { told.or(lone).unwrap_or_else(|| by_size(sample.first(place))) };
     Some(Time { columns: vec![(place, unit)], score })
 }
 

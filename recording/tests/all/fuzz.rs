@@ -143,7 +143,7 @@ fn fuzz<S: Strategy>(strategy: &S, input: impl Fn(S::Value) -> (Vec<u8>, &'stati
     assert!(recordings > 0 && recordings < cases);
 }
 
-/// Checks many inputs; returns how many there were, and how many of them were recordings.
+/// Checks many inputs; returns their number, and the number of valid recordings.
 fn run<S: Strategy>(strategy: &S, input: impl Fn(S::Value) -> (Vec<u8>, &'static str)) -> (u32, u32) {
     let default = ProptestConfig::default();
     let cases = if std::env::var_os("PROPTEST_CASES").is_some() { default.cases } else { CASES };

@@ -9,12 +9,12 @@ use super::chain::{Chain, Role, chain_of};
 use super::drive::{Drive, Notch, Wave, steepest_pull};
 use super::dry_bearing::DryBearing;
 use super::film::OilBearing;
-use super::plan::{Bearing, BearingLaw, Encoder, Plan, PlanError, Senses, Shaft, Spring, ToolForce};
+use super::plan::{Bearing, BearingLaw, Encoder, Plan, PlanError, SensorDynamics, Shaft, Spring, ToolForce};
 use super::run::LONG_STEP;
 use super::transmission::Transmission;
 use crate::arms::Load;
 use crate::data_sheet_deviations::DataSheetDeviations;
-use crate::felt::Felt;
+use crate::effective_inertia::EffectiveInertia;
 use crate::physics::{Effect, Physics};
 
 /// Share of a joint's inertia on the motor side of its transmission if the data sheet names no rotor.
@@ -38,7 +38,7 @@ impl Plan {
     ) -> Result<Plan, PlanError> {
         let arm = deviations.apply(sheet)?;
         let chain = chain_of(&arm, load, effects, poses)?;
-        let felt = felt_inertia(&arm, poses);
+        let inertias = least_effective_inertia(&arm, poses);
         let joints: Vec<Joint> = chain.links.iter().map(|(joint, _)| joint.clone()).collect();
         let extended = Arm::new(arm.name(), joints.clone(), chain.tool, chain.gravity)?;
         let after = match &chain.drop {
@@ -66,28 +66,32 @@ impl Plan {
             inertia: Vec::new(),
             shafts: Vec::new(),
             push: None,
-            senses: Senses { torque_delay: 0.0, tool_delay: 0.0, cutoff: vec![f64::INFINITY; arm.dof()] },
+            sensor_dynamics: SensorDynamics {
+                torque_delay: 0.0,
+                tool_delay: 0.0,
+                cutoff: vec![f64::INFINITY; arm.dof()],
+            },
             substeps: 1,
             link,
         };
         for effect in effects {
-            plan.transmission(effect, &arm, &felt);
+            plan.transmission(effect, &arm, &inertias);
         }
         for effect in effects {
             plan.at_drive(effect);
             plan.at_bearing(effect, &chain);
             plan.at_sensors(effect);
-            plan.beside(effect, &arm, &felt)?;
+            plan.beside(effect, &arm, &inertias)?;
         }
-        plan.substeps = plan.short_steps(poses, &felt);
+        plan.substeps = plan.short_steps(poses, &inertias);
         Ok(plan)
     }
 
     /// Applies an effect at the transmission of its joint.
-    fn transmission(&mut self, effect: &Effect, arm: &Arm, felt: &[f64]) {
+    fn transmission(&mut self, effect: &Effect, arm: &Arm, inertias: &[f64]) {
         let Some(joint) = effect.joint else { return };
         let named = arm.joints()[joint].rotor_inertia;
-        let rotor = if named > 0.0 { named } else { ROTOR_SHARE * felt[joint] };
+        let rotor = if named > 0.0 { named } else { ROTOR_SHARE * inertias[joint] };
         let (gap, stiffness, damping) = match effect.physics {
             // Damping in s/rad: an impact at 0.1 rad/s loses a tenth to a half of its speed.
             Physics::Backlash { gap, stiffness } => (gap, stiffness, 3.0),
@@ -171,8 +175,8 @@ impl Plan {
     /// Applies an effect on the measurements.
     fn at_sensors(&mut self, effect: &Effect) {
         match effect.physics {
-            Physics::TimeDelay { delay, channel: "tool" } => self.senses.tool_delay = delay,
-            Physics::TimeDelay { delay, .. } => self.senses.torque_delay = delay,
+            Physics::TimeDelay { delay, channel: "tool" } => self.sensor_dynamics.tool_delay = delay,
+            Physics::TimeDelay { delay, .. } => self.sensor_dynamics.torque_delay = delay,
             _ => {}
         }
         let Some(joint) = effect.joint else { return };
@@ -183,13 +187,13 @@ impl Plan {
                 encoder.eccentricity = Some((amplitude, phase))
             }
             Physics::EncoderSlip { jump, at } => encoder.slip = Some((jump, at)),
-            Physics::SensorLowpass { cutoff } => self.senses.cutoff[joint] = cutoff,
+            Physics::SensorLowpass { cutoff } => self.sensor_dynamics.cutoff[joint] = cutoff,
             _ => {}
         }
     }
 
     /// Applies an effect that adds inertia, springs or forces to the arm.
-    fn beside(&mut self, effect: &Effect, arm: &Arm, felt: &[f64]) -> Result<(), PlanError> {
+    fn beside(&mut self, effect: &Effect, arm: &Arm, inertias: &[f64]) -> Result<(), PlanError> {
         match (&effect.physics, effect.joint) {
             (Physics::ExternalForce { force, start, end }, _) => {
                 let force = Vector3::from(*force);
@@ -207,7 +211,7 @@ impl Plan {
                 let seat = || PlanError::Seat { kind: effect.physics.kind(), joint: effect.joint, why };
                 let other = arm.joint_index(with).ok_or_else(seat)?;
                 let (i, j) = (self.motor[joint], self.motor[other]);
-                let inertia = inertia.min(0.5 * felt[other]);
+                let inertia = inertia.min(0.5 * inertias[other]);
                 self.inertia.extend([(i, i, inertia), (j, j, inertia * sign * sign)]);
                 self.inertia.extend([(i, j, sign * inertia), (j, i, sign * inertia)]);
                 self.shafts.push(Shaft {
@@ -224,19 +228,20 @@ impl Plan {
     }
 
     /// Number of short steps per long step that the fastest oscillation needs.
-    fn short_steps(&self, poses: &[Vec<f64>], felt: &[f64]) -> usize {
+    fn short_steps(&self, poses: &[Vec<f64>], inertias: &[f64]) -> usize {
         let mut fastest = 0.0_f64;
         for t in &self.transmissions {
-            let link = felt[t.joint] - t.rotor;
+            let link = inertias[t.joint] - t.rotor;
             fastest = fastest.max((t.stiffness * (1.0 / t.rotor + 1.0 / link)).sqrt());
         }
-        for (joint, felt) in felt.iter().enumerate() {
+        for (joint, inertia) in inertias.iter().enumerate() {
             if let Some(bristles) = &self.bristles[joint] {
-                fastest = fastest.max((bristles.stiffness / felt).sqrt()).max(bristles.damping / felt / 0.5);
+                fastest =
+                    fastest.max((bristles.stiffness / inertia).sqrt()).max(bristles.damping / inertia / 0.5);
             }
             if let Some(detent) = &self.drives[joint].detent {
                 let slope = steepest_pull() * detent.amplitude / detent.width;
-                fastest = fastest.max((slope / felt).sqrt());
+                fastest = fastest.max((slope / inertia).sqrt());
             }
         }
         for spring in &self.springs {
@@ -271,11 +276,11 @@ fn nominal_drive(joint: &Joint) -> Drive {
 }
 
 /// The least effective inertia of each joint over `poses`.
-fn felt_inertia(arm: &Arm, poses: &[Vec<f64>]) -> Vec<f64> {
-    let mut felt = Felt::new(arm);
-    let all = poses.iter().filter_map(|pose| felt.at(arm, pose));
-    all.fold(vec![f64::INFINITY; arm.dof()], |least, felt| {
-        least.iter().zip(felt).map(|(least, felt)| least.min(felt)).collect()
+fn least_effective_inertia(arm: &Arm, poses: &[Vec<f64>]) -> Vec<f64> {
+    let mut effective = EffectiveInertia::new(arm);
+    let all = poses.iter().filter_map(|pose| effective.at(arm, pose));
+    all.fold(vec![f64::INFINITY; arm.dof()], |least, inertias| {
+        least.iter().zip(inertias).map(|(least, inertia)| least.min(inertia)).collect()
     })
 }
 
@@ -286,6 +291,6 @@ fn lightest(arm: &Arm, link: &[usize], coordinates: &[usize], poses: &[Vec<f64>]
         link.iter().zip(pose).for_each(|(&place, position)| q[place] = *position);
         q
     });
-    let least = felt_inertia(arm, &places.collect::<Vec<_>>());
+    let least = least_effective_inertia(arm, &places.collect::<Vec<_>>());
     coordinates.iter().map(|&at| least[at]).fold(f64::INFINITY, f64::min)
 }

@@ -64,7 +64,7 @@ pub struct Plan {
     pub(crate) shafts: Vec<Shaft>,
     pub(crate) push: Option<ToolForce>,
     /// Delays and filters of the sensors.
-    pub(crate) senses: Senses,
+    pub(crate) sensor_dynamics: SensorDynamics,
     /// Short steps in each long one.
     pub(crate) substeps: usize,
 }
@@ -146,7 +146,7 @@ impl Encoder {
 
 /// Delays and filters of the recording, beyond the tolerances.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Senses {
+pub(crate) struct SensorDynamics {
     /// Delay of the torques, s.
     pub torque_delay: f64,
     /// Delay of the tool, s.

@@ -14,9 +14,9 @@ const SWEEPS: usize = 60;
 /// Change of speed below which it has converged, rad/s.
 const SETTLED: f64 = 1e-11;
 
-/// Where dry friction acts: on the speed u_a + s u_b, or u_a alone.
+/// A dry friction, which acts on the speed u_a + s u_b, or on u_a alone.
 #[derive(Clone, Copy, Debug)]
-struct Rub {
+struct DryFrictionSite {
     a: usize,
     b: Option<(usize, f64)>,
     joint: usize,
@@ -37,8 +37,8 @@ pub(crate) struct Stepper<'a> {
     z: Vec<f64>,
     anchor: Vec<f64>,
     /// Torque that each joint transmitted to its link in the last short step, N·m.
-    handed: Vec<f64>,
-    rubs: Vec<Rub>,
+    transmitted: Vec<f64>,
+    sites: Vec<DryFrictionSite>,
     impulse: Vec<f64>,
     bounds: Vec<[f64; 2]>,
     columns: Vec<f64>,
@@ -62,11 +62,11 @@ impl<'a> Stepper<'a> {
             x[plan.link[joint]] = q[joint];
             x[plan.motor[joint]] = q[joint];
         }
-        let mut rubs: Vec<Rub> = (0..joints)
+        let mut sites: Vec<DryFrictionSite> = (0..joints)
             .filter(|&joint| plan.bristles[joint].is_none())
-            .map(|joint| Rub { a: plan.motor[joint], b: None, joint, shaft: None })
+            .map(|joint| DryFrictionSite { a: plan.motor[joint], b: None, joint, shaft: None })
             .collect();
-        rubs.extend(plan.shafts.iter().enumerate().map(|(i, shaft)| Rub {
+        sites.extend(plan.shafts.iter().enumerate().map(|(i, shaft)| DryFrictionSite {
             a: plan.motor[shaft.joint],
             b: Some((plan.motor[shaft.with], shaft.sign)),
             joint: shaft.joint,
@@ -79,10 +79,10 @@ impl<'a> Stepper<'a> {
             a: vec![0.0; all],
             z: vec![0.0; joints],
             anchor: q.to_vec(),
-            handed: vec![0.0; joints],
-            impulse: vec![0.0; rubs.len()],
-            bounds: vec![[0.0; 2]; rubs.len()],
-            columns: vec![0.0; rubs.len() * all],
+            transmitted: vec![0.0; joints],
+            impulse: vec![0.0; sites.len()],
+            bounds: vec![[0.0; 2]; sites.len()],
+            columns: vec![0.0; sites.len() * all],
             m_arm: DMatrix::zeros(n, n),
             mass: DMatrix::zeros(all, all),
             inverse: DMatrix::zeros(all, all),
@@ -92,7 +92,7 @@ impl<'a> Stepper<'a> {
             before: vec![0.0; all],
             force: vec![0.0; all],
             tool_jacobian: DMatrix::zeros(6, n),
-            rubs,
+            sites,
             plan,
             x,
         }
@@ -103,7 +103,7 @@ impl<'a> Stepper<'a> {
     /// # Errors
     /// [`PlanError::NotFinite`].
     pub fn long_step(&mut self, by_current: &[f64], step: f64) -> Result<(), PlanError> {
-        self.see(step);
+        self.evaluate_dynamics(step);
         self.before.copy_from_slice(&self.u);
         let h = step / self.plan.substeps as f64;
         for _ in 0..self.plan.substeps {
@@ -119,7 +119,7 @@ impl<'a> Stepper<'a> {
     }
 
     /// Evaluates mass matrix, its inverse and bias forces in the middle of the coming step.
-    fn see(&mut self, step: f64) {
+    fn evaluate_dynamics(&mut self, step: f64) {
         let n = self.plan.arm.dof();
         for i in 0..n {
             self.middle[i] = self.x[i] + 0.5 * step * (self.u[i] + 0.25 * step * self.a[i]);
@@ -144,10 +144,10 @@ impl<'a> Stepper<'a> {
             None => self.inverse.fill(f64::NAN),
         }
         let all = self.u.len();
-        for (rub, column) in self.rubs.iter().zip(self.columns.chunks_exact_mut(all)) {
+        for (site, column) in self.sites.iter().zip(self.columns.chunks_exact_mut(all)) {
             for (i, value) in column.iter_mut().enumerate() {
-                let second = rub.b.map_or(0.0, |(b, sign)| sign * self.inverse[(i, b)]);
-                *value = self.inverse[(i, rub.a)] + second;
+                let second = site.b.map_or(0.0, |(b, sign)| sign * self.inverse[(i, b)]);
+                *value = self.inverse[(i, site.a)] + second;
             }
         }
     }
@@ -156,24 +156,24 @@ impl<'a> Stepper<'a> {
         for (x, u) in self.x.iter_mut().zip(&self.u) {
             *x += 0.5 * h * u;
         }
-        self.gather(by_current, h);
-        self.bound(h);
+        self.sum_forces(by_current, h);
+        self.compute_friction_bounds(h);
         // The speed after the step without dry friction.
         for (i, u) in self.u.iter_mut().enumerate() {
             let row = self.inverse.column(i);
             *u += h * row.iter().zip(&self.force).map(|(w, f)| w * f).sum::<f64>();
         }
-        self.float(h);
-        self.rub();
+        self.add_oil_forces(h);
+        self.solve_friction();
         for (x, u) in self.x.iter_mut().zip(&self.u) {
             *x += 0.5 * h * u;
         }
         self.t += h;
-        self.hand_on(by_current, h);
+        self.update_transmitted_torques(by_current, h);
     }
 
     /// Sums all forces but dry friction and oil.
-    fn gather(&mut self, by_current: &[f64], h: f64) {
+    fn sum_forces(&mut self, by_current: &[f64], h: f64) {
         let plan = self.plan;
         self.force.fill(0.0);
         for (force, bias) in self.force.iter_mut().zip(&self.bias) {
@@ -184,7 +184,7 @@ impl<'a> Stepper<'a> {
             let (q, v) = (self.x[at], self.u[at]);
             let mut torque = by_current[joint] + drive.torque(q, v, self.t);
             if let Some(bristles) = &plan.bristles[joint] {
-                let size = drive.dry_friction(q, v, self.handed[joint], self.t)[usize::from(v < 0.0)];
+                let size = drive.dry_friction(q, v, self.transmitted[joint], self.t)[usize::from(v < 0.0)];
                 torque -= bristles.step(&mut self.z[joint], v, size, h);
             }
             if let Some(cable) = &plan.cables[joint] {
@@ -219,7 +219,7 @@ impl<'a> Stepper<'a> {
     }
 
     /// Adds the oil force. Oil is stiff in speed: the force is that at the speed after the step, to first order.
-    fn float(&mut self, h: f64) {
+    fn add_oil_forces(&mut self, h: f64) {
         for bearing in self.plan.bearings.iter().filter(|b| matches!(b.law, BearingLaw::Oil(_))) {
             let s = bearing.slides;
             let (x, spin) = ([self.x[s], self.x[s + 1]], self.u[bearing.turn]);
@@ -241,13 +241,13 @@ impl<'a> Stepper<'a> {
     }
 
     /// Computes the bounds of the friction impulses in a step of `h`.
-    fn bound(&mut self, h: f64) {
-        for (rub, bounds) in self.rubs.iter().zip(&mut self.bounds) {
-            let [plus, minus] = match rub.shaft {
+    fn compute_friction_bounds(&mut self, h: f64) {
+        for (site, bounds) in self.sites.iter().zip(&mut self.bounds) {
+            let [plus, minus] = match site.shaft {
                 Some(shaft) => [self.plan.shafts[shaft].coulomb; 2],
                 None => {
-                    let (drive, at) = (&self.plan.drives[rub.joint], rub.a);
-                    drive.dry_friction(self.x[at], self.u[at], self.handed[rub.joint], self.t)
+                    let (drive, at) = (&self.plan.drives[site.joint], site.a);
+                    drive.dry_friction(self.x[at], self.u[at], self.transmitted[site.joint], self.t)
                 }
             };
             *bounds = [-h * plus, h * minus];
@@ -255,7 +255,7 @@ impl<'a> Stepper<'a> {
     }
 
     /// Solves for dry friction: starts from the impulses of the step before and sets each in turn to the value that stops its speed, within its bounds.
-    fn rub(&mut self) {
+    fn solve_friction(&mut self) {
         let all = self.u.len();
         for (e, column) in self.columns.chunks_exact(all).enumerate() {
             let start = self.impulse[e].clamp(self.bounds[e][0], self.bounds[e][1]);
@@ -264,8 +264,8 @@ impl<'a> Stepper<'a> {
         }
         for _ in 0..SWEEPS {
             let mut change = 0.0_f64;
-            for (e, (rub, column)) in self.rubs.iter().zip(self.columns.chunks_exact(all)).enumerate() {
-                let along = |v: &[f64]| v[rub.a] + rub.b.map_or(0.0, |(b, sign)| sign * v[b]);
+            for (e, (site, column)) in self.sites.iter().zip(self.columns.chunks_exact(all)).enumerate() {
+                let along = |v: &[f64]| v[site.a] + site.b.map_or(0.0, |(b, sign)| sign * v[b]);
                 let (speed, yielding) = (along(&self.u), along(column));
                 let wanted = self.impulse[e] - speed / yielding;
                 let next = wanted.clamp(self.bounds[e][0], self.bounds[e][1]);
@@ -284,18 +284,18 @@ impl<'a> Stepper<'a> {
 
     /// Updates the torque that each joint transmits to its link, on which load-dependent friction depends. The rotor of the data sheet takes its own part of
     /// the drive's torque and does not transmit it.
-    fn hand_on(&mut self, by_current: &[f64], h: f64) {
+    fn update_transmitted_torques(&mut self, by_current: &[f64], h: f64) {
         let plan = self.plan;
-        for (rub, impulse) in self.rubs.iter().zip(&self.impulse).filter(|(rub, _)| rub.shaft.is_none()) {
-            let (joint, drive) = (rub.joint, &plan.drives[rub.joint]);
-            let (q, v) = (self.x[rub.a], self.u[rub.a]);
+        for (site, impulse) in self.sites.iter().zip(&self.impulse).filter(|(site, _)| site.shaft.is_none()) {
+            let (joint, drive) = (site.joint, &plan.drives[site.joint]);
+            let (q, v) = (self.x[site.a], self.u[site.a]);
             let torque = by_current[joint] + drive.torque(q, v, self.t) + impulse / h;
             let rotor = plan.arm.joints()[plan.link[joint]].rotor_inertia;
-            self.handed[joint] = torque - rotor * self.a[rub.a];
+            self.transmitted[joint] = torque - rotor * self.a[site.a];
         }
         for t in &plan.transmissions {
             let (motor, link) = (plan.motor[t.joint], plan.link[t.joint]);
-            self.handed[t.joint] = t.torque(self.x[motor] - self.x[link], self.u[motor] - self.u[link]);
+            self.transmitted[t.joint] = t.torque(self.x[motor] - self.x[link], self.u[motor] - self.u[link]);
         }
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use rand_chacha::ChaCha8Rng;
 
-use super::Room;
+use super::MotionLimits;
 use crate::random::uniform;
 
 /// Duration of the fade-in of the sines, s.
@@ -19,7 +19,7 @@ pub(super) struct Fourier {
 }
 
 impl Fourier {
-    pub fn draw(room: &Room, rng: &mut ChaCha8Rng) -> Self {
+    pub fn draw(limits: &MotionLimits, rng: &mut ChaCha8Rng) -> Self {
         let base = uniform(rng, 0.05, 0.15);
         let terms: Vec<[f64; 3]> = (1..=5)
             .map(|k| {
@@ -32,9 +32,10 @@ impl Fourier {
         let amplitude = sum(|_| 1.0);
         let speed = sum(|w| w) + 1.9 / FADE_IN * amplitude;
         let acceleration = sum(|w| w * w) + 3.8 / FADE_IN * sum(|w| w) + 5.8 / FADE_IN.powi(2) * amplitude;
-        let scale = (room.reach / amplitude).min(room.speed / speed).min(room.acceleration / acceleration);
+        let scale =
+            (limits.reach / amplitude).min(limits.speed / speed).min(limits.acceleration / acceleration);
         let terms = terms.into_iter().map(|[a, w, p]| [a * scale, w, p]).collect();
-        Self { centre: room.home, terms }
+        Self { centre: limits.home, terms }
     }
 
     pub fn at(&self, t: f64) -> [f64; 3] {

@@ -45,7 +45,7 @@ enum Kind {
 
 /// Limits of one joint in a motion.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Room {
+pub(crate) struct MotionLimits {
     /// Position in the middle, rad or m.
     pub home: f64,
     /// Largest distance from it.
@@ -66,11 +66,11 @@ impl Motion {
         rng: &mut ChaCha8Rng,
     ) -> Self {
         let haste = uniform(rng, 0.5, 0.95);
-        let rooms: Vec<Room> = arm
+        let limits_of_joints: Vec<MotionLimits> = arm
             .joints()
             .iter()
             .zip(machine.home().iter().zip(machine.reach()))
-            .map(|(joint, (&home, &reach))| Room {
+            .map(|(joint, (&home, &reach))| MotionLimits {
                 home: home + 0.1 * reach * uniform(rng, -1.0, 1.0),
                 reach: reach * uniform(rng, 0.7, 0.9),
                 speed: 0.9 * haste * joint.limits.velocity,
@@ -78,9 +78,13 @@ impl Motion {
             })
             .collect();
         let kind = match family {
-            Family::Fourier => Kind::Fourier(rooms.iter().map(|room| Fourier::draw(room, rng)).collect()),
-            Family::Points => Kind::Points(PointToPoint::draw(&rooms, duration, rng)),
-            Family::Sweep => Kind::Sweep(rooms.iter().map(|room| Sweep::draw(room, rng)).collect()),
+            Family::Fourier => {
+                Kind::Fourier(limits_of_joints.iter().map(|limits| Fourier::draw(limits, rng)).collect())
+            }
+            Family::Points => Kind::Points(PointToPoint::draw(&limits_of_joints, duration, rng)),
+            Family::Sweep => {
+                Kind::Sweep(limits_of_joints.iter().map(|limits| Sweep::draw(limits, rng)).collect())
+            }
         };
         Self { kind, duration }
     }

@@ -2,7 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 
-use super::Room;
+use super::MotionLimits;
 use super::fourier::fade;
 use crate::random::uniform;
 
@@ -26,21 +26,28 @@ pub(super) struct PointToPoint {
 }
 
 impl PointToPoint {
-    pub fn draw(rooms: &[Room], duration: f64, rng: &mut ChaCha8Rng) -> Self {
+    pub fn draw(limits_of_joints: &[MotionLimits], duration: f64, rng: &mut ChaCha8Rng) -> Self {
         let trapezoid = uniform(rng, 0.0, 1.0) < 0.5;
         // Largest speed and acceleration of the profile over a unit distance in a unit time.
         let (speed, acceleration) =
             if trapezoid { (1.0 / (1.0 - RAMP), 1.0 / (RAMP * (1.0 - RAMP))) } else { (1.875, 5.774) };
-        let mut from: Vec<f64> = rooms.iter().map(|room| room.home).collect();
+        let mut from: Vec<f64> = limits_of_joints.iter().map(|limits| limits.home).collect();
         let mut moves = Vec::new();
         let mut begin = 0.3;
         while begin < duration {
-            let to: Vec<f64> =
-                rooms.iter().map(|room| room.home + room.reach * uniform(rng, -1.0, 1.0)).collect();
-            let least = rooms.iter().zip(from.iter().zip(&to)).fold(0.15_f64, |least, (room, (a, b))| {
-                let way = (b - a).abs();
-                least.max(way * speed / room.speed).max((way * acceleration / room.acceleration).sqrt())
-            });
+            let to: Vec<f64> = limits_of_joints
+                .iter()
+                .map(|limits| limits.home + limits.reach * uniform(rng, -1.0, 1.0))
+                .collect();
+            let least = limits_of_joints.iter().zip(from.iter().zip(&to)).fold(
+                0.15_f64,
+                |least, (limits, (a, b))| {
+                    let way = (b - a).abs();
+                    least
+                        .max(way * speed / limits.speed)
+                        .max((way * acceleration / limits.acceleration).sqrt())
+                },
+            );
             let duration = least * uniform(rng, 1.0, 2.5);
             let dwell = if uniform(rng, 0.0, 1.0) < 0.7 { uniform(rng, 0.1, 0.7) } else { 0.0 };
             moves.push(Move { begin, duration, from: from.clone(), to: to.clone() });

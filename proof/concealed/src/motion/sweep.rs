@@ -2,7 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 
-use super::Room;
+use super::MotionLimits;
 use crate::random::{log_uniform, sign, uniform};
 
 /// Back and forth: speed ±v, with a reversal at constant acceleration in the time `turn`; period 2 (`straight` + `turn`). Every second pair of sweeps has
@@ -17,15 +17,15 @@ pub(super) struct Sweep {
 }
 
 impl Sweep {
-    pub fn draw(room: &Room, rng: &mut ChaCha8Rng) -> Self {
-        let way = room.reach * uniform(rng, 0.35, 1.0);
-        let mut speed = || log_uniform(rng, 0.1, 0.6) * room.speed;
+    pub fn draw(limits: &MotionLimits, rng: &mut ChaCha8Rng) -> Self {
+        let way = limits.reach * uniform(rng, 0.35, 1.0);
+        let mut speed = || log_uniform(rng, 0.1, 0.6) * limits.speed;
         let speeds = [speed(), speed()];
-        let turn = uniform(rng, 0.12, 0.3).max(2.0 * speeds[0].max(speeds[1]) / room.acceleration);
+        let turn = uniform(rng, 0.12, 0.3).max(2.0 * speeds[0].max(speeds[1]) / limits.acceleration);
         // The reversal of the faster sweep takes the distance speed · turn / 4 at each end.
         let straight = speeds.map(|v| ((way - 0.25 * v * turn) / v).max(0.3));
         let direction = sign(rng);
-        Self { centre: room.home - 0.5 * direction * way, direction, speeds, straight, turn }
+        Self { centre: limits.home - 0.5 * direction * way, direction, speeds, straight, turn }
     }
 
     /// Starts at rest at one end; a lap is four half turns and four straights, two at each speed.

@@ -34,7 +34,7 @@ pub struct Way<'a> {
     pub controller: &'static str,
     /// Its model.
     pub model: &'a Path,
-    /// Whether it gets the weights beside the model, if there are any.
+    /// True if it gets the weights beside the model, if there are any.
     pub has_weights: bool,
 }
 

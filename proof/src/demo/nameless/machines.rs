@@ -15,7 +15,7 @@ pub struct Machine {
     pub hidden: &'static str,
     /// The concealed effects.
     pub effects: Vec<EffectTable>,
-    /// Whether a part of it has no name in the catalogue.
+    /// True if a part of it has no name in the catalogue.
     pub is_nameless: bool,
 }
 

@@ -36,17 +36,17 @@ pub struct Outcome {
     pub machine: String,
     /// The concealed physics, in words.
     pub hidden: String,
-    /// Whether a part of it has no name in the catalogue.
+    /// True if a part of it has no name in the catalogue.
     pub is_nameless: bool,
-    /// Whether nothing is concealed.
+    /// True if nothing is concealed.
     pub is_its_model: bool,
     /// Verdict of the diagnosis.
     pub verdict: String,
     /// The effects that it named.
     pub named: Vec<String>,
-    /// Whether the trained weights passed their proof on the nominal and on the diagnosed model.
+    /// Results of the proof of the trained weights on the nominal and on the diagnosed model.
     pub proved: [bool; 2],
-    /// Whether the last method uses the nominal model: held-out paths do not show that the network on the diagnosed model leaves a smaller deviation.
+    /// True if the last method uses the nominal model: held-out paths do not show that the network on the diagnosed model leaves a smaller deviation.
     pub is_nominal: bool,
     /// The paths.
     pub cells: Vec<Cell>,
@@ -59,7 +59,7 @@ pub struct Outcome {
 pub struct Check {
     /// The requirement.
     pub what: &'static str,
-    /// Whether it holds.
+    /// True if it holds.
     pub holds: bool,
 }
 

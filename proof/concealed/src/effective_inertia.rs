@@ -4,12 +4,12 @@ use freeplay_arm::{Arm, Workspace, crba};
 use nalgebra::DMatrix;
 
 /// The effective inertia of each coordinate of an arm with the others free: 1/(M⁻¹)_ii.
-pub(crate) struct Felt {
+pub(crate) struct EffectiveInertia {
     ws: Workspace,
     mass: DMatrix<f64>,
 }
 
-impl Felt {
+impl EffectiveInertia {
     /// A workspace for `arm`.
     pub fn new(arm: &Arm) -> Self {
         Self { ws: Workspace::new(arm), mass: DMatrix::zeros(arm.dof(), arm.dof()) }
