@@ -39,7 +39,7 @@ fn a_run_that_loses_its_controller_ends_with_the_code_of_a_missing_peer() {
     again.wait().expect(5);
 }
 
-/// At half of the usual periods: a detent beside the play has no name; the trained network removes its deviation on other paths without a tracker, a second
+/// At half of the usual periods: a detent in addition to the play has no name; the trained network removes its deviation on other paths without a tracker, a second
 /// call reuses the outcome of the first, and the pages exist.
 #[test]
 fn what_has_no_name_is_learned_and_taken_out() {

@@ -13,7 +13,7 @@ use tempfile::TempDir;
 /// Receipts that one call verifies.
 const BATCH: usize = 400;
 
-/// The exit code of `freeplay blind` with `arguments` in `folder`, and what it printed.
+/// The exit code of `freeplay blind` with `arguments` in `folder`, and its output.
 fn blind(folder: &Path, arguments: &[&str]) -> (i32, String) {
     let output =
         Command::new(crate::common::FREEPLAY).arg("blind").args(arguments).current_dir(folder).output();

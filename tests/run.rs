@@ -121,7 +121,7 @@ fn a_short_run_has_no_deviation_after_the_start() {
     assert!(!text.contains("share of the limits"), "{text}");
 }
 
-/// A motion of the tool beside that of the joints is no error of the tracker: a journal that has sunk by 0.5 mm in oil adds that much to the tool's deviation,
+/// A motion of the tool in addition to that of the joints is no error of the tracker: a journal that has sunk by 0.5 mm in oil adds that much to the tool's deviation,
 /// and a controller with a tracker compensates it.
 #[test]
 fn a_journal_in_oil_moves_the_tool() {

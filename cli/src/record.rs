@@ -204,7 +204,7 @@ fn describe(recording: &Recording) -> Value {
 /// Up to so many columns outside the contract are listed on lines of their own; more share one line.
 const MOST_OTHERS: usize = 6;
 
-/// The joints' names, where there are any.
+/// The joints' names, if there are any.
 fn joints_in_words(recording: &Recording) -> String {
     match recording.joint_names.as_slice() {
         [] => String::new(),

@@ -85,7 +85,7 @@ impl SoloRun {
     /// Reads the summary and the recording of a run of one controller.
     ///
     /// # Errors
-    /// A recording that lacks what a run records.
+    /// A recording without a column that a run records.
     pub fn new(summary: &RunSummary, name: &str, recording: &Recording) -> Result<Self, Failure> {
         let steady = numbers(&summary.line_up["steady_change"]);
         let column = |joint: usize| recording.column(&format!("applied_{joint}")).map(<[f64]>::to_vec);
@@ -143,7 +143,7 @@ struct Run<'a> {
 /// Measures the cost of each swap of a run. `names` are its controllers by slot; a swap is observed for `window` ticks.
 ///
 /// # Errors
-/// A recording that lacks what a run records.
+/// A recording without a column that a run records.
 pub fn measure(
     summary: &RunSummary,
     recording: &Recording,

@@ -26,13 +26,13 @@ const PERIOD: f64 = 1e-3;
 const JOINT: usize = 4;
 /// Half width of the moving average of the predicted journals at both ends of a window, ticks.
 const HALF: usize = 10;
-/// Starts: the turn of the journal's way in the middle of a window, rad.
+/// Starts: rotation of the journal's path in the middle of a window, rad.
 const STARTS: [f64; 3] = [0.0, 0.6, -0.6];
 
 /// Result of one start, mm.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Found {
-    /// The start: turn of the journal's way, rad.
+    /// The start: rotation of the journal's path, rad.
     pub start: f64,
     /// RMS after the start of the run.
     pub rms: f64,

@@ -112,7 +112,7 @@ fn is_comment(record: &ByteRecord) -> bool {
         || record.iter().all(|cell| cell.trim_ascii().is_empty())
 }
 
-/// Rows on their way into a table.
+/// Adds the rows of a file to a table.
 struct Rows {
     columns: Columns,
     mapped: Mapped,

@@ -22,13 +22,13 @@ pub enum ReadError {
         /// The system's error.
         source: io::Error,
     },
-    /// A folder where a file is expected.
+    /// A folder instead of a file.
     #[error("{}: is a folder without a ROS bag or a LeRobot data set; name one recording in it", file.display())]
     Folder {
         /// The folder.
         file: PathBuf,
     },
-    /// A pipe, device or socket where a file is expected.
+    /// A pipe, device or socket instead of a file.
     #[error(transparent)]
     NotAFile(StorageError),
     /// No bytes.
@@ -134,7 +134,7 @@ pub enum ReadError {
         file: PathBuf,
         /// Its columns.
         columns: usize,
-        /// Its rows, as far as they are known or estimated.
+        /// Number of its rows, exact or estimated.
         rows: u64,
         /// The limit.
         limit: u64,

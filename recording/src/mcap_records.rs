@@ -17,7 +17,7 @@ use crate::input::Source;
 use crate::mcap_chunk::{CHUNK_HEAD, Chunk, ChunkFault, FRAME, Framed, MAX_RECORD, ZSTD, ZSTD_AT};
 use crate::mcap_window::Window;
 
-/// Bytes of a footer: where the summary begins (8), where its offsets begin (8), its checksum (4).
+/// Bytes of a footer: offset of the summary (8), offset of the summary offsets (8), checksum (4).
 const FOOTER: u64 = 20;
 
 /// Bytes of the footer that its checksum covers.
@@ -87,7 +87,7 @@ impl<'a, R: Read> Records<'a, R> {
         }
     }
 
-    /// Hands the records that carry data to `take`, in the order of the file.
+    /// Passes the records that carry data to `take`, in the order of the file.
     pub fn for_each(&mut self, take: &mut impl Take) -> Result<(), ReadError> {
         loop {
             let offset = self.window.offset;
@@ -385,7 +385,7 @@ fn parse<'b>(source: &Source, offset: u64, opcode: u8, body: &'b [u8]) -> Result
     mcap::parse_record(opcode, body).map_err(|error| damaged(source, offset, &error.to_string()))
 }
 
-/// Hands the records of a sound chunk to `take`.
+/// Passes the records of a sound chunk to `take`.
 fn hand_over(source: &Source, offset: u64, chunk: &Chunk, take: &mut impl Take) -> Result<(), ReadError> {
     for (opcode, body) in chunk.records() {
         take(offset, Item::Record(parse(source, offset, opcode, body)?))?;

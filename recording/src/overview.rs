@@ -20,7 +20,7 @@ impl Overview {
         Self { most, stride: 1, count: 0, least: Vec::new(), greatest: Vec::new() }
     }
 
-    /// Adds `row` to `columns`, of which the number `time` is the time.
+    /// Adds `row` to `columns`; the column number `time` has the time.
     pub fn push(&mut self, row: &[f64], columns: &mut [Vec<f64>], time: usize) {
         if self.stride == 1 {
             columns.iter_mut().zip(row).for_each(|(column, value)| column.push(*value));

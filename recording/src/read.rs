@@ -68,7 +68,7 @@ pub fn import_csv(path: &Path, mapping: &Mapping) -> Result<Recording, ReadError
     import(path, &ImportOptions { mapping: Some(mapping.clone()), bag: BagOptions::default() })
 }
 
-/// Reads a recording from any stream of bytes, MCAP or text; `origin` stands for the file in messages. See [`read`].
+/// Reads a recording from any stream of bytes, MCAP or text; `origin` names the file in messages. See [`read`].
 ///
 /// # Errors
 /// See [`ReadError`].

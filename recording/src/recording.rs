@@ -14,7 +14,7 @@ use crate::sources::{Quantity, Sources};
 pub struct Recording {
     /// The file it was read from, for messages.
     pub origin: PathBuf,
-    /// Names of the joints in the order of the columns, where the file has names; else empty.
+    /// Names of the joints in the order of the columns, if the file has names; else empty.
     pub joint_names: Vec<String>,
     /// The mapping that the reader guessed from the column names, as a mapping file; `None` if it did not guess.
     pub guessed: Option<String>,
@@ -30,7 +30,7 @@ pub struct Recording {
     pub tau: Option<Vec<Vec<f64>>>,
     /// Commanded joint position, `[joint][sample]`, rad.
     pub q_ref: Option<Vec<Vec<f64>>>,
-    /// Link-side encoder per joint, rad; one entry per joint, `None` where the joint has none.
+    /// Link-side encoder per joint, rad; one entry per joint, `None` for a joint without one.
     pub q_link: Vec<Option<Vec<f64>>>,
     /// Position of frame `tool0` in the base frame: x, y, z; m.
     pub tool: Option<[Vec<f64>; 3]>,

@@ -62,7 +62,7 @@ pub enum Block {
     Drawing(Box<Drawing>),
     /// A figure whose parts move.
     Film(Box<Film>),
-    /// Blocks side by side where the window is wide enough, else one below the other.
+    /// Blocks side by side if the window is wide enough, else one below the other.
     Columns(Vec<Block>),
     /// Text as typed: commands, files, messages.
     Code(String),

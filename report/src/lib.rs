@@ -5,7 +5,7 @@
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`Document`]: title, overview (what a reader sees first), [`Section`]s, footer; written with [`Document::write`].
+//! - [`Document`]: title, overview (the first blocks of the page), [`Section`]s, footer; written with [`Document::write`].
 //! - [`Block`]: an element of an overview or a section: text, list, verdict, figures, table, chart, drawing, film, columns, code, details.
 //! - [`Verdict`]: ok, warn, fail or info; shown as a word and a sign, never as a colour alone.
 //! - [`Figure`]: a key number with its name, unit and remark, drawn as a tile.
@@ -15,7 +15,7 @@
 //! - [`Film`] of [`Scene`]s with [`Moving`] parts: a figure that is played over time, and a still on paper.
 //! - [`thin`]: fewer points, every peak kept; applied automatically so that a report stays below about 5 MB.
 //! - [`text`]: number formats for every table of the project, in pages and in the terminal.
-//! - [`units`]: values in the unit in which a person reads them.
+//! - [`units`]: values in convenient units for people.
 //! - [`paste`]: paths quoted for a shell.
 //! - [`visible`] and [`one_line`]: text without invisible characters, for pages, figures and the terminal.
 //! - [`ReportError`]: reason why a report could not be written.

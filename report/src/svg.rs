@@ -25,7 +25,7 @@ const UNITS: i32 = 4;
 const FONT: f64 = 1.24;
 /// Height of letters, CSS pixels.
 const LETTERS: f64 = 12.5;
-/// Room left of a panel for numbers and label, and below it, CSS pixels.
+/// Margins left of a panel and below it, for numbers and labels, CSS pixels.
 const MARGIN: (i32, i32) = (66, 44);
 /// Room above a panel, and to its right for half of the last number below it, CSS pixels.
 const EDGE: (i32, i32) = (10, 18);

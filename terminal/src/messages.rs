@@ -1,4 +1,4 @@
-//! Messages beside the results: progress, notes, details.
+//! Messages in addition to the results: progress, notes, details.
 //!
 //! Results go to standard output (see `output`), errors end the program (see `exit`); these messages go to standard error.
 

@@ -126,7 +126,7 @@ impl Target {
         tried.one("writing", "outside", fs::write(self.folder.join("new"), "x").is_ok());
     }
 
-    /// Open files, by guessing their numbers, and variables.
+    /// Open files, duplicated by number with `pidfd_getfd`, and environment variables.
     fn inherited(&self, tried: &mut Tried) {
         let own = Pid::from_raw(std::process::id() as i32).expect("a process");
         let Ok(handle) = pidfd_open(own, PidfdFlags::empty()) else { return };

@@ -124,7 +124,7 @@ impl Started {
         })
     }
 
-    /// The id of its child process whose command line holds `word`.
+    /// The id of its child process whose command line contains `word`.
     pub fn child_with(&self, word: &str) -> u32 {
         self.until(word, || {
             children_of(self.pid()).into_iter().find(|id| {

@@ -343,7 +343,7 @@ fn verdicts(exam: &Value) -> Vec<(String, bool)> {
     lists.into_iter().flatten().map(verdict).collect()
 }
 
-/// 200 swaps with the native controller of the same law, and the whole exam beside its exam.
+/// 200 swaps with the native controller of the same law, and the whole exam, compared with that of the native controller.
 fn swapped_and_examined(folder: TempDir, fmu: &str, library: Option<&str>) {
     let set = ["--quiet", "--set", "mode=driven", "--pace", "lockstep"];
     let swap =

@@ -60,7 +60,7 @@ impl FaultOutcome {
     /// `alone`.
     ///
     /// # Errors
-    /// A recording that lacks what a run records.
+    /// A recording without a column that a run records.
     pub fn of(
         injection: Injection,
         recording: &Recording,
@@ -162,7 +162,7 @@ impl RunFindings {
     /// Evaluates a run with its `findings`; after it, `swept` dead runs were removed from shared memory.
     ///
     /// # Errors
-    /// A recording that lacks what a run records.
+    /// A recording without a column that a run records.
     pub fn of(
         findings: Vec<FaultOutcome>,
         summary: &RunSummary,

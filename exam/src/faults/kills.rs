@@ -122,7 +122,7 @@ fn kill_one(
     let mut run = start(controller, &folder, &KILLED, Stdio::null())?;
     let begun = Instant::now();
     let (mut struck, mut took) = (false, None);
-    // On a busy machine the victim comes late.
+    // On a busy machine the victim starts late.
     while !struck && took.is_none() && begun.elapsed() < LONGEST {
         std::thread::sleep(LOOK);
         if has_ended(&mut run)? {

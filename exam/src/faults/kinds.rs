@@ -157,7 +157,7 @@ impl Injection {
 /// Instructions for a fault injector.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Plan {
-    /// The faults, by tick, none of which overlap.
+    /// Non-overlapping faults, in the order of their ticks.
     pub injections: Vec<Injection>,
     /// Least and greatest value of each joint, N·m or rad.
     pub limits: Vec<[f64; 2]>,

@@ -97,7 +97,7 @@ impl Claim {
         }
     }
 
-    /// Number of situations in which it holds, and of all.
+    /// Number of situations in which the claim holds, and number of all situations.
     pub fn count(&self) -> (usize, usize) {
         (self.situations.iter().filter(|row| row.holds).count(), self.situations.len())
     }

@@ -57,7 +57,7 @@ pub struct Dataset {
     pub series: Series,
     /// The quasi-static deviation for each run, row-major, mm.
     pub physics: Vec<Vec<f64>>,
-    /// Samples of a lap where there are several laps.
+    /// Samples of a lap; `None` for a single lap.
     pub lap: Option<usize>,
 }
 

@@ -182,7 +182,7 @@ fn closed(
 /// A predictor of the targets of windows, row-major.
 type Predict<'a> = &'a dyn Fn(&[Window]) -> Result<Vec<f64>, Failure>;
 
-/// Persistence, ridge ARX, quasi-static, and the previous lap where there is one.
+/// Persistence, ridge ARX, quasi-static, and, with several laps, the previous lap.
 fn all_baselines(cut: Cut, data: &Dataset, split: &Split, all: &[Window]) -> Result<Vec<Baseline>, Failure> {
     let Dataset { series, physics, lap } = data;
     let arx = Arx::fit(series, split, &layout()).map_err(Failure::internal)?;

@@ -34,7 +34,7 @@ fn the_same_case_gives_the_same_numbers() {
     assert!(one.recording.t.windows(2).all(|pair| pair[1] > pair[0]), "time increases");
 }
 
-/// The draws beside the effect do not depend on it: length, rate and columns are those of the negative control.
+/// The other random draws do not depend on the effect: length, rate and columns are those of the negative control.
 #[test]
 fn an_effect_leaves_no_mark_on_the_form() {
     let seed = 5;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::truth::at;
 
-/// The cases that a generator has to make, and where.
+/// The cases for a generator, and their folder.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Order {
     /// Seed of all random draws.

@@ -214,7 +214,7 @@ pub fn now() -> String {
 
 /// Content of a file that should be a receipt.
 pub enum Form {
-    /// A receipt, whose hashes may or may not hold.
+    /// A receipt, with valid or invalid hashes.
     Receipt(Box<Receipt>),
     /// No receipt, and why.
     Wrong(String),

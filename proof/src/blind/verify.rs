@@ -63,7 +63,7 @@ pub fn broken(checks: &[Check]) -> Option<&Check> {
     checks.iter().find(|check| check.good == Some(false) && check.what != "program")
 }
 
-/// The checks as a person reads them.
+/// The checks as text for a person.
 pub fn text(checks: &[Check]) -> String {
     let mut text = String::new();
     for check in checks {

@@ -19,7 +19,7 @@ impl Wave {
     }
 }
 
-/// A smooth notch of torque around one position, repeated every `pitch` where that is finite.
+/// A smooth notch of torque around one position, repeated every `pitch` if that is finite.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Notch {
     pub amplitude: f64,

@@ -1,4 +1,4 @@
-//! Machines with physics that no catalogue names, beside physics that it names: commissioned with a tracker, controlled without one.
+//! Machines with physics that no catalogue names, in addition to named physics: commissioned with a tracker, controlled without one.
 //!
 //! The program tracks the tool on three paths and diagnoses the recordings. Named effects go into the model; a network learns the remaining deviation
 //! ([`freeplay_training`]). Then the program compares five methods to control the machine on three other paths and periods, without a tracker.
