@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Kind of fault.
+/// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -10,7 +10,7 @@ pub enum Kind {
     Ok,
     /// No answers.
     Off,
-    /// The controller repeats the values of the last good answer in new answers.
+    /// The values of the last good answer are sent again and again as new answers.
     Stuck,
     /// Random bits as numbers.
     Garbage,
