@@ -1,29 +1,30 @@
-//! Where a model and a recording differ: residuals, and what they are made of.
+//! Differences between a model and a recording: residuals and their causes.
 //!
-//! The folders follow the data, each below the one before: `signals`, `conventions`, `data`, `candidates`, `evidence`, `search`, `choice`, `report`, `findings`; beside
-//! them `compare`, `servo` and `next_motion`, and above all `diagnose` and [`page`]. A file names no folder after its own: the command's test `modules` reads the paths.
+//! The folders follow the data, each below the one before: `signals`, `conventions`, `data`, `candidates`, `evidence`, `search`, `choice`, `report`,
+//! `findings`; beside them are `compare`, `servo` and `next_motion`, and on top `diagnose` and [`page`]. A file uses no folder later in this list than its own:
+//! the test `modules` of the command checks the paths.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`Settings`]: what a user may choose of the treatment; [`default_cutoff_hz`] is the rule for the rest.
-//! - [`Grid`]: the uniform time grid that a recording is put on, cut where the recording has gaps.
-//! - [`LowPass`]: the filter without phase that every column passes; [`derivatives`] on a uniform grid.
-//! - [`Treatment`]: grid, filter, the ends left out, decimation: the same for every column, measured or modelled; it makes the
-//!   [`freeplay_laws::Trajectory`] of a recording.
-//! - [`Residuals`]: one [`Channel`] for each thing measured that the model can predict ([`Kind`]): torques, tool position, link
-//!   encoders; made by [`residuals`] from the [`freeplay_laws::Prediction`] of the arm with its effects.
-//! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above, of long recordings part by part.
-//! - [`compare_commands`]: the same for measured positions against commanded ones, where these are all there is ([`commands_alone`]).
-//! - [`beyond_limits`]: the joints that a recording has where they can't be, in words.
-//! - [`examine`]: whether a recording and a model mean the same: a [`Setup`] of [`SetupFinding`]s with their [`Certainty`] and [`sentences`], and the [`Reading`]
-//!   ([`PositionReading`], [`TorqueReading`]) that mends it; [`Mended`] is that of several recordings.
-//! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]),
-//!   what is missing ([`Effect`] with its [`Parameter`]s and [`Evidence`]), what else was weighed ([`Alternative`], [`EvidenceRow`]),
-//!   what can't be told ([`Untestable`]), to what the machine follows its laws ([`Discrepancy`]), how much better the model gets on the test part of the
-//!   data ([`Fit`], [`Gain`]), and what pictures are drawn from ([`Passage`], [`Trace`], [`Variable`]); findings are named from odds of [`NAMED_FROM`] on;
-//!   [`DiagnoseSettings`] with [`Tolerances`] say what is asked, [`DiagnoseError`] why there is no answer.
-//! - [`excite`]: the next motion, an [`Excitation`] of the family [`Fourier`], that separates causes ([`Rival`]s) which a recording could
-//!   not; [`ExciteSettings`] with the [`ChannelNoise`] say what is asked, [`Used`] how safe it is, [`ExciteError`] why there is none.
+//! - [`Settings`]: the options of the preparation; [`default_cutoff_hz`] sets the default cutoff.
+//! - [`Grid`]: the uniform time grid of a recording, cut at gaps.
+//! - [`LowPass`]: the zero-phase filter that every column passes; [`derivatives`] on a uniform grid.
+//! - [`Treatment`]: grid, filter, trimmed ends and decimation, the same for every measured or modelled column; it makes the [`freeplay_laws::Trajectory`] of a
+//!   recording.
+//! - [`Residuals`]: one [`Channel`] for each measured quantity that the model can predict ([`Kind`]): torques, tool position, link encoders; [`residuals`]
+//!   computes them from the [`freeplay_laws::Prediction`] of the arm with its effects.
+//! - [`Comparison`]: the [`ChannelError`] of each channel; [`compare`] runs all of the above and makes it, part by part for long recordings.
+//! - [`compare_commands`]: the same for measured against commanded positions, in recordings without other channels ([`commands_alone`]).
+//! - [`beyond_limits`]: the joints with recorded positions beyond their limits, in words.
+//! - [`examine`]: a test that recording and model use the same conventions. Its [`Setup`] holds [`SetupFinding`]s with their [`Certainty`] and [`sentences`],
+//!   and the [`Reading`] ([`PositionReading`], [`TorqueReading`]) that corrects the recording; [`Mended`] is the reading of several recordings.
+//! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]), the missing effects
+//!   ([`Effect`] with its [`Parameter`]s and [`Evidence`]), the other effects compared ([`Alternative`], [`EvidenceRow`]), the untestable ones
+//!   ([`Untestable`]), the relative accuracy of the model ([`Discrepancy`]), its improvement on the test part of the data ([`Fit`], [`Gain`]), and the data of
+//!   the pictures ([`Passage`], [`Trace`], [`Variable`]). A finding needs odds of [`NAMED_FROM`]. [`DiagnoseSettings`] with [`Tolerances`] are the options,
+//!   [`DiagnoseError`] is the reason of a failure.
+//! - [`excite`]: the next motion, an [`Excitation`] of the family [`Fourier`] that separates causes ([`Rival`]s) which a recording could not.
+//!   [`ExciteSettings`] with the [`ChannelNoise`] are the options, [`Used`] is the use of the limits, [`ExciteError`] the reason of a failure.
 //! - [`page`]: a diagnosis as an HTML report, and the words for its parts.
 //! - [`recorded`]: a recording of the arm that a model describes, with checks of its units.
 //! - [`ResidualError`]: why a recording and a model can't be compared.

@@ -1,11 +1,11 @@
-//! What a hypothesis changes, of the reading or of the physics beside it, and how probable that is beforehand.
+//! Changes of a hypothesis, of the reading or of the physics beside it, and their prior odds.
 
 use freeplay_arm::{Arm, JointKind};
 use nalgebra::Vector3;
 
 use super::reading::Reading;
 
-/// Which channels are on another clock than the positions.
+/// The channels on another clock than the positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Late {
     /// The torques.
@@ -16,7 +16,7 @@ pub(crate) enum Late {
     Both,
 }
 
-/// Physics beside the fault, in the coarse form in which it could hide or feign one.
+/// Physics beside the reading, in the coarse form in which it could hide or imitate a fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Physics {
     /// A load at the tool.
@@ -29,14 +29,14 @@ pub(crate) enum Physics {
     Drag(usize),
     /// The mass of a link, with its inertia.
     Link(usize),
-    /// Motion of another joint in this joint's torque.
+    /// Torque of this joint due to the motion of another joint.
     Coupling(usize, usize),
     /// Friction that grows with the load a joint carries.
     LoadFriction(usize),
 }
 
 impl Physics {
-    /// Whether it is a matter of masses, which other links have.
+    /// Returns true for a change of masses, which a change of the links includes.
     pub fn is_mass(&self) -> bool {
         matches!(self, Physics::Payload | Physics::Link(_) | Physics::LoadFriction(_))
     }
@@ -49,25 +49,25 @@ pub(crate) enum Change {
     AngleUnit,
     /// Two joints are exchanged.
     Exchange(usize, usize),
-    /// A joint is counted the other way, its torque with it or not.
+    /// The direction of a joint is inverted, with or without its torque.
     Direction { joint: usize, with_torque: bool },
-    /// A joint has another zero, rad (m); fitted, or one of the usual ones.
+    /// A joint has another zero, rad (m); fitted, or one of the common offsets.
     Zero { joint: usize, offset: f64, is_fitted: bool },
-    /// A joint's recorded position holds another's times a factor; its torques are carried over accordingly, or not.
+    /// The recorded position of a joint includes another joint's position times a factor; the torques are converted accordingly, or not.
     Relative { joint: usize, other: usize, factor: f64 },
     /// A joint's torque has the other sign.
     TorqueSign(usize),
     /// A joint's torque is the model's times a factor that is fitted.
     Scale(usize),
-    /// A joint's torque is the model's times the factor that another joint's fit gave.
+    /// A joint's torque is the model's times a fixed factor from another joint's fit.
     SameScale(usize, f64),
     /// All torques are the model's times one factor that is fitted.
     CommonScale,
-    /// Gravity in the base frame is this, m/s².
+    /// The gravity vector in the base frame, m/s².
     Gravity(Vector3<f64>),
-    /// Gravity in the base frame has any direction.
+    /// Gravity in the base frame has any direction; the fit determines it.
     AnyGravity,
-    /// Gravity was taken out of the torques.
+    /// The driver subtracted gravity from the torques.
     Compensated,
     /// A group of channels is late, s.
     Delay(Late, f64),
@@ -75,7 +75,7 @@ pub(crate) enum Change {
     Beside(Physics),
 }
 
-/// Prior odds of the first change of a kind. Most recordings are read as they stand.
+/// Prior odds of the first change of a kind. Most recordings need no change.
 pub(super) const RARE: f64 = 0.01;
 /// Prior odds of a further change of a kind: where one joint is in amperes, others often are, too.
 pub(super) const FURTHER: f64 = 0.2;
@@ -99,12 +99,12 @@ impl Change {
         }
     }
 
-    /// Whether it is one of the reading, not of physics beside it.
+    /// Returns true for a change of the reading, false for physics beside it.
     pub fn is_reading(&self) -> bool {
         !matches!(self, Change::Beside(_))
     }
 
-    /// Whether it is one of how joints are counted.
+    /// Returns true for a change of joint positions.
     pub fn is_of_positions(&self) -> bool {
         matches!(
             self,
@@ -116,13 +116,13 @@ impl Change {
         )
     }
 
-    /// Natural logarithm of its prior odds beside `others`.
+    /// Natural logarithm of its prior odds, given `others`.
     pub fn log_odds(&self, others: &[Change]) -> f64 {
         let is_further = others.iter().any(|other| other.sort() == self.sort());
         let first = |odds: f64| if is_further { FURTHER } else { odds };
         let odds: f64 = match self {
             Change::Beside(_) => COMMON,
-            // One of several that are as probable: six faces, a quarter turn either way and a half turn, a joint with its torque or without.
+            // One of several equally probable changes: six faces, a quarter turn either way and a half turn, a joint with or without its torque.
             Change::Gravity(_) => RARE / 6.0,
             Change::Zero { .. } => first(RARE) / 3.0,
             Change::Direction { .. } => first(RARE) / 2.0,
@@ -131,7 +131,7 @@ impl Change {
         odds.ln()
     }
 
-    /// How many numbers it fits.
+    /// Number of parameters that the change fits.
     pub fn parameters(&self) -> usize {
         match self {
             Change::Zero { is_fitted, .. } => usize::from(*is_fitted),
@@ -144,7 +144,7 @@ impl Change {
         }
     }
 
-    /// Whether both can't be at once.
+    /// Returns true if the two changes can't be combined.
     pub fn excludes(&self, other: &Change) -> bool {
         match (self, other) {
             (Change::Direction { joint: a, .. }, Change::Direction { joint: b, .. })
@@ -153,7 +153,7 @@ impl Change {
             | (Change::Scale(a) | Change::SameScale(a, _), Change::Scale(b) | Change::SameScale(b, _)) => {
                 a == b
             }
-            // A joint counted the other way says itself whether its torque is.
+            // An inverted joint includes the sign of its torque.
             (Change::Direction { joint: a, .. }, Change::TorqueSign(b))
             | (Change::TorqueSign(b), Change::Direction { joint: a, .. }) => a == b,
             (Change::CommonScale, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale)
@@ -163,7 +163,7 @@ impl Change {
         }
     }
 
-    /// Whether the other `change` concerns the same joint, or all.
+    /// The joint of the change; `None` if it concerns all joints.
     pub fn joint(&self) -> Option<usize> {
         match self {
             Change::Direction { joint, .. } | Change::Zero { joint, .. } | Change::Relative { joint, .. } => {
@@ -175,7 +175,7 @@ impl Change {
     }
 }
 
-/// The reading of `changes`: what of them can be said without a fit.
+/// The reading of `changes`, as far as it needs no fit.
 pub(crate) fn reading(arm: &Arm, changes: &[Change]) -> Reading {
     let mut reading = Reading::plain(arm.dof());
     for change in changes {
@@ -220,7 +220,7 @@ pub(crate) fn reading(arm: &Arm, changes: &[Change]) -> Reading {
     reading
 }
 
-/// Physics that could hide or feign a fault of the reading.
+/// Physics that could hide or imitate a fault of the reading.
 pub(crate) fn physics(joints: usize) -> Vec<Change> {
     let mut all = vec![Physics::Payload];
     for joint in 0..joints {
@@ -237,7 +237,7 @@ pub(crate) fn physics(joints: usize) -> Vec<Change> {
     all.into_iter().map(Change::Beside).collect()
 }
 
-/// The groups of channels that a clock offset can part.
+/// The groups of channels that a clock offset can separate.
 pub(crate) fn groups(has_torques: bool, has_tool: bool) -> Vec<Late> {
     match (has_torques, has_tool) {
         (true, true) => vec![Late::Torque, Late::Tool, Late::Both],

@@ -1,4 +1,4 @@
-//! The question from end to end: from a recording to what is wrong with its reading.
+//! The examination from end to end: from a recording to the faults of its reading.
 
 use std::collections::BTreeSet;
 
@@ -17,14 +17,14 @@ use super::samples::Samples;
 use super::search::{MEMORY, Search};
 use crate::statistics::STRONG;
 
-/// Changes with what explains as much as each.
+/// Changes, each with an alternative that explains the data equally well, in words.
 type Rivals = Vec<(Change, String)>;
 
-/// Least odds of a change that is mended without a question, its price and its prior odds taken off: a wrong reading spoils all that follows, so that
-/// one in a thousand may be wrong, not one in twenty.
+/// Least odds for correcting a change without asking, after price and prior odds: a wrong reading spoils all later results, so that one correction in a
+/// thousand may be wrong, not one in twenty.
 const OVERWHELMING: f64 = 1000.0;
 
-/// Whether `recording` and `arm` speak of the same arm, in the same units, signs, order and on the same clock.
+/// Examines whether `recording` and `arm` describe the same arm, in the same units, signs and order, and on the same clock.
 pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
     let mut setup = Setup { findings: Vec::new(), reading: Reading::plain(arm.dof()), stop: None };
     if recording.joints() != arm.dof() {
@@ -56,7 +56,7 @@ pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
     if setup.stop.is_some() || samples.len() <= arm.dof() + MEMORY {
         return setup;
     }
-    // Where no arm moves as far or as fast, nothing else need be asked of the unit.
+    // If no arm can move as far or as fast, the unit needs no further test.
     let jumps: Vec<bool> = q.iter().zip(&recording.q).map(|(smooth, q)| smooth != q).collect();
     let by_motion = kinds::angle_unit::by_motion(arm, &samples.motion, &jumps);
     if let Some(finding) = by_motion {
@@ -89,7 +89,7 @@ impl Examination<'_> {
         let (mut best, mut certain, mut rivals) = self.settled(&search, first);
         let mut other = self.other(&search, &best, &certain);
         if other.is_some() || self.sorts(&best) > 2 {
-            // The search adds one change after the other: before another arm is said, or more than two things at once, it begins from pairs.
+            // The search adds one change after the other. Before it reports another arm or more than two faults, it also starts from pairs.
             let pair = self.settled(&search, search.of_pairs());
             if pair.0.evidence > best.evidence {
                 (best, certain, rivals) = pair;
@@ -99,12 +99,12 @@ impl Examination<'_> {
         if let Some(other) = other {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
-            // Torques alone can be far from any model; geometry can't.
+            // A torque alone can be far from any model; geometry can't.
             setup.stop = (finding.certainty == Certainty::Sure).then(|| finding.statement.clone());
             setup.findings.push(finding);
             return;
         }
-        // A position that seems frozen lacks the motion of its joint. Changes of that joint only make up for the lack: they are not believed.
+        // A position that seems frozen lacks the motion of its joint. Changes of that joint only compensate the lack: the program rejects them.
         let still = self.left_still(&best);
         if let Some(still) = &still {
             let name = |joint: usize| self.arm.joints()[joint].name.clone();
@@ -129,27 +129,27 @@ impl Examination<'_> {
         setup.findings.extend(still);
     }
 
-    /// How many sorts of readings that no law of the catalogue covers `best` has.
+    /// Number of different sorts of readings in `best` that no law of the catalogue covers.
     fn sorts(&self, best: &Outcome) -> usize {
         self.large(best, &best.readings()).iter().map(Change::sort).collect::<BTreeSet<u8>>().len()
     }
 
-    /// The finding that the recording is of another arm; `None` where the reading of `best` explains it better.
+    /// The finding that the recording comes from another arm; `None` if the reading of `best` explains it better.
     fn other(&self, search: &Search, best: &Outcome, certain: &[Change]) -> Option<SetupFinding> {
-        // Torques without gravity are small, and mostly what the rigid arm does not say.
+        // Torques without gravity are small, and the rigid arm explains little of them.
         let is_silent = certain.contains(&Change::Compensated);
         let is_silent = is_silent || !self.samples.has_torques();
         let other = kinds::another_arm::found(best, self.arm.dof(), is_silent, self.samples.has_tool());
         other.or_else(|| self.is_another(search, best).then(kinds::another_arm::by_evidence))
     }
 
-    /// Tells whether another arm explains the recording better than the reading of `settled`, in which every change is certain: links of any
-    /// inertia, whose joints have zeros of their own or not, against the model's within what a data sheet is off by. One link alone is the same as a
-    /// unit of its torque.
+    /// Returns true if another arm explains the recording better than the reading of `settled`, in which every change is certain. The other arm has links of
+    /// any inertia, with or without joint zeros of its own; the links of the model have the error of a data sheet. A single link is equivalent to a unit of its
+    /// torque.
     fn is_another(&self, search: &Search, settled: &Outcome) -> bool {
         let is_large = |change: &Change| change.is_reading() && !kinds::is_small(self.arm, settled, change);
         let is_misread = settled.changes.iter().any(is_large);
-        // Torques without gravity say little of an arm.
+        // Torques without gravity hold little information about an arm.
         if !is_misread || settled.changes.contains(&Change::Compensated) || self.arm.dof() < 2 {
             return false;
         }
@@ -159,7 +159,7 @@ impl Examination<'_> {
         best.zip(worth(Links::OfSheet)).is_some_and(|(another, sheet)| another > sheet)
     }
 
-    /// The reading of the changes that are sure, with what was known of it before.
+    /// Stores the reading of the certain changes, with the units and angle wraps known before.
     fn take(&self, setup: &mut Setup, sure: &[Change]) {
         let known = setup.reading.clone();
         setup.reading =
@@ -169,11 +169,11 @@ impl Examination<'_> {
         }
     }
 
-    /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
+    /// The best set in which every change is certain or small: the function drops the others one by one, and judges the rest anew.
     fn settled(&self, search: &Search, mut best: Outcome) -> (Outcome, Vec<Change>, Rivals) {
         loop {
             if let Some(kept) = self.speaking(search, &best) {
-                // Numbers that were fitted beside such a unit are fitted anew.
+                // Parameters that were fitted together with such a unit need a new fit.
                 best = search.refitted(&kept);
                 let readings = best.readings();
                 best = search.beside(&readings, &self.large(&best, &readings), None);
@@ -196,11 +196,11 @@ impl Examination<'_> {
         }
     }
 
-    /// The changes of `best` without the torque units of channels that are as probable where the rigid arm, as these units have it, says nothing: such
-    /// a unit shows nothing, and hides what other readings show there. `None` where there is none.
+    /// The changes of `best` without torque units that carry no evidence: those of channels whose torque is as probable without the rigid arm. Such a unit
+    /// hides the evidence of other readings in its channel. `None` if there is no such unit.
     fn speaking(&self, search: &Search, best: &Outcome) -> Option<Vec<Change>> {
         let problem = &search.whole;
-        // A torque that shows nothing of the arm is as rare as one in another unit: only the number of the unit has a price.
+        // A torque unrelated to the arm is as rare as one in another unit: only the parameter of the unit has a price.
         let massless = problem.without_arm(&best.changes);
         let price = problem.log_price(best);
         let is_silent = |change: &Change| match *change {
@@ -216,12 +216,12 @@ impl Examination<'_> {
         (kept.len() < best.changes.len()).then_some(kept)
     }
 
-    /// Those of `changes` of `best` that no law of the catalogue covers.
+    /// The `changes` of `best` that no law of the catalogue covers.
     fn large(&self, best: &Outcome, changes: &[Change]) -> Vec<Change> {
         changes.iter().copied().filter(|change| !kinds::is_small(self.arm, best, change)).collect()
     }
 
-    /// The changes of `best` that no law of the catalogue covers, each with the margin by which it is sure.
+    /// The changes of `best` that no law of the catalogue covers, each with the margin of its certainty.
     fn judged(&self, search: &Search, best: &Outcome) -> Vec<(Change, f64)> {
         let asked = self.large(best, &best.readings());
         if !best.is_possible() {
@@ -231,17 +231,17 @@ impl Examination<'_> {
         asked.into_iter().map(|change| (change, self.margin(search, &odds, &change))).collect()
     }
 
-    /// Log odds of `change` of `set` against the best set without it, less those from which on it is sure: [`OVERWHELMING`] odds with the links of the model, the
-    /// odds of a name where these are what a data sheet says.
+    /// Log odds of `change` in `set` against the best set without it, minus the required log odds: [`OVERWHELMING`] with the links of the model, those of a
+    /// name with links within the error of a data sheet.
     fn margin(&self, search: &Search, set: &ChangeOdds, change: &Change) -> f64 {
         let best = set.best;
         let is_comparable = |other: &Outcome| other.likelihood.len() == best.likelihood.len();
         let rest = without(&best.changes, change);
         let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
-        // A scale of a torque with the wrong sign is below zero: what else is said of the joint goes with the change.
+        // The scale of a torque with the wrong sign is negative: without the change, the joint's other changes may be void, too.
         let others: Vec<Change> =
             readings.iter().copied().filter(|other| other.joint() != change.joint()).collect();
-        // Where no other reading is possible without it, the recording as it stands is the rival.
+        // If no other reading is possible without the change, the recording as it stands is the rival.
         let starts = [readings.as_slice(), &others, &[]];
         let rivals =
             starts.iter().map(|start| search.beside(start, &self.large(best, start), Some(change.sort())));
@@ -255,7 +255,7 @@ impl Examination<'_> {
         (odds - OVERWHELMING.ln()).min(set.by_sheet(&other) - STRONG)
     }
 
-    /// Another change of the same joint that explains as much.
+    /// Another change of the same joint that explains the data equally well.
     fn rival(&self, search: &Search, best: &Outcome, change: &Change, rest: &[Change]) -> Option<String> {
         let joint = change.joint()?;
         let others = [
@@ -281,7 +281,7 @@ impl Examination<'_> {
     }
 }
 
-/// `changes` without `change`; an order is one, however many exchanges make it.
+/// `changes` without `change`; all exchanges together count as one order.
 fn without(changes: &[Change], change: &Change) -> Vec<Change> {
     let is_order = matches!(change, Change::Exchange(..));
     let stays = |other: &&Change| **other != *change && !(is_order && matches!(other, Change::Exchange(..)));

@@ -1,4 +1,4 @@
-//! The evidence of a set of changes: what the model says along the motion as they read it, against what was recorded.
+//! The evidence of a set of changes: the prediction of the model along the motion as the changes read it, against the recording.
 //!
 //! *Score.* Of m rows a torque channel c keeps the mean square r_c after dry and viscous friction (neither below zero) and an offset are
 //! fitted, and a tracked coordinate of the tool keeps r_c as it is. With σ_c integrated out under Jeffreys' prior (Jeffreys 1961, §3.1)
@@ -24,38 +24,38 @@ use super::{free_arm, kinds};
 use crate::conventions::outcome::Outcome;
 use crate::statistics::variance;
 
-/// What real arms are off their laws by: 5 % of a torque's standard deviation leaves 0.25 % of its variance.
+/// Typical relative error of a model of a real arm: 5 % of a torque's standard deviation leaves 0.25 % of its variance.
 pub(crate) const FLOOR: f64 = 0.05;
 
-/// That of a tracked tool, as a share of the torques': no friction blurs geometry, 1 % of a motion is more than play and elasticity make.
+/// The same for a tracked tool, as a share of the torques' floor: no friction blurs geometry, and 1 % of a motion is more than play and elasticity cause.
 pub(crate) const GEOMETRY: f64 = 0.2;
 
-/// What the inertias of a model are off by, as a share of the size of a link. With 0.1 and with 0.2, faults put into recordings of real machines and
-/// of concealed ones are told from other arms; with 0.3, models of other arms of the same build begin to pass as the right one.
+/// Relative error of a model's inertias, as a share of the size of a link. With 0.1 and with 0.2, the search distinguishes faults put into recordings of real
+/// and of concealed machines from other arms; with 0.3, models of other arms of the same build begin to pass as the right one.
 const SHEET: f64 = 0.2;
 
-/// What the links of an arm are.
+/// The assumption on the links of an arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Links {
-    /// Those of the model, within what a data sheet is off by.
+    /// Those of the model, within the error of a data sheet.
     OfSheet,
-    /// Another arm's; whose joints count from other zeros, too, or not.
+    /// Those of another arm; its joints may have other zeros.
     Any { own_zeros: bool },
 }
 
-/// An arm, the rows of a recording, and what was already worked out for them.
+/// An arm, the rows of a recording, and cached results for them.
 pub(crate) struct Problem<'a> {
     pub arm: &'a Arm,
     pub samples: &'a Samples,
-    /// One of how many rows is looked at.
+    /// The problem uses one of this many rows.
     stride: usize,
-    /// What every real arm is off its laws by, as a share of a channel's standard deviation: below it, nothing is asked.
+    /// Relative error of every real arm's model, as a share of a channel's standard deviation: the search does not resolve smaller errors.
     pub floor: f64,
-    /// How far the arm reaches, m.
+    /// Reach of the arm, m.
     pub reach: f64,
     seen: RefCell<HashMap<Vec<u64>, Rc<Along>>>,
     measured: RefCell<HashMap<(usize, u64), Rc<Measured>>>,
-    /// How many rows of each recorded channel count as one: the torques by column, then the tool; one where none is known.
+    /// Number of rows that count as one independent row, by recorded channel: the torques by column, then the tool; one where unknown.
     counts: Vec<f64>,
 }
 
@@ -68,7 +68,7 @@ pub(super) struct Measured {
 }
 
 impl<'a> Problem<'a> {
-    /// The rows of `samples`, one of `stride` of them.
+    /// One of `stride` rows of `samples`.
     pub fn new(arm: &'a Arm, samples: &'a Samples, stride: usize, floor: f64) -> Self {
         let joints = arm.joints().iter().skip(1).map(|joint| joint.placement.translation.vector.norm());
         let reach = joints.sum::<f64>() + arm.tool().translation.vector.norm();
@@ -84,13 +84,13 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Rows of the recorded channel c count 1/`counts[c]` each from now on.
+    /// Sets the weight of the rows of each recorded channel c to 1/`counts[c]`.
     pub fn count_rows(&mut self, counts: &[f64]) {
         self.counts = counts.to_vec();
     }
 
-    /// How many rows of the recorded channel `source` are independent of each other. That is a property of what was recorded: a reading that gives
-    /// two columns to each other's joints changes nothing of it, or the unit of a column would speak for one order against another.
+    /// Number of independent rows of the recorded channel `source`. It depends on the recorded column alone: if it changed when a reading swaps the columns of
+    /// two joints, the unit of a column would count as evidence for one order.
     fn independent(&self, source: usize) -> f64 {
         let count = self.counts.get(source).copied().unwrap_or(1.0);
         (self.samples.len() as f64 / count).min(self.rows() as f64)
@@ -104,7 +104,7 @@ impl<'a> Problem<'a> {
         column.iter().step_by(self.stride).copied().collect()
     }
 
-    /// The model along the motion as `reading` has it.
+    /// The model along the motion that `reading` gives.
     fn along(&self, reading: &Reading) -> Rc<Along> {
         let key = key(reading);
         if let Some(known) = self.seen.borrow().get(&key) {
@@ -133,7 +133,7 @@ impl<'a> Problem<'a> {
         measured
     }
 
-    /// What `changes` are worth.
+    /// The evidence for `changes`.
     pub fn outcome(&self, changes: &[Change]) -> Outcome {
         let reading = reading(self.arm, changes);
         let along = self.along(&reading);
@@ -165,7 +165,7 @@ impl<'a> Problem<'a> {
             for (channel, (&joint, left)) in torques.joints.iter().zip(&fitted.left).enumerate() {
                 let scale = outcome.scale[joint];
                 let (size, left) = (torques.size(channel, scale), left / self.rows() as f64);
-                // All readings are weighed against the same floor, that of what was recorded.
+                // All readings use the same floor, that of the recorded column.
                 outcome.floors[joint] = self.floor.powi(2) * torques.variance(channel);
                 outcome.likelihood[joint] =
                     self.log_likelihood(outcome.sources[joint], left, outcome.floors[joint]);
@@ -194,8 +194,8 @@ impl<'a> Problem<'a> {
         outcome
     }
 
-    /// Mean square that each joint's torque keeps as `changes` read it where the arm has no mass: what friction, and other physics of the joint's own,
-    /// says of it. NaN where there is no torque.
+    /// Mean square residual of each joint's torque under `changes` if the arm has no mass: only friction and other physics of the joint itself explain it. NaN
+    /// without a torque.
     pub fn without_arm(&self, changes: &[Change]) -> Vec<f64> {
         let dof = self.arm.dof();
         let reading = reading(self.arm, changes);
@@ -216,8 +216,8 @@ impl<'a> Problem<'a> {
         left
     }
 
-    /// What `outcome` is worth where the masses of its links are what a data sheet says, within a tolerance; or what another arm is, with the same
-    /// physics beside it, whose joints have zeros of their own or not. `None` where there are no torques.
+    /// The evidence for `outcome` with other links: those of the data sheet within a tolerance, or those of another arm with the same further physics, with or
+    /// without joint zeros of its own. `None` without torques.
     pub fn with_links(&self, outcome: &Outcome, links: Links) -> Option<f64> {
         let is_kept = |change: &&Change| match links {
             Links::OfSheet => true,
@@ -266,8 +266,8 @@ impl<'a> Problem<'a> {
         Some(of_torques + tool - price - free.price)
     }
 
-    /// How many numbers the changes of `outcome` fit, and their prior log odds: a small one is an effect of the catalogue, as common as other
-    /// physics. A torque in the unit of another joint's has no number of its own.
+    /// Number of parameters that the changes of `outcome` fit, and their prior log odds. A small change is an effect of the catalogue, as common as other
+    /// physics. A torque in the unit of another joint's has no parameter of its own.
     fn prior(&self, outcome: &Outcome) -> (usize, f64) {
         let (small, large): (Vec<Change>, Vec<Change>) =
             outcome.changes.iter().partition(|change| kinds::is_small(self.arm, outcome, change));
@@ -275,7 +275,7 @@ impl<'a> Problem<'a> {
         let mut odds = small.len() as f64 * COMMON.ln();
         for (k, change) in large.iter().enumerate() {
             if kinds::torque_unit::is_shared(outcome, change, &large[..k]) {
-                // With the unit of the other joint or with its own: neither is more probable.
+                // The unit of the other joint and a unit of its own are equally probable.
                 odds -= std::f64::consts::LN_2;
             } else {
                 parameters += change.parameters();
@@ -285,14 +285,14 @@ impl<'a> Problem<'a> {
         (parameters, odds)
     }
 
-    /// Price of the physics beside the reading of `outcome`.
+    /// Log-evidence price of the physics in `outcome`, apart from its reading.
     pub fn physics_price(&self, outcome: &Outcome) -> f64 {
         let physics = outcome.changes.iter().filter(|change| !change.is_reading());
         let each = self.log_price(outcome);
         physics.map(|change| change.parameters() as f64 * each - COMMON.ln()).sum()
     }
 
-    /// What a fitted number costs where the channels of `outcome` were recorded.
+    /// Log-evidence price of one fitted parameter, for the recorded channels of `outcome`.
     pub fn log_price(&self, outcome: &Outcome) -> f64 {
         let channels = outcome.left.iter().enumerate().filter(|(_, left)| left.is_finite());
         let rows: f64 = channels.map(|(channel, _)| self.independent(outcome.sources[channel])).sum();
@@ -306,12 +306,12 @@ impl<'a> Problem<'a> {
         reading.gravity.unwrap_or(*self.arm.gravity())
     }
 
-    /// Log-likelihood of the recorded channel `source` that keeps the mean square `left` beside that of its `floor`.
+    /// Log-likelihood of the recorded channel `source` with the mean square residual `left` and the noise `floor`.
     pub fn log_likelihood(&self, source: usize, left: f64, floor: f64) -> f64 {
         -0.5 * self.independent(source) * (left + floor).ln()
     }
 
-    /// What is left of the tool's coordinates, and the mean of their variances.
+    /// Residuals of the tool's coordinates, and the mean of the coordinates' variances.
     fn tool_residuals(&self, reading: &Reading, along: &Along) -> ([Vec<f64>; 3], f64) {
         let tool = [0, 1, 2].map(|axis| self.thinned(&self.samples.tool(axis, reading.tool_delay)));
         let variance = tool.iter().map(|column| variance(column)).sum::<f64>() / 3.0;
@@ -320,7 +320,7 @@ impl<'a> Problem<'a> {
         (residuals, variance)
     }
 
-    /// What `outcome` leaves row by row, in the order of its channels; empty where there is none.
+    /// Residuals of `outcome` by row, in the order of its channels; empty for a channel without data.
     pub fn residuals(&self, outcome: &Outcome) -> Vec<Vec<f64>> {
         let reading = reading(self.arm, &outcome.changes);
         let along = self.along(&reading);
@@ -344,7 +344,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// What of a reading the motion depends on.
+/// The properties of a reading that determine the motion.
 fn key(reading: &Reading) -> Vec<u64> {
     let of_joint = |position: &PositionReading| {
         let (other, factor) = position.relative.map_or((u64::MAX, 0.0), |(other, k)| (other as u64, k));
@@ -373,13 +373,13 @@ mod tests {
     use crate::conventions::change::Change;
     use crate::conventions::samples::{Samples, made};
 
-    /// Rows count as far as those of the recorded column are independent, whichever joint a reading gives it to: else two columns of different
-    /// units would look like two joints in another order.
+    /// The weight of rows follows the recorded column, whichever joint a reading assigns it to: otherwise two columns of different units would look like two
+    /// joints in another order.
     #[test]
     fn rows_are_counted_by_recorded_column() {
         let arm = paper_arm().arm;
         let n = arm.dof();
-        // Torques that have nothing to do with the arm.
+        // Torques unrelated to the arm.
         let recording = made(n, |[q, ..], torque| {
             torque.iter_mut().zip(q).for_each(|(torque, q)| *torque = (2.0 * q).cos());
         });
@@ -398,7 +398,7 @@ mod tests {
         assert!((ratio(1) - 1.0).abs() < 1e-9, "joint 2 reads column 1: {}", ratio(1));
     }
 
-    /// An arm is off its laws by a share of its whole torque, whether a driver has taken the gravity out of it or not.
+    /// The floor is a share of the arm's whole torque, even if a driver has subtracted gravity from it.
     #[test]
     fn torques_without_gravity_are_measured_by_the_whole_torque() {
         let arm = paper_arm().arm;

@@ -9,29 +9,29 @@ use super::outcome::{Outcome, SPOKEN};
 use super::problem::{FLOOR, Problem};
 use crate::statistics::STRONG;
 
-/// Rows of the screening: more than the numbers of any reading, and a quarter of all, so that a screening takes a quarter of the time.
+/// Rows of the screening: more than the parameters of any reading, and a quarter of all rows, so that a screening takes a quarter of the time.
 const FEW_ROWS: usize = 60;
 /// Steps after which the starts are compared: a right start has passed the others by then, as each step takes a fault away.
 const FIRST: usize = 3;
-/// How many of the best go on where all would take too long: one alone may be ahead by chance.
+/// Number of the best sets that continue where continuing all would take too long: a single one may lead by chance.
 const AHEAD: usize = 2;
-/// Changes that are tried again after a step that was one of physics, which changes little of what else is promising: they are a few of every joint.
+/// Number of changes that the search tries again after a step of physics, which hardly changes the rank of the others: a few of every joint.
 const PROMISING: usize = 48;
-/// Floor under which numbers of a settled set are fitted: encoders and torque sensors with 9 bits or more are below.
+/// Floor for fitting the parameters of a settled set: below the resolution of encoders and torque sensors with 9 bits or more.
 const SHARP: f64 = 2e-3;
 /// Steps of a golden-section search: they narrow an interval to a thousandth, 0.618¹⁴.
 const GOLDEN: usize = 14;
 
-/// The problem on all rows and on few.
+/// The problem on all rows and on a few rows.
 pub(crate) struct Search<'a> {
     pub whole: Problem<'a>,
     few: Problem<'a>,
-    /// All rows, down to what the instruments say.
+    /// All rows, with a floor at the resolution of the instruments.
     sharp: Problem<'a>,
 }
 
 impl<'a> Search<'a> {
-    /// For an arm and the rows of a recording.
+    /// The search for an arm and the rows of a recording.
     pub fn new(arm: &'a Arm, samples: &'a super::samples::Samples) -> Self {
         let stride = (samples.len() / FEW_ROWS).max(1);
         Self {
@@ -41,7 +41,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Counts rows as far as what `outcome` leaves is independent from one to the next.
+    /// Weights the rows by the correlation of the residuals of `outcome`: correlated rows count less.
     pub fn weigh(&mut self, outcome: &Outcome) {
         let each = rows_per_one(&self.whole.residuals(outcome));
         let mut counts = vec![1.0; each.len()];
@@ -51,19 +51,19 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The best set that steps from `first` lead to.
+    /// The best set that the steps from `first` reach.
     pub fn again(&self, first: &Outcome) -> Outcome {
         self.settled(&climb(&self.few, &first.changes, Scope::All).changes, Scope::All)
     }
 
-    /// The best set of all starts: sought on few rows, settled on all of them.
+    /// The best set of all starts: the search runs on few rows and settles on all of them.
     pub fn best(&self) -> Outcome {
         let plain = climb(&self.few, &[], Scope::All);
         let best = if is_settled(&plain) { plain } else { self.of_all_starts(plain) };
         self.settled(&best.changes, Scope::All)
     }
 
-    /// The best set that steps from pairs of readings lead to. Of two faults, neither may explain anything alone.
+    /// The best set that the steps from pairs of readings reach. Of two faults, neither may explain anything alone.
     pub fn of_pairs(&self) -> Outcome {
         let first = ranked(one_more(&self.few, &self.few.outcome(&[])));
         let first = first.iter().take(PROMISING);
@@ -82,7 +82,7 @@ impl<'a> Search<'a> {
             let turned = [scales.as_slice(), &[Change::AnyGravity]].concat();
             starts.extend([scales, vec![Change::AnyGravity], turned, signs, vec![Change::Compensated]]);
         }
-        // All start, the two that are ahead after a few steps go on.
+        // All starts take a few steps; the best two continue.
         let ahead = ranked(starts.iter().map(|start| steps(&self.few, start, Scope::All, FIRST)));
         let mut best = plain;
         for start in ahead.into_iter().take(AHEAD) {
@@ -97,22 +97,21 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// The best set of `start` and physics beside it, small misreadings among that; those of `kept` stay, and those
-    /// of the sort `judged` are not asked for.
+    /// The best set of `start` with further physics, small misreadings included. The changes of `kept` stay, and the search tries none of the sort `judged`.
     pub fn beside(&self, start: &[Change], kept: &[Change], judged: Option<u8>) -> Outcome {
         let scope = Scope::Beside(kept, judged);
         self.settled(&climb(&self.few, start, scope).changes, scope)
     }
 
-    /// `changes` on all rows, their numbers fitted.
+    /// `changes` on all rows, with their parameters fitted.
     pub fn refitted(&self, changes: &[Change]) -> Outcome {
         self.whole.outcome(&self.finer(changes))
     }
 
-    /// `changes` on all rows: what is not worth it there is dropped, and numbers are fitted as finely as the instruments allow.
+    /// `changes` on all rows. The function drops changes that are not worth their price there, and fits parameters as finely as the instruments allow.
     fn settled(&self, changes: &[Change], scope: Scope) -> Outcome {
         let mut best = self.whole.outcome(changes);
-        // A reading that belongs to the scope on few rows, being small, may be large on all rows: it is dropped.
+        // A reading that is small on few rows belongs to the scope there, but may be large on all rows: it is dropped.
         while let Some(large) =
             best.changes.iter().position(|change| !scope.has(self.whole.arm, &best, change))
         {
@@ -135,11 +134,11 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// `changes` with their numbers fitted under the sharp floor, rounded where that is as good.
+    /// `changes` with their parameters fitted under the sharp floor, rounded where a rounded value is as good.
     fn finer(&self, changes: &[Change]) -> Vec<Change> {
         let mut best = self.sharp.outcome(changes);
         for _ in 0..best.changes.len() {
-            // The first change goes to the end, refined.
+            // The first change moves to the end, refined.
             best.changes.rotate_left(1);
             best = refined(&self.sharp, best, Scope::All);
         }
@@ -147,10 +146,10 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Rows beyond which residuals are taken to be independent, and the most rows that count as one: 1.8 s, longer than any settling of an arm.
+/// Lag in rows beyond which residuals count as independent, and the most rows that count as one: 1.8 s, longer than any settling of an arm.
 pub(super) const MEMORY: usize = 12;
 
-/// How many rows of each channel count as one: 1 + 2 Σ ρ_k of what is left of it (Bartlett 1946).
+/// Number of rows that count as one, by channel: 1 + 2 Σ ρ_k of its residual (Bartlett 1946).
 fn rows_per_one(residuals: &[Vec<f64>]) -> Vec<f64> {
     let of = |residual: &Vec<f64>| {
         let mean = residual.iter().sum::<f64>() / residual.len().max(1) as f64;
@@ -165,13 +164,13 @@ fn rows_per_one(residuals: &[Vec<f64>]) -> Vec<f64> {
     };
     residuals.iter().map(of).collect()
 }
-/// A search may change these things.
+/// The changes that a search may make.
 #[derive(Clone, Copy)]
 enum Scope<'s> {
-    /// The reading, and physics beside it.
+    /// The reading and further physics.
     All,
-    /// Physics beside these changes of the reading, small misreadings that the catalogue has laws for included; but for those of the same sort as
-    /// the change that is judged: where these end is a matter of size, not of odds.
+    /// Physics beside these changes of the reading, small misreadings included for which the catalogue has laws. Changes of the same sort as the judged change
+    /// are excluded: size, not odds, separates small from large ones.
     Beside(&'s [Change], Option<u8>),
 }
 
@@ -182,13 +181,13 @@ impl Scope<'_> {
             && kept.iter().all(|change| outcome.changes.contains(change))
     }
 
-    /// `change` of `outcome` belongs to it.
+    /// Returns true if the scope contains `change` of `outcome`.
     fn has(self, arm: &Arm, outcome: &Outcome, change: &Change) -> bool {
         let Scope::Beside(kept, _) = self else { return true };
         !change.is_reading() || kinds::is_small(arm, outcome, change) || kept.contains(change)
     }
 
-    /// `change` can be physics, whatever number the fit gives it.
+    /// Returns true if `change` can be physics for some value of its parameter.
     fn asks(self, change: &Change) -> bool {
         match (self, change) {
             (Scope::Beside(_, Some(sort)), change) if change.sort() == sort => false,
@@ -201,12 +200,12 @@ impl Scope<'_> {
     }
 }
 
-/// Steps from `start` as long as the evidence grows.
+/// Takes steps from `start` while the evidence grows.
 fn climb(problem: &Problem, start: &[Change], scope: Scope) -> Outcome {
     steps(problem, start, scope, usize::MAX)
 }
 
-/// The same, `most` steps at most.
+/// Takes at most `most` steps from `start` while the evidence grows.
 fn steps(problem: &Problem, start: &[Change], scope: Scope, most: usize) -> Outcome {
     let mut best = problem.outcome(start);
     let mut promising = None;
@@ -217,7 +216,7 @@ fn steps(problem: &Problem, start: &[Change], scope: Scope, most: usize) -> Outc
         if next.evidence.is_nan() || next.evidence <= best.evidence {
             break;
         }
-        // Physics beside it changes little of what else is promising; another reading changes all.
+        // A step of physics hardly changes which other changes are promising; a step of the reading changes all of them.
         if next
             .changes
             .iter()
@@ -231,7 +230,7 @@ fn steps(problem: &Problem, start: &[Change], scope: Scope, most: usize) -> Outc
     best
 }
 
-/// All that can be asked where `best` is the best set so far.
+/// All changes that the search can try when `best` is the best set so far.
 fn asks(problem: &Problem, best: &Outcome) -> Vec<Change> {
     let samples = problem.samples;
     kinds::asks(&Ask {
@@ -243,12 +242,12 @@ fn asks(problem: &Problem, best: &Outcome) -> Vec<Change> {
     })
 }
 
-/// The changes of `best` and `change`, without those that it excludes.
+/// The changes of `best` plus `change`, without those that `change` excludes.
 fn with(best: &Outcome, change: Change) -> Vec<Change> {
     best.changes.iter().copied().filter(|other| !other.excludes(&change)).chain([change]).collect()
 }
 
-/// The outcomes with one reading more than `best`.
+/// The outcomes with one more reading than `best`.
 fn one_more(problem: &Problem, best: &Outcome) -> impl Iterator<Item = Outcome> {
     let readings = asks(problem, best).into_iter().filter(Change::is_reading);
     readings.map(|change| problem.outcome(&with(best, change)))
@@ -261,8 +260,8 @@ fn ranked(outcomes: impl Iterator<Item = Outcome>) -> Vec<Outcome> {
     outcomes
 }
 
-/// The best outcomes with one change more, or one in the place of those that it excludes.
-/// `promising` are the changes that were so before; all where there are none.
+/// The best outcomes with one more change, or with one that replaces those it excludes. `promising` holds the promising changes of the last step; without them
+/// the function tries all changes.
 fn added(
     problem: &Problem,
     best: &Outcome,
@@ -282,7 +281,7 @@ fn added(
         .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
 }
 
-/// The outcomes with one change less.
+/// The outcomes with one change fewer.
 fn dropped(problem: &Problem, best: &Outcome, scope: Scope) -> Vec<Outcome> {
     let without = |k: usize| {
         let mut set = best.changes.clone();
@@ -292,7 +291,7 @@ fn dropped(problem: &Problem, best: &Outcome, scope: Scope) -> Vec<Outcome> {
     (0..best.changes.len()).map(without).filter(|outcome| scope.allows(problem.arm, outcome)).collect()
 }
 
-/// `outcome` with the number of its last change fitted, or rounded, where that is worth it.
+/// `outcome` with the parameter of its last change fitted or rounded, if the evidence grows.
 fn refined(problem: &Problem, outcome: Outcome, scope: Scope) -> Outcome {
     let Some((last, rest)) = outcome.changes.split_last() else { return outcome };
     let with = |change: Change| problem.outcome(&[rest, &[change]].concat());
@@ -316,12 +315,12 @@ fn refined(problem: &Problem, outcome: Outcome, scope: Scope) -> Outcome {
     let fitted = fitted.into_iter().map(with).filter(|outcome| scope.allows(problem.arm, outcome));
     fitted.fold(outcome.clone(), |best, other| if other.evidence > best.evidence { other } else { best })
 }
-/// Whether a set leaves so little of every channel that no other start can say more.
+/// Returns true if the residual of every channel is so small that no other start can be better.
 fn is_settled(outcome: &Outcome) -> bool {
     outcome.left.iter().all(|left| left.is_nan() || *left <= SPOKEN)
 }
 
-/// The place within `width` of `about` where `value` is greatest (Kiefer 1953).
+/// The position within `width` of `about` that maximises `value` (Kiefer 1953).
 fn golden(about: f64, width: f64, value: impl Fn(f64) -> f64) -> f64 {
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     let (mut low, mut high) = (about - width, about + width);

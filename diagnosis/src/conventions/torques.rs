@@ -1,4 +1,4 @@
-//! The torque channels of a reading: what the model says of them is fitted, with gravity and scales where these are free.
+//! The torque channels of a reading: the model is fitted to them, with gravity and scales where these are free.
 
 use std::rc::Rc;
 
@@ -12,24 +12,24 @@ use super::problem::{Measured, Problem};
 use super::reading::Reading;
 use crate::statistics::variance;
 
-/// Rotors up to this many times the inertia that their joint moves: behind a gear of 160, a rotor weighs about as much as a light arm.
+/// Greatest inertia of a rotor, in multiples of the inertia that its joint moves: behind a gear of 160, a rotor weighs about as much as a light arm.
 const MOST_ROTOR: f64 = 4.0;
-/// Loads up to this share of the arm: makers' ratios of load to mass end below.
+/// Greatest load, as a share of the arm's mass: makers' ratios of load to mass end below.
 const MOST_LOAD: f64 = 0.7;
-/// Links that are heavier by up to this many times: one that is off by more is another link, and the arm another arm.
+/// Greatest mass that a link may have beyond its model, in multiples of the modelled mass: a larger error means another link, and thus another arm.
 const MOST_LINK: f64 = 2.0;
 /// Greatest share of its mass in the model that a real link may lack: a link that lacks more is another link, and every link weighs something.
 const LEAST_LINK: f64 = 0.6;
 /// Greatest distance between the tool and the centre of mass of a load, as a share of the arm's reach: a load that hangs farther out would be a link of its own.
 const FARTHEST: f64 = 0.25;
-/// Friction that a load makes, as a share of that load: a gear that loses half of it locks itself.
+/// Greatest friction due to a load, as a share of that load: a gear that loses half of it locks itself.
 const MOST_LOSS: f64 = 0.5;
-/// No unit makes a torque larger or smaller than by this: counts of 16 bits, micronewton metres of a wrist are below.
+/// Greatest factor of a unit, up or down: counts of 16 bits and micronewton metres of a wrist are below.
 const MOST_SCALE: f64 = 1e6;
-/// Rounds in which gravity and scales are fitted in turn: their product is what the torques show, and a search makes too many such fits for each to settle.
+/// Rounds of fitting gravity and scales in turn: the torques show only their product, and a search makes too many such fits for each to converge.
 const TURNS: usize = 5;
 
-/// How the torque of a joint is scaled.
+/// The scale of a joint's torque.
 #[derive(Clone, Copy, PartialEq)]
 enum Scale {
     Known(f64),
@@ -43,27 +43,27 @@ pub(super) struct Torques<'p, 'a> {
     along: &'p Along,
     changes: &'p [Change],
     physics: Vec<Physics>,
-    /// Joints with a torque that answers at all.
+    /// Joints with a torque that varies at all.
     pub joints: Vec<usize>,
     measured: Vec<(Rc<Measured>, f64)>,
     scales: Vec<Scale>,
-    /// Gravity that was taken out of what was measured, m/s².
+    /// Gravity that was subtracted from the measured torques, m/s².
     taken_out: Option<Vector3<f64>>,
 }
 
-/// What a channel's target is, beyond what was measured, and what its columns are.
+/// Parts of a channel's target beyond the measurement, and of its columns.
 struct Parts<'f> {
     /// Weights of motion and gravity in the model.
     weights: [f64; 4],
     gravity_is_free: bool,
-    /// Weights of motion and gravity in the load of a joint, by which some friction grows.
+    /// Weights of motion and gravity in the load of a joint; some friction grows with this load.
     load: [f64; 4],
     scale: &'f [f64],
     shared: &'f [Vec<Vec<f64>>],
 }
 
 impl<'p, 'a> Torques<'p, 'a> {
-    /// Of `reading`, which is that of `changes`, along its motion.
+    /// The torques of `reading`, which is that of `changes`, along its motion.
     pub fn new(problem: &'p Problem<'a>, reading: &Reading, along: &'p Along, changes: &'p [Change]) -> Self {
         let mut scales = vec![Scale::Known(1.0); problem.arm.dof()];
         for change in changes {
@@ -91,13 +91,13 @@ impl<'p, 'a> Torques<'p, 'a> {
         Self { problem, along, changes, physics, joints, measured, scales, taken_out }
     }
 
-    /// Variance of what was measured, by channel.
+    /// Variance of the measured torque, by channel.
     pub fn variance(&self, channel: usize) -> f64 {
         self.measured[channel].0.variance
     }
 
-    /// Variance of the whole torque of a channel, recorded in `scale`: of what was measured, with the gravity that was taken out of it. Whoever takes
-    /// gravity out uses a model of it, so that an arm is off its laws by a share of the whole, not of what remains.
+    /// Variance of the whole torque of a channel, recorded in `scale`: measured torque plus the gravity that a driver subtracted. The driver subtracts a model
+    /// of gravity, so that the model error is a share of the whole torque, not of the remainder.
     pub fn size(&self, channel: usize, scale: f64) -> f64 {
         let (measured, sign) = (&self.measured[channel].0, self.measured[channel].1);
         let Some(gravity) = self.taken_out else { return measured.variance };
@@ -106,8 +106,8 @@ impl<'p, 'a> Torques<'p, 'a> {
         variance(&whole.collect::<Vec<f64>>())
     }
 
-    /// What links of any inertia are to explain: what `fitted` leaves of each channel, or all of it; and how much larger the torques are than the
-    /// model's.
+    /// The targets for links of any inertia: the residual of `fitted` in each channel, or the whole measured torque without `fitted`; and the ratio of measured
+    /// to modelled torques.
     pub fn targets(
         &self,
         fitted: Option<&Fit>,
@@ -142,7 +142,7 @@ impl<'p, 'a> Torques<'p, 'a> {
         (targets, (recorded / modelled.max(f64::MIN_POSITIVE)).sqrt())
     }
 
-    /// The fit, and with it gravity where it is free, and the scales; `None` for what can't be.
+    /// The fit, with gravity and scales where these are free; `None` for an impossible fit.
     pub fn fitted(&self, gravity: &mut Vector3<f64>, scale: &mut [f64]) -> Option<Fit> {
         for (scale, kind) in scale.iter_mut().zip(&self.scales) {
             if let Scale::Known(factor) = kind {
@@ -218,7 +218,7 @@ impl<'p, 'a> Torques<'p, 'a> {
             friction.is_some() || !parts.shared.is_empty(),
             &measured.column,
         );
-        // Of the target: what was measured, less the model where its scale is known.
+        // The target: measured torque, minus the model if its scale is known.
         let less = if is_known { factor } else { 0.0 };
         let right =
             |term: &Term| sign * products.with_measured(term) - less * products.of(term, &Term::Model);
@@ -234,7 +234,7 @@ impl<'p, 'a> Torques<'p, 'a> {
         Channel { normal, right, square, is_positive, floor }
     }
 
-    /// Friction, offset, and what physics beside the reading this joint has of its own; whether it can't be below zero.
+    /// The columns of `joint` alone: friction, offset and further physics. The flag is true for a coefficient that can't be negative.
     fn own(&self, joint: usize) -> Vec<(Column, bool)> {
         let mut own = vec![(Column::One, false), (Column::Turns, true), (Column::Speed, true)];
         for physics in &self.physics {
@@ -252,7 +252,7 @@ impl<'p, 'a> Torques<'p, 'a> {
         own
     }
 
-    /// Direction of `joint` times the size of what it carries under `weights`, where its friction grows with that.
+    /// Direction of `joint` times its absolute load under `weights`, if its friction grows with the load.
     fn load_friction(&self, joint: usize, weights: &[f64; 4]) -> Option<Vec<f64>> {
         self.physics.contains(&Physics::LoadFriction(joint)).then(|| {
             let turns = self.along.column(joint, Column::Turns);
@@ -279,7 +279,7 @@ impl<'p, 'a> Torques<'p, 'a> {
         Some(())
     }
 
-    /// Whether physics beside the reading has sizes that a machine can have.
+    /// Returns true if the physics beside the reading has sizes that a machine can have.
     pub fn is_possible(&self, fitted: &Fit, scale: &[f64]) -> bool {
         let of_joint = |(own, &joint): (&Vec<f64>, &usize)| self.are_own(joint, own, scale[joint]);
         let mass: f64 = self.problem.arm.joints().iter().map(|joint| joint.inertia.mass).sum();
@@ -302,8 +302,8 @@ impl<'p, 'a> Torques<'p, 'a> {
         are_masses && fitted.own.iter().zip(&self.joints).all(of_joint)
     }
 
-    /// Whether what `joint` has of its own can be: a rotor of a size that drives have; of a joint that is coupled with it, no more inertia than
-    /// leaves the inertia matrix positive, and no more friction than the joint's own, so that friction takes energy whichever way both move.
+    /// Returns true if the fitted physics of `joint` is possible. A rotor needs a size that drives have. A coupled joint has at most the inertia that leaves
+    /// the inertia matrix positive, and at most the joint's own friction, so that friction takes energy whichever way both move.
     fn are_own(&self, joint: usize, coefficients: &[f64], scale: f64) -> bool {
         let products = self.along.products(joint);
         let own = self.own(joint);
@@ -331,20 +331,20 @@ impl<'p, 'a> Torques<'p, 'a> {
             && !(is_lossy && coefficients[own.len()] > MOST_LOSS * scale)
     }
 
-    /// Inertia that `joint` feels, about.
+    /// Approximate inertia that `joint` moves.
     fn inertia(&self, joint: usize) -> f64 {
         let products = self.along.products(joint);
         let a = Column::Acceleration.place();
         (products[(Column::Model(0).place(), a)] / products[(a, a)].max(f64::MIN_POSITIVE)).max(0.0)
     }
 
-    /// Variance of what the rigid arm asks of `joint` under `gravity`, as recorded in its `scale`.
+    /// Variance of the rigid arm's torque at `joint` under `gravity`, as recorded in its `scale`.
     pub fn spoken(&self, joint: usize, gravity: &Vector3<f64>, scale: f64) -> f64 {
         let model = self.along.model(joint, &[1.0, gravity.x, gravity.y, gravity.z]);
         variance(&model) * scale.powi(2)
     }
 
-    /// What `fitted` leaves of a channel, row by row.
+    /// Residual of `fitted` in a channel, row by row.
     pub fn residual(&self, channel: usize, fitted: &Fit, gravity: &Vector3<f64>, scale: &[f64]) -> Vec<f64> {
         let joint = self.joints[channel];
         let (measured, sign) = (&self.measured[channel].0, self.measured[channel].1);
@@ -371,7 +371,7 @@ impl<'p, 'a> Torques<'p, 'a> {
 enum Term<'c> {
     Column(Column, f64),
     Given(&'c [f64], f64),
-    /// What the arm asks for.
+    /// The torque of the model.
     Model,
 }
 
@@ -380,7 +380,7 @@ struct Products<'c> {
     along: &'c Along,
     joint: usize,
     weights: &'c [f64; 4],
-    /// The model row by row, where given columns are multiplied with it.
+    /// The model row by row, for products with given columns.
     model: Option<Vec<f64>>,
     measured: &'c [f64],
 }

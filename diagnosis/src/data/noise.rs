@@ -1,4 +1,4 @@
-//! What a recording's noise and rounding are, by its own samples.
+//! Noise and rounding of a recording, estimated from its samples.
 
 use freeplay_recording::Recording;
 
@@ -26,8 +26,8 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    /// The noise of a column that is `samples` on an even grid and was recorded as `raw`, where its rounding is still to be seen. Fourth
-    /// differences leave nothing of a smooth motion; their median does not mind a few jumps (Hampel 1974).
+    /// The noise of a column: `samples` on an even grid, and the `raw` recorded values, which still show the rounding. Fourth differences suppress smooth
+    /// motion, and their median tolerates a few jumps (Hampel 1974).
     pub fn of(samples: &[f64], raw: &[f64]) -> Self {
         let step = rounding(raw);
         let least = (step / 12_f64.sqrt()).max(FINEST * span(samples));
@@ -35,7 +35,7 @@ impl Noise {
     }
 }
 
-/// The noise of what was measured in one recording.
+/// The noise of the measured columns of one recording.
 #[derive(Clone, Debug)]
 pub(crate) struct Noises {
     /// Of the joint encoders.
@@ -45,7 +45,7 @@ pub(crate) struct Noises {
 }
 
 impl Noises {
-    /// The noise of `recording`, of which `channels` are compared with a model; `sharp` is what the model's torques have above the low-pass.
+    /// The noise of `recording` in the `channels` that are compared with a model; `sharp` holds the part of the model's torques above the low-pass.
     pub fn of(
         recording: &Recording,
         treatment: &Treatment,
@@ -66,8 +66,8 @@ impl Noises {
             let present = present.as_deref();
             let read: Vec<f64> = column.iter().copied().filter(|value| !value.is_nan()).collect();
             let fine = Noise::of(&only(&whole, present), &read);
-            // A tracker that reads more slowly than it is recorded has noise that neighbours share. Torque jumps where it should, and in
-            // some motions half of the time.
+            // A tracker that samples more slowly than the recorder has noise that neighbouring samples share. Physical jumps of a torque are no noise, and in
+            // some motions they occur half of the time.
             let above = match channel.kind {
                 Kind::Torque(joint) => {
                     let beside: Vec<f64> = difference(&whole, &sharp[joint]);
@@ -89,16 +89,16 @@ impl Noises {
     }
 }
 
-/// Most steps that the least change of a column is: a column whose least change is larger than so many shows no step, and near the step of rounding every
+/// Greatest multiple of the step that the smallest change of a column may be: a larger smallest change reveals no step, since near the step of rounding every
 /// number is a multiple.
 const MOST_STEPS: u8 = 64;
-/// Least and greatest number of changes, the smallest ones, by which a step is told: fewer can be multiples of a step by chance, and larger ones hold too many
-/// steps for it to stay exact.
+/// Least and greatest number of changes, the smallest ones first, for estimating a step: fewer can be multiples of a step by chance, and larger changes contain
+/// too many steps for exactness.
 const CHANGES: [usize; 2] = [16, 128];
-/// How far a change may be from a multiple of the step, in steps; what was printed with few digits is no exact multiple.
+/// Greatest distance between a change and a multiple of the step, in steps; values printed with few digits are no exact multiples.
 const OFF: f64 = 0.1;
 
-/// The step of which all samples are multiples, near enough; 0 if there is none that is worth a name.
+/// The step of which nearly all samples are multiples; 0 without a clear step.
 fn rounding(samples: &[f64]) -> f64 {
     let mut changes: Vec<f64> =
         samples.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|change| *change > 0.0).collect();
@@ -107,15 +107,15 @@ fn rounding(samples: &[f64]) -> f64 {
         return 0.0;
     }
     changes.sort_by(f64::total_cmp);
-    // A few glitches aside.
+    // Without a few glitches.
     let glitches = (changes.len() / 50).min(4);
     let near = &changes[glitches..changes.len().min(glitches + most)];
-    // A joint that hardly ever moves slowly shows no single step.
+    // A joint that rarely moves slowly shows no single step.
     let candidates = (1..=MOST_STEPS).map(|times| near[0] / f64::from(times));
     candidates.map(|step| refined(step, near)).find(|step| are_multiples(near, *step)).unwrap_or(0.0)
 }
 
-/// `step` as its multiples `changes` have it, by least squares.
+/// Least-squares estimate of `step` from its multiples `changes`.
 fn refined(step: f64, changes: &[f64]) -> f64 {
     let sums = changes.iter().fold([0.0, 0.0], |[both, squares], change| {
         let times = (change / step).round();
@@ -124,7 +124,7 @@ fn refined(step: f64, changes: &[f64]) -> f64 {
     sums[0] / sums[1].max(f64::MIN_POSITIVE)
 }
 
-/// Whether nine of ten `changes` are multiples of `step`, and that is why they differ: at a steady speed all are about alike.
+/// Returns true if nine of ten `changes` are multiples of `step` and thereby differ: at a steady speed all changes are alike.
 fn are_multiples(changes: &[f64], step: f64) -> bool {
     let off = |change: f64| change - (change / step).round() * step;
     let near: Vec<f64> = changes
@@ -139,8 +139,8 @@ fn are_multiples(changes: &[f64], step: f64) -> bool {
     near.len() * 10 > changes.len() * 9 && beside <= 0.01 * apart + 1e-8 * mean * mean * near.len() as f64
 }
 
-/// Number of samples that `x` is worth, its mean being zero: n/(1 + 2Σρ_k), the sum ending where the autocorrelation first falls
-/// below zero (Geyer 1992, initial positive sequence).
+/// Effective number of independent samples of `x`, whose mean is zero: n/(1 + 2Σρ_k). The sum ends where the autocorrelation first falls below zero (Geyer
+/// 1992, initial positive sequence).
 pub(crate) fn effective_samples(x: &[f64]) -> f64 {
     let n = x.len();
     let power: f64 = x.iter().map(|x| x * x).sum();
@@ -182,7 +182,7 @@ mod tests {
         assert!((seen.step / 0.01 - 1.0).abs() < 0.02);
     }
 
-    /// An encoder that is read at speed, of which two neighbours never are a single step apart.
+    /// An encoder sampled at speed: two neighbouring samples never differ by a single step.
     #[test]
     fn a_step_is_found_without_slow_motion() {
         let step = 4e-6;
@@ -196,7 +196,7 @@ mod tests {
         assert!(Noise::of(&smooth, &smooth).step == 0.0, "a motion that is not rounded");
     }
 
-    /// A first-order process of coefficient r is worth n(1 − r)/(1 + r) samples: the closed form.
+    /// A first-order process of coefficient r has n(1 − r)/(1 + r) effective samples: the closed form.
     #[test]
     fn coloured_samples_are_worth_less() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);

@@ -1,5 +1,5 @@
-//! Shapes without a name, flexible enough for any law of position, speed, load, acceleration and the way since the last reversal. They say how much there is
-//! to explain at all, and are the black box beside which the findings are shown.
+//! Nameless shapes, flexible enough for any law of position, speed, load, acceleration and the distance since the last reversal. They measure how much error
+//! can be explained at all, and serve as the black box with which the report compares the findings.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -9,24 +9,24 @@ use crate::data::stage::Stage;
 use crate::data::tolerance::Nuisance;
 use crate::signals::channel::Kind;
 
-/// Knots of the hat functions in position: as many as tell a law with a period of half the range from one without.
+/// Knots of the hat functions in position: enough to separate a law with a period of half the range from one without.
 const KNOTS: usize = 8;
-/// Knots of the hat functions in speed and load: laws of friction have one bend in each direction, which three more knots than its ends show.
+/// Knots of the hat functions in speed and load: laws of friction have one bend in each direction, which three inner knots resolve.
 const SPEED_KNOTS: usize = 5;
-/// Knots of the hat functions in time: what happens at a time or drifts is caught to a sixteenth of the recording.
+/// Knots of the hat functions in time: they resolve events and drifts to a sixteenth of the recording.
 const MOMENTS: usize = 16;
-/// Ridges that are tried, as shares of each column's square: from shapes that are all but free, and that the ridge only keeps from running away where the motion tells
-/// columns apart badly, to none, in decades.
+/// Trial ridges, as shares of each column's square, in decades. The smallest leaves the shapes almost free, and only bounds them where the motion hardly
+/// separates columns. The largest suppresses the shapes.
 const RIDGES: [f64; 7] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
 
-/// Where the knots of a joint's hat functions are.
+/// Positions of the knots of a joint's hat functions.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Knots {
     position: Vec<f64>,
     load: Vec<f64>,
     speed: Vec<f64>,
     reach: f64,
-    /// Numbers of places, and the ranges of the joint's position that they are.
+    /// Places, each with its number and its range of the joint's position.
     places: Vec<(usize, [f64; 2])>,
 }
 
@@ -47,7 +47,7 @@ impl Knots {
             .collect()
     }
 
-    /// Adds shapes that act at the place of this `number`: where the joint is in this `range` of its positions, and nowhere else.
+    /// Adds shapes that act only at the place with this `number`: where the joint is in this `range` of positions.
     pub fn add_place(&mut self, number: usize, range: [f64; 2]) {
         self.places.push((number, range));
     }
@@ -60,7 +60,7 @@ pub(crate) struct Shapes {
 }
 
 impl Shapes {
-    /// The shapes of the channel number `channel` of `data`, to be fitted to the rows where `mask` is one.
+    /// The shapes of channel number `channel` of `data`, for a fit to the rows where `mask` is one.
     pub fn new(data: &Data, channel: usize, mask: &[f64], knots: &[Knots]) -> Self {
         let (stage, of_stage) = data.place(channel);
         let of = &data.stages[stage];
@@ -72,7 +72,7 @@ impl Shapes {
         Self { factor: factor(gram(&columns), RIDGES[0]), columns }
     }
 
-    /// What they leave of `residual`.
+    /// `residual` minus the fitted shapes.
     pub fn left(&self, residual: &[f64]) -> Vec<f64> {
         let mut left = residual.to_vec();
         let Some(factor) = &self.factor else { return left };
@@ -84,7 +84,7 @@ impl Shapes {
     }
 }
 
-/// Divides each of `columns` by its size, and gives the sizes.
+/// Divides each of `columns` by its norm, and returns the norms.
 fn normalised(columns: &mut [Vec<f64>]) -> Vec<f64> {
     let divided = columns.iter_mut().map(|column| {
         let size = dot(column, column).sqrt().max(f64::MIN_POSITIVE);
@@ -94,22 +94,22 @@ fn normalised(columns: &mut [Vec<f64>]) -> Vec<f64> {
     divided.collect()
 }
 
-/// The shapes of the channels that measure the same in each recording, with coefficients that the recordings have in common.
+/// The shapes of channels that measure the same quantity in each recording, with common coefficients for all recordings.
 pub(crate) struct CommonShapes {
     channels: Vec<usize>,
-    /// Which rows count, those of one channel after those of the other.
+    /// Mask of the rows, channel after channel.
     counts: Vec<f64>,
-    /// The columns over the same rows, each of size one.
+    /// The columns over the same rows, each with norm one.
     columns: Vec<Vec<f64>>,
-    /// The sizes that the columns had.
+    /// The original norms of the columns.
     sizes: Vec<f64>,
-    /// The number of the only place where a column acts; `None`: it acts everywhere.
+    /// The number of the only place where a column acts; `None` if it acts everywhere.
     places: Vec<Option<usize>>,
     gram: DMatrix<f64>,
 }
 
 impl CommonShapes {
-    /// The shapes of `channels`, to be fitted to the rows where `masks` is one.
+    /// The shapes of `channels`, for a fit to the rows where `masks` is one.
     pub fn new(data: &Data, channels: Vec<usize>, masks: &[Vec<f64>], knots: &[Knots]) -> Self {
         let of_channels: Vec<Vec<Vec<f64>>> =
             channels.iter().map(|&c| Self::of(data, c, &masks[c], knots)).collect();
@@ -141,13 +141,13 @@ impl CommonShapes {
         columns
     }
 
-    /// Log of the probability of the rows of `residual` under shapes that act everywhere and those of `places`, up to a number that is the same for any residual.
+    /// Log of the probability of `residual` under the shapes that act everywhere and those of `places`, up to a constant that is the same for any residual.
     pub fn evidence(&self, residual: &[Vec<f64>], places: &[usize]) -> f64 {
         self.most_probable(residual, places).evidence
     }
 
-    /// The prediction of the shapes that act everywhere, by channel and row. Their coefficients are fitted to `residual`, with the prior size of shapes under which its rows
-    /// are most probable.
+    /// The prediction of the shapes that act everywhere, by channel and row. Their coefficients are fitted to `residual`, with the prior size of shapes that
+    /// makes its rows most probable.
     pub fn said(&self, data: &Data, residual: &[Vec<f64>], knots: &[Knots]) -> Vec<(usize, Vec<f64>)> {
         let beta = self.most_probable(residual, &[]).beta;
         let of_channel = |&c: &usize| {
@@ -161,8 +161,8 @@ impl CommonShapes {
         self.channels.iter().map(of_channel).collect()
     }
 
-    /// The coefficients for `residual` of the columns that act everywhere, then of those of `places`, with the ridge under which the rows are most probable (MacKay
-    /// 1992, Neural Comput. 4:415), their noise integrated out.
+    /// The coefficients for `residual` of the columns that act everywhere, then of those of `places`. The ridge makes the rows most probable (MacKay 1992,
+    /// Neural Comput. 4:415), with the noise integrated out.
     fn most_probable(&self, residual: &[Vec<f64>], places: &[usize]) -> Probable {
         let acts = |column: &usize| self.places[*column].is_none_or(|place| places.contains(&place));
         let acting: Vec<usize> = (0..self.columns.len()).filter(acts).collect();
@@ -189,13 +189,13 @@ impl CommonShapes {
     }
 }
 
-/// Coefficients and the log of the probability of what they were fitted to.
+/// Coefficients, and the log of the probability of the fitted rows.
 struct Probable {
     beta: DVector<f64>,
     evidence: f64,
 }
 
-/// The products of each of `columns` with each.
+/// Inner products of all pairs of `columns`.
 fn gram(columns: &[Vec<f64>]) -> DMatrix<f64> {
     let mut gram = DMatrix::zeros(columns.len(), columns.len());
     for (i, one) in columns.iter().enumerate() {
@@ -212,7 +212,7 @@ fn factor(mut gram: DMatrix<f64>, ridge: f64) -> Option<Cholesky<f64, Dyn>> {
     Cholesky::new(gram)
 }
 
-/// The columns of a channel, with the rows that don't count set to zero: the same in number and order on every stage of an arm.
+/// The columns of a channel, with the rows without weight set to zero: the same number and order on every recording of an arm.
 fn raw_columns(
     stage: &Stage,
     nuisances: &[Nuisance],
@@ -231,14 +231,14 @@ fn raw_columns(
     columns
 }
 
-/// Sets the rows of `columns` that `kept` does not keep to zero.
+/// Sets the rows of `columns` outside the mask `kept` to zero.
 fn keep(columns: &mut [Vec<f64>], kept: &[f64]) {
     for column in columns {
         column.iter_mut().zip(kept).for_each(|(x, kept)| *x *= kept);
     }
 }
 
-/// Position, speed, load, acceleration, reversals, and the other joints' speeds.
+/// Columns of a torque: position, speed, load, acceleration, reversals, and the other joints' speeds.
 fn of_torque(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
     let motion = stage.motion();
     let v = &stage.whole().v[joint];
@@ -258,10 +258,10 @@ fn of_torque(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
     columns
 }
 
-/// Columns of each place: a hat about either end of its range, and both with the sign of the speed.
+/// Columns of each place: a hat at either end of its range, and both multiplied by the sign of the speed.
 const PER_PLACE: usize = 4;
 
-/// At each place of `joint` hat functions about the two ends of its range, as they are and with the sign of the joint's speed.
+/// For each place of `joint`, hat functions at the two ends of its range, alone and multiplied by the sign of the joint's speed.
 fn of_places(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
     let sign: Vec<f64> = stage.whole().v[joint].iter().map(|v| v.signum()).collect();
     let of_place = |&(_, [least, most]): &(usize, [f64; 2])| {
@@ -278,7 +278,7 @@ fn product(one: &[f64], other: &[f64]) -> Vec<f64> {
     one.iter().zip(other).map(|(one, other)| one * other).collect()
 }
 
-/// Offsets of every joint as the tool sees them.
+/// Columns of the tool: offsets of every joint, mapped to the tool.
 fn of_tool(stage: &Stage, axis: usize) -> Vec<Vec<f64>> {
     let points = stage.motion().len();
     let mut columns = vec![vec![1.0; points]];
@@ -294,7 +294,7 @@ fn of_tool(stage: &Stage, axis: usize) -> Vec<Vec<f64>> {
     columns
 }
 
-/// Constants, position, load, its sign, speed and its sign at a joint, each times `lever`.
+/// Columns of a joint, each times `lever`: constant, position, load, sign of the load, speed and sign of the speed.
 fn of_joint(stage: &Stage, joint: usize, lever: &[f64]) -> Vec<Vec<f64>> {
     let (q, v) = (&stage.motion().q[joint], &stage.motion().v[joint]);
     let load = &stage.load()[joint];
@@ -312,7 +312,7 @@ fn of_joint(stage: &Stage, joint: usize, lever: &[f64]) -> Vec<Vec<f64>> {
     shapes.iter().map(|shape| shape.iter().zip(lever).map(|(shape, lever)| shape * lever).collect()).collect()
 }
 
-/// Way travelled since the last change of direction, on all grid points.
+/// Distance travelled since the last change of direction, on all grid points.
 pub(crate) fn way_since_reversal(q: &[f64], v: &[f64]) -> Vec<f64> {
     let (mut turned_at, mut last) = (q.first().copied().unwrap_or(0.0), 0.0);
     q.iter()
@@ -342,7 +342,7 @@ fn quantiles(x: &[f64], count: usize) -> Vec<f64> {
     knots
 }
 
-/// Hat functions on `knots`: they add up to one everywhere; the outermost go on level.
+/// Hat functions on `knots`: they add up to one everywhere; the outermost are constant beyond their knots.
 fn hats(x: &[f64], knots: &[f64]) -> Vec<Vec<f64>> {
     let hat = |k: usize, x: f64| {
         let up = k.checked_sub(1).map_or(1.0, |j| (x - knots[j]) / (knots[k] - knots[j]));

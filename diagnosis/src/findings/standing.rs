@@ -1,4 +1,4 @@
-//! What stands of the answer of a search: the laws that are sure, that the test part bears out, and that hold something.
+//! The findings of a search: the laws that are certain, that the test part confirms and whose intervals exclude zero.
 
 use std::collections::BTreeMap;
 
@@ -24,12 +24,12 @@ use crate::report::words;
 use crate::search::moves::{Answer, Search};
 use crate::statistics::is_told;
 
-/// A fit whose members the test part bears out.
+/// A fit whose members the test part confirms.
 struct BorneOut {
     fit: Fit,
-    /// Residuals of the arm file that its members make, by channel and row.
+    /// Residuals of the arm file that the members make, by channel and row.
     left: Vec<Vec<f64>>,
-    /// For each member, what changes without it.
+    /// For each member, the fit without it.
     without: Vec<Without>,
     /// Weights of the rows of the test part, by channel.
     on_test: Vec<Vec<f64>>,
@@ -44,36 +44,36 @@ struct Without {
     shown: Vec<usize>,
 }
 
-/// How the errors in the test part differ with a law and without it.
+/// Change of the errors in the test part between the model without and with a law.
 struct Tested {
-    /// The channels in which the law shows; none where these rows are too few to tell, by 20 to 1, whether it is true.
+    /// The channels in which the law shows; empty if these rows are too few to decide, by 20 to 1, whether the law is true.
     shown: Vec<usize>,
-    /// Weighed squares that the law takes away where it shows.
+    /// Reduction of the weighted squares by the law, in the channels where it shows.
     where_shown: f64,
-    /// The same in all that is measured.
+    /// Reduction of the weighted squares by the law, in all channels.
     squares: f64,
 }
 
 impl Tested {
-    /// Weighed squares that the law takes away where it shows, or in all that is measured where that is less. `None` where nothing can be told.
+    /// The smaller of the two reductions of the weighted squares: where the law shows, and in all channels. `None` if the test part can't decide.
     fn gain(&self) -> Option<f64> {
         (!self.shown.is_empty()).then(|| self.where_shown.min(self.squares))
     }
 }
 
-/// The answer of a search, and all that it is tested with.
+/// The answer of a search, with the data for its tests.
 pub(crate) struct Standing<'c, 'd, 'a> {
     pub file: &'c ArmFile,
     pub settings: &'c DiagnoseSettings,
     pub search: &'c mut Search<'d, 'a>,
     pub answer: &'c Answer,
-    /// What happened at a time, which the search does not see.
+    /// Transient events, which the search does not model.
     pub events: &'c [Event],
     /// Measured minus the model as given.
     pub target: &'c [Vec<f64>],
 }
 
-/// A finding on its way to a report: what it is and what shows that, kept together.
+/// A finding on its way to a report, with its evidence.
 pub(super) struct Finding {
     pub of: Cause,
     pub table: EffectTable,
@@ -82,11 +82,11 @@ pub(super) struct Finding {
 
 /// The law or the event behind a finding.
 pub(super) enum Cause {
-    /// A law that lasts, by the number of its block.
+    /// A permanent law, by the number of its block.
     Law(usize),
     /// An event, by its number.
     Event(usize),
-    /// Dry friction holds a joint that stands.
+    /// Dry friction that holds a joint at rest.
     Hold,
 }
 
@@ -109,7 +109,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         &self.file.arm
     }
 
-    /// The numbers of the laws that stand, and whether these leave an error that asks for a law outside the catalogue.
+    /// The numbers of the laws that pass all tests, and true if their residual demands a law outside the catalogue.
     ///
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
@@ -119,7 +119,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         Ok(Some((fit.members, leaves_more)))
     }
 
-    /// The laws that are sure, that the test part bears out and that hold something, with what shows them.
+    /// The laws that are certain, that the test part confirms and whose intervals exclude zero, with their evidence.
     pub(super) fn standing(&mut self) -> Result<Option<(Fit, Vec<Finding>)>, LawError> {
         let mut members = self.answer.members.clone();
         let mut is_first = true;
@@ -135,8 +135,8 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
                 break (kept, findings);
             }
             members = kept;
-            // A law that fell may have said what another law says, so the search goes on without it, once. On a machine that many laws describe in
-            // part, a search until no law falls takes minutes.
+            // A rejected law may have imitated another law, so the search runs once more without it. On a machine that many laws describe in part, repeating
+            // the search until no law fails takes minutes.
             if std::mem::take(&mut is_first) {
                 self.search.leave_out(&empty);
                 let better = self.search.improve(members, &mut |_| {});
@@ -146,13 +146,13 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             }
         };
         let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
-        // Without those that hold nothing the arm of the others may be one that can't exist.
+        // Without the members whose intervals include zero, the others may make an arm that can't exist.
         let Some(fit) = self.sure(fit) else { return Ok(None) };
         findings.retain(|finding| finding.of.member().is_none_or(|member| fit.members.contains(&member)));
         Ok(Some((fit, findings)))
     }
 
-    /// `fit` without those members that are no findings: the odds for them are not 20 to 1 beside the others, or they are a difference inside the tolerances.
+    /// Removes from `fit` the members that are no findings: those with odds below 20 to 1 given the other members, and differences within the tolerances.
     fn sure(&self, mut fit: Fit) -> Option<Fit> {
         let system = &self.search.system;
         let step = 1.0 / self.data().stages[0].ground.treatment.rate_hz();
@@ -179,8 +179,8 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         }
     }
 
-    /// `fit` without those members that the test part contradicts: the arm file that it makes would say these rows worse with them, or the odds for them with these
-    /// rows are no longer 20 to 1. `None` if a fit is singular.
+    /// Removes from `fit` the members that the test part contradicts: the arm file predicts these rows worse with the member, or the odds for it, these rows
+    /// included, fall below 20 to 1. `None` if a fit is singular.
     fn borne_out(&self, mut fit: Fit) -> Result<Option<BorneOut>, LawError> {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);
@@ -190,7 +190,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             let Some(order) = self.least_first(&fit, &on_test) else { return Ok(None) };
             let mut without = BTreeMap::new();
             for (place, others) in order {
-                // Another law may be one of an arm that can't exist without this one: then its columns tell what is left.
+                // Without this law another one may make an arm that can't exist. The residual then comes from the linear columns.
                 let (left_without, exists) = match self.left(&others) {
                     Ok(left) => (left, true),
                     Err(LawError::Changed { .. }) => (system.left(&others), false),
@@ -208,7 +208,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         }
     }
 
-    /// The number of each member of `fit` and the fit without it, those first of which the columns say that they take least off the test part.
+    /// The number of each member of `fit` and the fit without it. The member comes first that reduces the test part's error least by its linear columns.
     fn least_first(&self, fit: &Fit, on_test: &[Vec<f64>]) -> Option<Vec<(usize, Fit)>> {
         let system = &self.search.system;
         let left = system.left(fit);
@@ -222,7 +222,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         Some(order.into_iter().map(|(_, place, others)| (place, others)).collect())
     }
 
-    /// How the errors in rows with these `weights` differ with the member number `place` of `fit` and without it; `with` and `without` are these errors, by channel and row.
+    /// Errors in rows with these `weights` with and without the member number `place` of `fit`; `with` and `without` are these errors, by channel and row.
     fn tested(
         &self,
         fit: &Fit,
@@ -243,39 +243,39 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         let candidate = self.search.system.candidate(fit.members[place]);
         let mut shown: Vec<usize> = (0..more.len()).filter(|&c| candidate.shows_in(c, weights)).collect();
         let [where_shown, moved] = [0, 1].map(|of: usize| shown.iter().map(|&c| more[c][of]).sum::<f64>());
-        // A law that is true takes off on average the squares of what it says, and one that is false adds them.
+        // On average a true law reduces the squares by those of its prediction, and a false law increases them by as much.
         if !is_told(0.5 * moved) {
             shown.clear();
         }
         Tested { shown, where_shown, squares: more.iter().map(|more| more[0]).sum() }
     }
 
-    /// Residuals, by channel and row, of the arm file that the members of `fit` make, all of them at once and tuned; zero in rows that don't count. Each journal
-    /// begins where the search found it.
+    /// Residuals, by channel and row, of the arm file that all members of `fit` make together, tuned; zero in rows without weight. Each journal starts in the
+    /// initial state that the search found.
     fn left(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
         let mut left = self.left_beside(|stage| self.search.system.placed_in(fit, self.arm(), stage))?;
         self.tune(&mut left, fit);
         Ok(left)
     }
 
-    /// The same of the model as given, as a comparison with the file has them.
+    /// The residuals with the model as given, as a comparison with the file computes them.
     pub(super) fn left_as_given(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
         self.left_beside(|_| self.search.system.placed(fit, self.arm(), |_| true))
     }
 
-    /// Residuals of the model with these laws in each recording, beside the events.
+    /// Residuals of the model with these laws in each recording, after subtraction of the events.
     fn left_beside(&self, laws: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
         Ok(less(&self.data().left_with(laws)?, &said_by(self.events, self.target)))
     }
 
-    /// Takes what the tolerances beside `fit` say off `rows`, and those that don't count out.
+    /// Subtracts from `rows` the contribution of the tolerances beside `fit`, and sets rows without weight to zero.
     pub(super) fn tune(&self, rows: &mut [Vec<f64>], fit: &Fit) {
         let system = &self.search.system;
         system.without_tolerances(rows, &system.tolerances_beside(fit));
         (0..rows.len()).for_each(|channel| system.data.count(channel, &mut rows[channel]));
     }
 
-    /// Whether the arm with the members of `fit` can exist, as given and tuned: else no file could say it.
+    /// Returns true if the arm with the members of `fit` can exist, as given and tuned: otherwise no file could describe it.
     fn can_exist(&self, fit: &Fit) -> bool {
         let placed = self.search.system.placed(fit, self.arm(), |_| true);
         let tuned = self.tuned_arm(fit);
@@ -284,7 +284,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             && tuned.is_some_and(|tuned| changed(&tuned, &placed).is_ok())
     }
 
-    /// Whether the member number `place` of `fit` makes another arm, or none that a file could say.
+    /// Returns true if the member number `place` of `fit` changes the arm, or makes one that no file could describe.
     fn changes_arm(&self, fit: &Fit, place: usize) -> bool {
         let system = &self.search.system;
         let placed = system.candidate(fit.members[place]).placed(self.arm(), system.coefficients(fit, place));
@@ -292,7 +292,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         placed.is_none_or(|placed| placed.effect.arm(&mut parts).is_err() || !parts.are_of(self.arm()))
     }
 
-    /// The findings with what shows them, those that take most away first; without those whose interval holds nothing.
+    /// The findings with their evidence, the largest gain first; without those whose interval includes zero.
     fn findings(&mut self, borne_out: &BorneOut) -> Result<Option<Vec<Finding>>, LawError> {
         let BorneOut { fit, left: with, without, on_test } = borne_out;
         let all = parameters(&mut self.search.system, fit, self.settings.seed);
@@ -359,7 +359,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         Ok(Some(found))
     }
 
-    /// The effect of the kind of `candidate` that the file has already at its place.
+    /// The effect of the same kind that the file already has at the place of `candidate`.
     fn given(&self, candidate: &Candidate) -> Option<&EffectTable> {
         let joint = candidate.joint.map(|joint| &self.arm().joints()[joint].name);
         let is_same =
@@ -367,7 +367,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         self.file.effects.iter().find(is_same)
     }
 
-    /// The arm of the file, its masses, lengths and frictions where the fit has them inside their tolerances.
+    /// The arm of the file with its masses, lengths and frictions tuned within their tolerances.
     pub(super) fn tuned_arm(&self, fit: &Fit) -> Option<Arm> {
         let mut parts = ArmParts::of(self.arm());
         for (nuisance, eta) in self.bound(&self.search.system.tolerances_beside(fit)) {
@@ -376,7 +376,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         parts.into_arm(self.arm().name()).ok()
     }
 
-    /// The tolerances that a prior binds, with their coefficients.
+    /// The tolerances with a prior, and their coefficients.
     pub(super) fn bound(&self, eta: &DVector<f64>) -> Vec<(&'d Nuisance, f64)> {
         let data = self.data();
         let mut at = 0;
@@ -392,7 +392,8 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         all
     }
 
-    /// Whether `fit` leaves errors so large that a law must act that the catalogue does not have. Both the rows of the search and the rows of the test part are examined.
+    /// Returns true if `fit` leaves errors so large that a law outside the catalogue must act. The function examines the rows of the search and those of the
+    /// test part.
     pub(super) fn leaves_more(&self, fit: &Fit) -> bool {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);

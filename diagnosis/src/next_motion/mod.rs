@@ -1,8 +1,8 @@
-//! The next motion: one that is safe and that separates causes which the recorded motion could not.
+//! The next motion: a safe one that separates causes which the recorded motion could not separate.
 //!
 //! - `family`: the motions to choose from, a few harmonics a joint ([`Fourier`]).
-//! - `envelope`: what a safe motion stays inside, and how much of it one uses ([`Used`]).
-//! - `odds`: what a motion would tell of two causes ([`Rival`]), from the noise of each channel ([`ChannelNoise`]).
+//! - `envelope`: the limits of a safe motion, and their use ([`Used`]).
+//! - `odds`: the expected evidence of a motion for one of two causes ([`Rival`]), from the noise of each channel ([`ChannelNoise`]).
 //! - here: the search, at random first, then about the best (Solis & Wets 1981, Math. Oper. Res. 6:19).
 
 mod envelope;
@@ -30,10 +30,11 @@ pub use envelope::Used;
 pub use family::Fourier;
 pub use odds::Rival;
 
-/// Rate at which a motion is weighed and checked, Hz: its quickest harmonics are of some hertz, so that no peak is missed by more than a per cent.
+/// Rate at which the search evaluates and checks a motion, Hz: its fastest harmonics are of a few hertz, so that the samples miss no peak by more than a per
+/// cent.
 const RATE: f64 = 100.0;
-/// Share of the candidates that are drawn anew; the others are drawn about the best: half of the effort explores and half refines, as neither is known to be
-/// worth more.
+/// Share of candidates drawn at random; the others are drawn about the best: half of the effort explores and half refines, as neither is known to be worth
+/// more.
 const FRESH: f64 = 0.5;
 /// Distance at which new motions are drawn about the best motion, as a share of the way to another: a third keeps most of what is good in the best.
 const NEAR: f64 = 0.35;
@@ -41,22 +42,22 @@ const NEAR: f64 = 0.35;
 /// the other half of the range.
 const ELSEWHERE: f64 = 0.4;
 
-/// What a search may do.
+/// Options of a search.
 #[derive(Clone, Debug)]
 pub struct ExciteSettings {
-    /// How long the motion takes, s.
+    /// Duration of the motion, s.
     pub duration: f64,
-    /// Motions that are weighed.
+    /// Number of candidate motions.
     pub candidates: usize,
     /// Seed of the search.
     pub seed: u64,
-    /// Posture at which the motion is, rad (m); `None`: the middle of what was recorded, else of the joints' ranges.
+    /// Posture about which the search draws motions, rad (m); `None`: the middle of the recorded motion, or without a recording that of the joints' ranges.
     pub posture: Option<Vec<f64>>,
-    /// How far a joint may go from there, rad (m).
+    /// Greatest distance of a joint from that posture, rad (m).
     pub reach: f64,
-    /// How far a machine may be from its model.
+    /// Tolerances of the machine about its model.
     pub tolerances: Tolerances,
-    /// What is left in each channel that no finding explains, by the channel's name: only these will be recorded.
+    /// Unexplained noise of each channel, by the channel's name: the next recording has these channels only.
     pub noise: BTreeMap<String, ChannelNoise>,
 }
 
@@ -65,26 +66,26 @@ pub struct ExciteSettings {
 pub struct Excitation {
     /// The motion.
     pub motion: Fourier,
-    /// Natural logarithm of the odds that it is expected to bring for the truth, for the first cause against each other one.
+    /// Natural logarithm of the expected odds for the true cause: for the first cause against each of the others.
     pub log_odds: Vec<f64>,
-    /// The same of the motion that was recorded.
+    /// The same for the recorded motion.
     pub log_odds_before: Option<Vec<f64>>,
-    /// The causes with the parameters that they were weighed with.
+    /// The causes, with the parameters used in the comparison.
     pub rivals: Vec<Rival>,
-    /// How much of its limits it uses, 1 being all that is allowed.
+    /// Use of the limits; 1 is the whole allowance.
     pub used: Used,
-    /// What was assumed, one sentence each.
+    /// The assumptions, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Why there is no motion.
+/// Reason why there is no motion.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ExciteError {
     /// There is nothing to separate.
     #[error("fewer than two causes: nothing to separate")]
     TooFew,
-    /// A posture of another arm.
+    /// A posture with the wrong number of joints.
     #[error("the posture has {found} values, the arm {expected} joints")]
     Posture {
         /// Values given.
@@ -100,22 +101,22 @@ pub enum ExciteError {
         /// The posture, rad (m).
         posture: Vec<f64>,
     },
-    /// An effect shows in nothing that is recorded.
+    /// No recorded channel shows an effect.
     #[error("{kind} shows in none of the recorded channels on any motion that was tried")]
     Unseen {
         /// The kind.
         kind: &'static str,
     },
-    /// A planned motion that can't be worked on.
+    /// A planned motion that the program can't process.
     #[error("the planned motion: {message}")]
     Motion {
-        /// What is wrong.
+        /// The reason.
         message: String,
     },
-    /// The numbers are beyond double precision.
+    /// The system of equations is singular in double precision.
     #[error("the causes can't be weighed in double precision; is the noise of a channel 0?")]
     Singular,
-    /// A motion that can't be treated.
+    /// A motion without residuals.
     #[error(transparent)]
     Residual(#[from] ResidualError),
     /// An effect that can't be built.
@@ -123,8 +124,8 @@ pub enum ExciteError {
     Law(#[from] LawError),
 }
 
-/// The motion of `file`'s arm, out of those that were tried, that separates the first of `rivals` from all others best. `seen` is the
-/// recording that could not; `progress` is told of every motion that was weighed: how many of how many, and the best so far.
+/// Finds, among random candidates, the motion of `file`'s arm that best separates the first of `rivals` from all others. `seen` is a recording that could not
+/// separate them. The function calls `progress` after every candidate, with its number, the total and the best so far.
 ///
 /// # Errors
 /// See [`ExciteError`].
@@ -173,7 +174,7 @@ pub fn excite(
                         best = Some((worst, odds, motion));
                     }
                 }
-                // This motion shows nothing of a cause; another one may.
+                // This motion does not show one of the causes; another motion may.
                 Err(ExciteError::Unseen { .. }) => {}
                 Err(error) => return Err(error),
             }
@@ -191,7 +192,7 @@ pub fn excite(
     })
 }
 
-/// Where the motion begins and ends.
+/// The posture about which the search draws motions.
 fn posture(arm: &Arm, seen: Option<&Recording>, settings: &ExciteSettings) -> Result<Vec<f64>, ExciteError> {
     if let Some(given) = &settings.posture {
         if given.len() != arm.dof() {
@@ -224,7 +225,7 @@ struct Search<'s> {
 }
 
 impl Search<'_> {
-    /// A motion at random: another posture, every joint with as much of its room as chance will have it.
+    /// A random motion: another posture, and for every joint a random share of its range.
     fn anew(&mut self) -> Fourier {
         let cycles = f64::from(self.rng.random_range(1..=4_u32));
         let (mut posture, mut waves) = (Vec::new(), Vec::new());
@@ -240,7 +241,7 @@ impl Search<'_> {
                 (*a, *b) =
                     (size * self.rng.random_range(-1.0..=1.0), size * self.rng.random_range(-1.0..=1.0));
             }
-            // About as far as the waves reach together; the envelope takes back what is too much.
+            // About the reach of the waves together; the envelope reduces any excess.
             let far: f64 = wave.iter().map(|(a, b)| 0.5 * a.abs() + b.abs()).sum();
             let scale = room / far.max(1e-9);
             waves.push(wave.map(|(a, b)| (scale * a, scale * b)));
@@ -255,7 +256,7 @@ impl Search<'_> {
         let mix = |own: f64, other: f64| own + NEAR * (other - own);
         let waves = best.waves.iter().zip(&other.waves).map(|(own, other)| {
             let mut wave = *own;
-            // Wider as well as different: the envelope takes back what is too much.
+            // The new motion is wider as well as different: the envelope reduces any excess.
             wave.iter_mut()
                 .zip(other)
                 .for_each(|((a, b), (c, d))| (*a, *b) = (1.2 * mix(*a, *c), 1.2 * mix(*b, *d)));

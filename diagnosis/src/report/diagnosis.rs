@@ -1,4 +1,4 @@
-//! What a diagnosis says: the verdict, and all that a report needs to show why.
+//! The result of a diagnosis: the verdict, and everything that a report needs to justify it.
 
 use std::collections::BTreeMap;
 
@@ -19,33 +19,33 @@ pub const DIAGNOSIS_SCHEMA: &str = "freeplay.diagnosis/1";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The recording agrees with the model inside its tolerances.
+    /// The recording agrees with the model within its tolerances.
     NothingMissing,
-    /// One or more effects of the catalogue are missing from the model, and no others say it as well.
+    /// The model lacks one or more effects of the catalogue, and no others explain the data equally well.
     Named,
-    /// Something is missing, and two or more effects say it equally well in this motion.
+    /// The model lacks an effect, and two or more effects of the catalogue explain this motion equally well.
     OneOf,
-    /// Something is missing that no effect of the catalogue says well enough.
+    /// The model lacks something that no effect of the catalogue explains well enough.
     Unknown,
-    /// The recording can't tell.
+    /// The recording does not suffice to decide.
     InsufficientData,
-    /// Recording and model don't mean the same: units, signs, order, zeros, gravity, clocks. What else is said is said of the mended reading.
+    /// Recording and model disagree on a convention: units, signs, order, zeros, gravity or clocks. All other results hold for the corrected reading.
     Setup,
 }
 
-/// A place where model and machine differ.
+/// A location where model and machine differ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Location {
     /// The joint; `None`: the arm as a whole.
     pub joint: Option<String>,
     /// The channels, by the names of their columns.
     pub channels: Vec<String>,
-    /// Share of all that the model leaves unexplained beyond the noise that is here: 0 to 1.
+    /// Share of this location in the model error beyond the noise: 0 to 1.
     pub share: f64,
-    /// In which part of the motion, in words.
+    /// The part of the motion, in words.
     #[serde(rename = "where")]
     pub when: String,
-    /// Chance that a residual that knows nothing of the motion looks like this, corrected for the number of looks.
+    /// Probability of such a residual if it were independent of the motion, corrected for the number of tests.
     pub p: f64,
 }
 
@@ -56,32 +56,32 @@ pub struct Parameter {
     pub value: toml::Value,
     /// Its unit; empty for words.
     pub unit: String,
-    /// The interval; `None` for words and for what the motion does not tell. One without an upper end ends at [`f64::MAX`].
+    /// The interval; `None` for words and for parameters that the motion does not determine. An interval without an upper end ends at [`f64::MAX`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ci95: Option<[f64; 2]>,
 }
 
 impl Parameter {
-    /// Whether the recording bounds the number from below alone: the value is that bound, and the interval has no upper end.
+    /// Returns true if the recording only bounds the parameter from below: the value is that bound, and the interval has no upper end.
     pub fn is_least(&self) -> bool {
         self.ci95.is_some_and(|[_, high]| high == f64::MAX)
     }
 }
 
-/// Why an effect is believed.
+/// The evidence for an effect.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evidence {
-    /// The log of the odds that it is there beside the other findings, by the fit part: natural logarithm, prior odds included.
+    /// Log of the odds that the effect is present, given the other findings, by the fit part: natural logarithm, prior odds included.
     pub log_odds: f64,
-    /// The same in words.
+    /// The odds in words.
     pub odds: &'static str,
-    /// Share of all that the findings take away from the error, in squares, that this one takes away.
+    /// Share of this effect in the squared error that all findings together remove.
     pub share: f64,
-    /// Share of the error that is gone on the test part where it shows, beside the other findings.
+    /// Share of the test part's error that the effect removes in the channels where it shows, given the other findings.
     pub held_out_gain: Gain,
-    /// Whether the test part could show it; else the gain is that on the fit part.
+    /// True if the test part can show the effect; otherwise the gain is that on the fit part.
     pub held_out: bool,
-    /// Channels in which it shows, the one that shows it best first.
+    /// Channels in which the effect shows, the clearest first.
     pub channels: Vec<String>,
 }
 
@@ -98,35 +98,35 @@ pub struct Effect {
     pub equation: &'static str,
     /// Author, year.
     pub source: &'static str,
-    /// Why it is believed.
+    /// Evidence for the effect.
     pub evidence: Evidence,
-    /// What the model leaves out, with its numbers, as part of a sentence.
+    /// The missing effect with its parameters, as part of a sentence.
     pub phrase: String,
     /// One plain sentence.
     pub statement: String,
 }
 
 impl Effect {
-    /// Whether the recording bounds a number of the effect from below alone.
+    /// Returns true if the recording only bounds a parameter of the effect from below.
     pub fn is_bound(&self) -> bool {
         self.parameters.values().any(Parameter::is_least)
     }
 }
 
-/// Another effect that was weighed in the place of a named one.
+/// Another effect that the program compared with a named one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Alternative {
     /// Its kind.
     pub kind: &'static str,
     /// The joint; `None`: the arm as a whole.
     pub joint: Option<String>,
-    /// The effect in whose place it was weighed.
+    /// The named effect that it could replace.
     pub instead_of: String,
-    /// Why it is not named.
+    /// Reason why it is not named.
     pub why_not: String,
-    /// Whether this recording can't tell it from the effect in whose place it was weighed.
+    /// True if this recording does not distinguish it from the named effect.
     pub indistinguishable: bool,
-    /// What would separate the two.
+    /// The measurement that would separate the two.
     pub what_would_separate: String,
     /// The log of the odds against it, natural logarithm.
     pub log_odds_against: f64,
@@ -142,36 +142,36 @@ pub struct Rmse {
 /// The errors on held-out data, by channel.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fit {
-    /// What the instruments alone leave.
+    /// Noise of the instruments alone.
     pub noise_floor: BTreeMap<String, Rmse>,
     /// The model as given.
     pub before: BTreeMap<String, Rmse>,
-    /// The model that is given out: with the named effects, its parameters tuned inside their tolerances.
+    /// The resulting model: with the named effects, its parameters tuned within their tolerances.
     pub after: BTreeMap<String, Rmse>,
-    /// The model with its parameters tuned inside their tolerances, nothing added.
+    /// The model with its parameters tuned within their tolerances, no effect added.
     pub retuned: BTreeMap<String, Rmse>,
-    /// The model as given with the named effects, nothing tuned.
+    /// The model as given plus the named effects, nothing tuned.
     pub after_as_given: BTreeMap<String, Rmse>,
-    /// Tuned, with an unnamed correction.
+    /// The tuned model with an unnamed correction.
     pub black_box: BTreeMap<String, Rmse>,
-    /// Whether these data took no part in the fit and in the choice.
+    /// True if neither the fit nor the choice used these data.
     pub held_out: bool,
-    /// Which data they are, in words.
+    /// The data of these errors, in words.
     pub test: String,
-    /// Share of the error that naming takes away on held-out data, over all channels in which something was found.
+    /// Share of the held-out error that the named effects remove, over all channels with a finding.
     pub gain: Option<Gain>,
-    /// The same by the unnamed correction.
+    /// Share of the held-out error that the unnamed correction removes.
     pub black_box_gain: Option<Gain>,
     /// Unit of each channel.
     pub units: BTreeMap<String, &'static str>,
 }
 
-/// How far a tolerance of the model was used.
+/// Use of one tolerance of the model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tuned {
-    /// What was tuned.
+    /// The tuned parameter.
     pub name: String,
-    /// By how much, in standard deviations of its prior; a tolerance is 1.7 of them.
+    /// Change in standard deviations of the parameter's prior; a tolerance is 1.7 of them.
     pub deviations: f64,
     /// The quantity of the machine that was tuned.
     #[serde(skip)]
@@ -185,22 +185,22 @@ pub struct EvidenceRow {
     pub kind: &'static str,
     /// The joint; `None`: the arm as a whole.
     pub joint: Option<String>,
-    /// The log of the odds that it is missing, alone; natural logarithm, prior odds included.
+    /// Log of the odds for the effect without any other effect; natural logarithm, prior odds included.
     pub alone: f64,
-    /// The same beside the effects that were named.
+    /// Log of the odds for the effect given the named effects.
     pub beside: f64,
 }
 
-/// To what a channel follows the laws of its model, with the findings in it.
+/// Relative accuracy of a channel's model, findings included.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Discrepancy {
-    /// The share of its own size by which the laws are off.
+    /// Error of the model as a share of its own size.
     pub share: f64,
     /// Noise of the instruments, in the unit of the channel.
     pub noise: f64,
 }
 
-/// What a diagnosis says.
+/// The result of a diagnosis.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnosis {
     /// [`DIAGNOSIS_SCHEMA`].
@@ -209,38 +209,38 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The verdict in plain words.
     pub statement: String,
-    /// Whether recording and model mean the same: the faults of the set-up, those that are sure first.
+    /// The faults of the set-up, the certain ones first: units, signs and other conventions on which recording and model disagree.
     pub setup: Vec<SetupFinding>,
     /// Where model and machine differ, most important first.
     pub location: Vec<Location>,
-    /// What is missing from the model.
+    /// The effects that the model lacks.
     pub effects: Vec<Effect>,
-    /// What else was weighed.
+    /// The other effects that were compared.
     pub alternatives: Vec<Alternative>,
     /// The errors on held-out data.
     pub fit: Option<Fit>,
-    /// What to do next, one sentence each.
+    /// Recommended next steps, one sentence each.
     pub next: Vec<String>,
-    /// What these recordings can't show.
+    /// Effects that these recordings can't show.
     pub untestable: Vec<Untestable>,
-    /// What was met in the recordings, one sentence each.
+    /// Peculiarities of the recordings, one sentence each.
     pub quality: Vec<String>,
-    /// Every kind at every place, by what it explains.
+    /// Every kind of effect at every location, in the order of its evidence.
     pub evidence: Vec<EvidenceRow>,
     /// How the residual of the tuned model depends on the motion, strongest first.
     pub maps: Vec<Map>,
-    /// How far the tolerances of the model are used beside the named effects, farthest first.
+    /// Use of the tolerances of the model, given the named effects; the largest first.
     pub tuned: Vec<Tuned>,
-    /// What is left in each channel that nothing explains: what another recording has to be weighed with.
+    /// The unexplained residual of each channel, used as the noise of another recording.
     pub noise: BTreeMap<String, ChannelNoise>,
-    /// To what each channel follows the laws of the model with the findings.
+    /// Relative accuracy of each channel's model, findings included.
     pub discrepancy: BTreeMap<String, Discrepancy>,
     /// Seed of all random numbers.
     pub seed: u64,
     /// The recordings point by point, those of the fit first.
     #[serde(skip)]
     pub passages: Vec<Passage>,
-    /// The mended reading, as a mapping file; `None` where the recordings are read as they stand.
+    /// The corrected reading, as a mapping file; `None` if the recordings need no correction.
     #[serde(skip)]
     pub mapping: Option<String>,
     /// The model with the named effects.
@@ -249,7 +249,7 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
-    /// The effects in the order of the arm's joints, what sits on the whole arm last.
+    /// The effects in the order of the arm's joints; effects of the whole arm come last.
     pub fn along_the_arm(&self) -> Vec<&Effect> {
         let joints = self.model.arm.joints();
         let place =
@@ -265,7 +265,7 @@ impl Diagnosis {
 pub struct Map {
     /// The channel.
     pub channel: String,
-    /// What the residual is plotted over, for people: `velocity of elbow`.
+    /// The variable on the horizontal axis, for people: `velocity of elbow`.
     pub variable: String,
     /// Unit of the variable.
     pub variable_unit: &'static str,
@@ -273,12 +273,12 @@ pub struct Map {
     pub unit: &'static str,
     /// Middle of each bin.
     pub at: Vec<f64>,
-    /// Mean of the residual in it.
+    /// Mean of the residual in each bin.
     pub mean: Vec<f64>,
     /// Share of the residual's variance that the means explain.
     pub explained: f64,
-    /// Chance that a residual that has nothing to do with the variable looks like this: circular shifts against it, all maps of all
-    /// channels judged together (Holm 1979).
+    /// Probability of such a map if the residual were independent of the variable: from circular shifts of the residual, corrected for all maps of all channels
+    /// together (Holm 1979).
     pub p: f64,
 }
 
@@ -297,52 +297,52 @@ pub struct Variable {
     pub values: Vec<f64>,
 }
 
-/// One recording of the fit, or of the held-out data, as it was worked on.
+/// One recording of the fit or of the held-out data, after its preparation.
 #[derive(Clone, Debug)]
 pub struct Passage {
-    /// The file that it comes from.
+    /// The file of the recording.
     pub recording: String,
-    /// Whether it took no part in the fit.
+    /// True if the fit did not use it.
     pub held_out: bool,
-    /// The motion; its times are those of all columns here.
+    /// The motion; all columns here share its times.
     pub motion: Trajectory,
-    /// What residuals may depend on: the time, then the variables of each joint.
+    /// Variables that residuals may depend on: the time, then those of each joint.
     pub variables: Vec<Variable>,
     /// The channels.
     pub traces: Vec<Trace>,
 }
 
-/// A channel over time, in its unit. NaN where its rows don't count: the torque of a joint that stands.
+/// A channel over time, in its unit. NaN in rows without weight, such as the torque of a joint at rest.
 #[derive(Clone, Debug)]
 pub struct Trace {
     /// The channel, by the name of its column.
     pub channel: String,
     /// Its unit.
     pub unit: &'static str,
-    /// What was measured, treated.
+    /// The measured values, filtered.
     pub measured: Vec<f64>,
     /// Measured minus the model as given.
     pub before: Vec<f64>,
-    /// Measured minus the model with its parameters tuned inside their tolerances.
+    /// Measured minus the model with its parameters tuned within their tolerances.
     pub retuned: Vec<f64>,
     /// Measured minus the tuned model with the named effects.
     pub after: Vec<f64>,
-    /// Measured minus the tuned model with an unnamed correction in the place of all effects.
+    /// Measured minus the tuned model with an unnamed correction instead of all effects.
     pub unnamed: Vec<f64>,
-    /// What each named effect says here, in the order of the findings; empty where it says nothing.
+    /// Contribution of each named effect, in the order of the findings; empty if the effect does not act on the channel.
     pub laws: Vec<Vec<f64>>,
 }
 
-/// What is left in a channel that no finding explains.
+/// The residual of a channel that no finding explains.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ChannelNoise {
     /// Its standard deviation, in the unit of the channel.
     pub deviation: f64,
-    /// How many samples a second are independent.
+    /// Number of independent samples per second.
     pub per_second: f64,
 }
 
-/// The diagnosis of recordings that can't tell, because of `lack`: what is wrong; what to do.
+/// The diagnosis of recordings that do not suffice. `lack` holds the reason and the remedy.
 pub(crate) fn insufficient(
     file: &ArmFile,
     settings: &DiagnoseSettings,

@@ -1,4 +1,4 @@
-//! What is said of servos: verdict, findings, errors, events, and the model that holds them.
+//! The result for servos: verdict, findings, errors, events, and the model that contains them.
 
 use std::collections::BTreeMap;
 
@@ -21,33 +21,33 @@ use crate::report::diagnosis::{
 use crate::report::settings::DiagnoseSettings;
 use crate::report::words::{odds, phrase, site, statement};
 
-/// Kinds of effects at joints that the findings stand in the place of.
+/// Kinds of joint effects in the file that the findings replace.
 const REPLACED: [&str; 6] =
     ["servo", "command_delay", "coulomb_friction", "viscous_friction", "stribeck_friction", "rotor_inertia"];
 
-/// The motion that tells causes from each other that the weight of the links shows.
+/// Recommended motion to separate causes that only the weight of the links distinguishes.
 const TO_SEPARATE: &str = "record poses in which the links before and after it hang otherwise and press the other way, or \
                            weigh it";
 
-/// All that a conclusion rests on.
+/// The inputs of a conclusion.
 pub struct Conclusion<'a> {
     pub settings: &'a DiagnoseSettings,
     pub recordings: &'a [Recording],
     pub tracks: &'a [Track],
     pub parts: &'a Parts,
-    /// The choice part, without what happened in it.
+    /// The choice part without the rows of events.
     pub choice: &'a Problem<'a>,
     pub sights: &'a [Sight],
     pub numbers: Numbers<'a>,
-    /// The payload, the lean and the like of the arm that its model does not have.
+    /// Burdens of the arm that its model lacks: payload, lean and similar.
     pub burdened: &'a [Burdened],
-    /// What of the given model is changed; `None` where no servos were given.
+    /// The changes of the given model; `None` if no servos were given.
     pub changes: Option<&'a [Change]>,
     /// Joints whose commands move.
     pub moves: &'a [bool],
     /// The model that was given, if it has servos.
     pub given: Option<&'a ServoArm>,
-    /// What the model as given, a plain lag, filters without a name and the fitted servos leave.
+    /// Residuals of the model as given, of a plain lag, of nameless filters and of the fitted servos.
     pub before: Deviations,
     pub lagged: Deviations,
     pub filtered: Deviations,
@@ -56,13 +56,13 @@ pub struct Conclusion<'a> {
 }
 
 impl Conclusion<'_> {
-    /// The diagnosis of recordings that can't tell, because of `why`.
+    /// The diagnosis of recordings that do not suffice, for the reason `why`.
     pub fn insufficient(file: &ArmFile, settings: &DiagnoseSettings, why: &str) -> Diagnosis {
         let advice = "record a motion in which every joint moves, slowly and quickly, both ways";
         insufficient(file, settings, Vec::new(), format!("{why}; {advice}"))
     }
 
-    /// The diagnosis.
+    /// Composes the diagnosis.
     pub fn diagnosis(&self) -> Diagnosis {
         let file = self.numbers.file;
         let found = self.numbers.findings(self.moves);
@@ -89,7 +89,7 @@ impl Conclusion<'_> {
             self.burdened.iter().flat_map(|burdened| self.rivals(burdened)).collect::<Vec<_>>();
         let is_open = !burdens.is_empty() && !alternatives.is_empty();
         effects.extend(burdens);
-        // Masses inside their tolerances belong to the model that was simulated.
+        // Masses within their tolerances belong to the simulated model.
         if let Some(burden) = &self.numbers.fitted.model.burden {
             model.effects.extend(burden.tables());
         }
@@ -133,9 +133,10 @@ impl Conclusion<'_> {
         }
     }
 
-    /// The numbers of `finding` with the values that the given model has, or that nothing has: index of the unknown, and value. None for a servo where there was none.
-    /// The fit holds friction and rotor inertia as ratios to the stiffness. Where a load tells the stiffness, the given friction in N·m is divided by the fitted stiffness: the ratio to
-    /// the given stiffness would differ although the friction is the same.
+    /// The parameters of `finding` with their reference values, those of the given model or those of an absent effect: index of the unknown, and value. A servo
+    /// without a given one has no references.
+    /// The fit holds friction and rotor inertia as ratios to the stiffness. If a load determines the stiffness, the function divides the given friction in N·m
+    /// by the fitted stiffness: the ratio to the given stiffness would differ although the friction is the same.
     fn references(&self, finding: &Finding) -> Vec<(usize, f64)> {
         let joint = finding.joint;
         let given = self.given.map(|given| &given.joints[joint]);
@@ -155,8 +156,8 @@ impl Conclusion<'_> {
         finding.model_parameters().filter_map(reference).collect()
     }
 
-    /// Log-likelihood ratio of `finding` against what was given, by its best number: by the number's own distance in the fit part, and by what the choice part loses with
-    /// the number that was given, all else as it fits best then.
+    /// Log-likelihood ratio of `finding` against the reference values, by its strongest parameter: half the squared distance of the parameter in the fit part,
+    /// plus the loss of the choice part with the reference value and all other parameters refitted.
     fn evidence(&self, finding: &Finding) -> f64 {
         let fitted = self.numbers.fitted;
         let here = lost(self.choice, &fitted.model, &fitted.noise);
@@ -168,7 +169,7 @@ impl Conclusion<'_> {
         self.references(finding).into_iter().map(of).reduce(f64::max).unwrap_or(0.5 * CERTAIN.powi(2))
     }
 
-    /// Log odds of `finding`, if it is told: where servos were given, those of the changes that it says, else those of its numbers.
+    /// Log odds of `finding` if the data support it: if servos were given, those of the changes with its parameters, otherwise those of the parameters.
     fn told(&self, finding: &Finding) -> Option<f64> {
         let Some(changes) = self.changes else {
             let evidence = self.evidence(finding);
@@ -183,14 +184,15 @@ impl Conclusion<'_> {
         said.reduce(f64::max).filter(|evidence| *evidence > named_from(self.moves.len()))
     }
 
-    /// The most that the log odds of the number `index` against its value `old` can be: ½ z² of its distance beyond the tolerance and what the last fit leaves open. A search that
-    /// went on without what happened to the arm may have moved a number after its change was found.
+    /// Upper bound of the log odds of parameter number `index` against its value `old`: ½ z² of its distance, in units of tolerance and posterior deviation. A
+    /// search that continued without the rows of events may have moved a parameter after its change was found.
     fn odds_of_distance(&self, index: usize, old: f64) -> f64 {
         0.5 * self.numbers.distance(index, old, &self.settings.tolerances).powi(2)
     }
 
-    /// Whether the data tell `finding` from what was given: one of its numbers is beyond what fit part and tolerance leave open, and, put back with all else as it fits best then, moves the simulated position
-    /// of the choice part somewhere by more than a step of the encoder. Less shows in thousands of rows as well, but only if the model is exact to that.
+    /// Returns true if the data support `finding` against the reference values. One of its parameters must lie beyond the deviation of fit and tolerance. Put
+    /// back, with all other parameters refitted, it must move the simulated position somewhere in the choice part by more than a step of the encoder. Smaller
+    /// differences also show in thousands of rows, but only if the model is that exact.
     fn is_told(&self, finding: &Finding) -> bool {
         let references = self.references(finding);
         let tells = |(index, old): &(usize, f64)| {
@@ -202,14 +204,14 @@ impl Conclusion<'_> {
         references.is_empty() || references.iter().any(tells)
     }
 
-    /// The most that the simulated position of `joint` moves by in the choice part with the model `other`, rad (m).
+    /// Greatest change of the simulated position of `joint` in the choice part with the model `other`, rad (m).
     fn trace(&self, other: &ServoArm, joint: usize) -> f64 {
         let [one, other] = [&self.numbers.fitted.model, other].map(|model| self.choice.residuals(model));
         let rows = one.iter().flatten().zip(other.iter().flatten()).skip(joint).step_by(self.moves.len());
         rows.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
 
-    /// The judging rows without what happened in them.
+    /// The judged rows without those of events.
     fn clean_test(&self) -> Vec<Rows> {
         let mut parts = self.parts.test.clone();
         for event in &self.events {
@@ -263,7 +265,7 @@ impl Conclusion<'_> {
         }
     }
 
-    /// What the arm carries, or how it stands, as an effect, if the data tell it from nothing.
+    /// The payload or lean of the arm as an effect, if the data support it.
     fn burden(&self, burdened: &Burdened, clean: &[Rows]) -> Option<Effect> {
         let (fitted, kind) = (self.numbers.fitted, known(burdened.kind));
         let index = |unknown: &Unknown| self.numbers.unknowns.iter().position(|one| one == unknown);
@@ -326,7 +328,7 @@ impl Conclusion<'_> {
         })
     }
 
-    /// Log odds of `burdened`, which has the unknowns `numbers`, if it is told, and the number that tells most.
+    /// Log odds of `burdened`, which has the unknowns `numbers`, if the data support it, and the strongest of these unknowns.
     fn told_burden(&self, burdened: &Burdened, numbers: &[usize]) -> Option<(f64, usize)> {
         let fitted = self.numbers.fitted;
         let distance = |index: usize| self.numbers.distance(index, 0.0, &self.settings.tolerances);
@@ -341,13 +343,13 @@ impl Conclusion<'_> {
             let without = fitted.with(self.numbers.unknowns, index, 0.0);
             0.5 * distance(index).min(CERTAIN).powi(2) + lost(self.choice, &without, &fitted.noise) - here
         };
-        // As of any finding, a number has to be beyond what the fit leaves open.
+        // As in any finding, the parameter must lie beyond the deviation of the fit.
         let told = numbers.iter().copied().filter(|index| distance(*index) > self.numbers.named_from());
         let best = told.map(|index| (evidence(index), index)).max_by(|a, b| a.0.total_cmp(&b.0));
         best.filter(|(evidence, _)| *evidence > named_from(self.moves.len()))
     }
 
-    /// The causes that the recordings don't tell from `burdened`.
+    /// The causes that the recordings don't distinguish from `burdened`.
     fn rivals(&self, burdened: &Burdened) -> Vec<Alternative> {
         let name = |joint: usize| self.numbers.file.arm.joints()[joint].name.clone();
         let instead_of = format!("{} {}", burdened.kind, site(burdened.joint.map(name).as_deref()));
@@ -363,14 +365,14 @@ impl Conclusion<'_> {
         burdened.rivals.iter().map(one).collect()
     }
 
-    /// The model without `finding`, all else as it fits best then; `None` for the servo itself.
+    /// The model without `finding`, all other parameters refitted; `None` for the servo itself.
     fn without(&self, finding: &Finding) -> Option<ServoArm> {
         let (parameter, value) = finding.absent?;
         let index = self.numbers.index(finding.joint, parameter)?;
         Some(self.numbers.fitted.with(self.numbers.unknowns, index, value))
     }
 
-    /// What `model` leaves of the recordings of `parts`.
+    /// Residuals of `model` in the recordings of `parts`.
     fn left_by(&self, model: &ServoArm, parts: &[Rows]) -> Deviations {
         let of_track = |(index, track): (usize, &Track)| {
             let judges = parts.iter().any(|(judging, _)| *judging == index);
@@ -501,7 +503,7 @@ impl Conclusion<'_> {
         notes
     }
 
-    /// Servos of the joints that never move, so that the model can be simulated: as the fit began with.
+    /// Servos of the joints that never move, with the initial values of the fit, so that the model can be simulated.
     fn servos_of_joints_at_rest(&self) -> Vec<EffectTable> {
         let file = self.numbers.file;
         let has = |name: &str| {
@@ -529,7 +531,7 @@ fn concerns(event: &Event, of: usize) -> bool {
     }
 }
 
-/// The kinds found, with how often: `position servo at 5 joints, contact`.
+/// The kinds of `effects` with their counts: `position servo at 5 joints, contact`.
 pub fn summary(effects: &[Effect]) -> String {
     let mut counts: Vec<(&str, bool, usize)> = Vec::new();
     for effect in effects {
@@ -546,8 +548,8 @@ pub fn summary(effects: &[Effect]) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Gives each of `effects` its share of the squares that are gone: of those of a channel, the effects that show there have parts as their own squares are, which
-/// stand in their place.
+/// Sets the share of each of `effects` in the removed squared error. Before the call, the share holds the effect's own squares; the effects of a channel divide
+/// its reduction in proportion to them.
 pub fn share_out(effects: &mut [Effect], fit: &Fit) {
     let gone = |channel: &String| -> f64 {
         let square =

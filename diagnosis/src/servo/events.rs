@@ -1,4 +1,4 @@
-//! What happens to an arm that no servo explains: a stop at the end of a joint, contact with something. Both show as a steady deviation for a while.
+//! Events of an arm that no servo explains: a stop at the end of a joint, and contact with something. Both cause a steady deviation for some time.
 
 use std::ops::Range;
 
@@ -6,51 +6,51 @@ use freeplay_arm::{Workspace, forward_kinematics, jacobian, rnea};
 use freeplay_servo::{Noise, ServoArm, Track};
 use nalgebra::{DMatrix, DVector};
 
-/// Time over which deviations are averaged, s: longer than a servo's lag, so that what a fit misses of quick motion averages out.
+/// Averaging time of deviations, s: longer than a servo's lag, so that the errors of a fit in fast motion average out.
 const STEADY: f64 = 0.5;
-/// A steady deviation of so many sizes of the noise is none of the servo's: Student's t by which the noise is weighed passes that in one row of 2000, and the mean of
+/// A steady deviation beyond this multiple of the noise is an event: under Student's t, which weights the noise, one row in 2000 is larger, and the mean of
 /// half a second far more rarely.
 const BEYOND: f64 = 10.0;
-/// At a stop a joint gives by less than this share of what it is held off: it is stiff against the servo.
+/// Compliance of a stop: a joint at a stop moves by less than this share of its deviation, since the stop is stiff against the servo.
 const GIVES: f64 = 0.25;
 
-/// Something that happened to the arm.
+/// An event of the arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
     /// Index of the recording.
     pub recording: usize,
     /// Its rows.
     pub rows: Range<usize>,
-    /// From when to when, s.
+    /// Begin and end, s.
     pub time: [f64; 2],
-    /// What it is.
+    /// The kind of event.
     pub what: What,
 }
 
-/// What an event is.
+/// The kind of an event.
 #[derive(Clone, Debug, PartialEq)]
 pub enum What {
-    /// The joint rests at the end of all that it reaches, at a position in rad (m), above (else below) which it can't go.
+    /// The joint rests at the end of its range, at a position in rad (m), above (else below) which it can't move.
     Stop {
         /// Index of the joint.
         joint: usize,
-        /// Where.
+        /// Position of the stop.
         position: f64,
-        /// The stop is above.
+        /// True if the stop is at the upper end.
         is_above: bool,
     },
     /// The arm touches something.
     Contact {
-        /// Joints that are off.
+        /// The deviating joints.
         joints: Vec<usize>,
         /// Mean position of the tool, base frame, m.
         point: [f64; 3],
-        /// Mean force on the tool, base frame, N, where the servos' stiffness is known.
+        /// Mean force on the tool, base frame, N, if the stiffness of the servos is known.
         force: Option<[f64; 3]>,
     },
 }
 
-/// A deviation that lasts is mostly its own mean: that makes at least this share of its root mean square. Quick motion that a model misses turns about.
+/// Least share of the mean in the root mean square of a steady deviation. Fast motion that a model misses changes its sign.
 const LASTS: f64 = 0.5;
 
 /// Mean and root mean square of each column of `values`, `[row][column]` on rows of `stamps`, over [`STEADY`] about each row.
@@ -81,13 +81,13 @@ fn steady(stamps: &[f64], values: &[f64], columns: usize) -> Vec<Vec<[f64; 2]>> 
     (0..columns).map(of_column).collect()
 }
 
-/// What the events of a recording are judged by.
+/// The data for judging the events of a recording.
 pub struct Judging<'a> {
     /// The fitted model.
     pub model: &'a ServoArm,
-    /// What it usually leaves.
+    /// Its usual residual.
     pub noise: &'a Noise,
-    /// Whether the stiffness of each joint is known.
+    /// True for joints with known stiffness.
     pub is_known: &'a [bool],
     /// Step of each encoder, rad (m).
     pub ticks: &'a [f64],
@@ -110,7 +110,7 @@ impl Judging<'_> {
             let servo = &self.model.joints[joint];
             held[joint][row][0].abs() - (servo.coulomb + servo.stiction) / servo.stiffness
         };
-        // Rows that the simulation explains show how far this is wrong without any contact.
+        // The rows that the simulation explains show the error of the static balance without any contact.
         let wrong: Vec<f64> = (0..joints)
             .map(|joint| {
                 let explained = (0..rows.len()).filter(|row| !is_off(joint, *row));
@@ -128,7 +128,7 @@ impl Judging<'_> {
             }
             let begin = row;
             let mut last = row;
-            // Deviations that pause for less than the time of the mean are one event.
+            // Deviations with a pause shorter than the averaging time are one event.
             while row < rows.len()
                 && track.stamps[rows.start + row] - track.stamps[rows.start + last] <= STEADY
             {
@@ -153,8 +153,8 @@ impl Judging<'_> {
         events
     }
 
-    /// By how much each joint is held off where its servo, its load and its inertia would have it, `[row][joint]`, rad (m): friction may do that up to its amount over the
-    /// stiffness, and where in that band a joint rests depends on all that was before. What is beyond needs another cause.
+    /// Deviation of each joint from the balance of servo, load and inertia, `[row][joint]`, rad (m). Friction can hold a joint off by up to its amount over the
+    /// stiffness, and the history decides where in that band the joint rests. A larger deviation needs another cause.
     fn held_off(&self, track: &Track, rows: &Range<usize>) -> Vec<f64> {
         let arm = &self.model.arm;
         let mut workspace = Workspace::new(arm);
@@ -167,7 +167,7 @@ impl Judging<'_> {
                 let at = |row: usize| track.measured[joint][row];
                 q[joint] = at(row);
                 v[joint] = (at(after) - at(before)) / (t_after - t_before);
-                // The mean over an event is the change of its speed, whatever the encoder's steps are.
+                // Over an event these accelerations average to the change of speed, whatever the encoder's steps are.
                 let is_inside = before < row && row < after;
                 let slopes =
                     [(at(after) - q[joint]) / (t_after - t), (q[joint] - at(before)) / (t - t_before)];
@@ -183,7 +183,8 @@ impl Judging<'_> {
         all
     }
 
-    /// The stop that the joint that is far more off than all others rests at, in the middle half of the event: at its ends the mean sees the motion, too.
+    /// The stop at which a joint rests that deviates far more than all others. The function uses the middle half of the event, since the mean at its ends
+    /// includes the motion.
     fn stop(&self, track: &Track, rows: &Range<usize>, off: &[usize], residual: &[f64]) -> Option<What> {
         let quarter = rows.len() / 4;
         let middle = quarter..rows.len() - quarter;
@@ -193,7 +194,7 @@ impl Judging<'_> {
             (r.sum::<f64>() / middle.len().max(1) as f64).abs()
         };
         let joint = off.iter().copied().max_by(|a, b| mean_of(*a).total_cmp(&mean_of(*b)))?;
-        // Others are off as far as the load that the stop takes over was theirs.
+        // The other joints deviate by the load that the stop takes over from them.
         if off.iter().any(|other| *other != joint && mean_of(*other) > GIVES * mean_of(joint)) {
             return None;
         }
@@ -204,7 +205,7 @@ impl Judging<'_> {
             .filter(|(q, r)| q.is_finite() && r.is_finite())
             .collect();
         let mean = inside.iter().map(|(_, r)| r).sum::<f64>() / inside.len().max(1) as f64;
-        // The measured position stays below what is simulated: the stop is above.
+        // The measured position stays below the simulated one: the stop is at the upper end.
         let is_above = mean < 0.0;
         let outwards = |q: f64| if is_above { q } else { -q };
         let most = |all: &mut dyn Iterator<Item = f64>| all.map(outwards).fold(f64::NEG_INFINITY, f64::max);
@@ -216,7 +217,7 @@ impl Judging<'_> {
         (rests && is_end).then_some(What::Stop { joint, position: outwards(end), is_above })
     }
 
-    /// A contact that leaves the deviations `residual`: what the servos of the joints give against it is Jᵀ f.
+    /// A contact with the deviations `residual`: the torques of the servos against it are Jᵀ f.
     fn contact(&self, track: &Track, rows: &Range<usize>, joints: Vec<usize>, residual: &[f64]) -> What {
         let arm = &self.model.arm;
         let n = arm.dof();

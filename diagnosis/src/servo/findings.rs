@@ -1,4 +1,4 @@
-//! What a fit says of each joint, as effects of the catalogue with intervals, and as tables of an arm file.
+//! The results of a fit for each joint, as effects of the catalogue with intervals, and as tables of an arm file.
 
 use std::collections::BTreeMap;
 
@@ -13,12 +13,12 @@ use crate::data::tolerance::Tolerances;
 use crate::report::diagnosis::Parameter;
 use crate::statistics::{STRONG, half_width};
 
-/// Standard deviations beyond which a number is certain: no distribution of errors is known so far out, and no odds have words.
+/// Distance in standard deviations beyond which a parameter is certain: no error distribution is known so far out, and no words exist for such odds.
 pub const CERTAIN: f64 = 1e3;
-/// Kinds that are looked for at each joint, which share the chance that one of them is seen in nothing: a servo, its delay, its friction and its rotor.
+/// Number of kinds that the search tests at each joint; they share the probability of a false finding: a servo, its delay, its friction and its rotor.
 const KINDS: f64 = 4.0;
 
-/// Log-likelihood ratio that a name needs at `joints` joints: what 20 to 1 takes after as many looks.
+/// Log-likelihood ratio that a name needs at `joints` joints: odds of 20 to 1 after as many tests.
 pub fn named_from(joints: usize) -> f64 {
     STRONG + (KINDS * joints as f64).ln()
 }
@@ -29,15 +29,15 @@ pub struct Finding {
     pub kind: &'static Kind,
     /// Index of the joint.
     pub joint: usize,
-    /// Its numbers.
+    /// Its parameters.
     pub parameters: BTreeMap<String, Parameter>,
     /// The same as a table of an arm file.
     pub table: EffectTable,
-    /// Whether the data tell it from nothing and it is beyond the tolerance of the model: else it is a number of the model alone.
+    /// True if the data support the effect and it exceeds the tolerance of the model; otherwise it only sets a parameter of the model.
     pub is_named: bool,
-    /// What stands beside its numbers, a sentence; empty if nothing.
+    /// A remark on its parameters, one sentence; may be empty.
     pub remark: String,
-    /// The number that the arm has without it; none for the servo, without which a command stands for the position.
+    /// The parameter and its value in an arm without the effect; none for the servo, without which the position equals the command.
     pub absent: Option<(ModelParameter, f64)>,
 }
 
@@ -60,17 +60,17 @@ impl Finding {
     }
 }
 
-/// The numbers of a fit, joint by joint.
+/// The parameters of a fit, joint by joint.
 pub struct Numbers<'a> {
-    /// The file that was given.
+    /// The given file.
     pub file: &'a ArmFile,
     /// The fit.
     pub fitted: &'a Fitted,
     /// Its unknowns.
     pub unknowns: &'a [Unknown],
-    /// What the recordings say of each joint before.
+    /// Prior information from the recordings on each joint.
     pub sights: &'a [Sight],
-    /// How far a machine may be off its model.
+    /// Tolerances of the machine about its model.
     pub tolerances: &'a Tolerances,
 }
 
@@ -84,12 +84,12 @@ impl Numbers<'_> {
         self.index(joint, parameter).map(|at| self.fitted.values[at])
     }
 
-    /// By how many standard deviations the unknown number `index` is off `old`, which a model says within `tolerances`.
+    /// Distance between unknown number `index` and the value `old` of a model within `tolerances`, in standard deviations.
     pub fn distance(&self, index: usize, old: f64, tolerances: &Tolerances) -> f64 {
         let (value, deviation) = self.fitted.values[index];
         let parameter = self.unknowns[index].parameter;
         let tolerance = match parameter {
-            // What the joint moves is known no better, and is told by the same accelerations.
+            // The inertia that the joint moves has the same tolerance, and the same accelerations determine it.
             ModelParameter::Rotor => {
                 tolerance(parameter, old.abs() + self.moved(self.unknowns[index].joint), tolerances)
             }
@@ -99,19 +99,19 @@ impl Numbers<'_> {
         (value - old).abs() / deviation.hypot(tolerance)
     }
 
-    /// Standard deviation of the error of a payload of `mass` kg that the tolerances of masses make, kg: the recordings weigh the payload and the last link together, and the model
+    /// Standard deviation of a payload of `mass` kg due to the mass tolerances, kg: the recordings weigh the payload and the last link together, and the model
     /// knows the mass of that link within `tolerances`.
     pub fn payload_tolerance(&self, mass: f64, tolerances: &Tolerances) -> f64 {
         let last = self.file.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
         tolerances.mass * (mass.abs() + last)
     }
 
-    /// Inertia that `joint` moves where all joints are at zero, over the stiffness of its servo, s².
+    /// Inertia that `joint` moves with all joints at zero, over the stiffness of its servo, s².
     fn moved(&self, joint: usize) -> f64 {
         moved(&self.fitted.model.arm)[joint] / self.servo(joint).stiffness
     }
 
-    /// Standard deviations from nothing that a name needs: ½ z² is the ratio.
+    /// Standard deviations from zero that a name needs: ½ z² is the log-likelihood ratio.
     pub fn named_from(&self) -> f64 {
         (2.0 * named_from(self.file.arm.dof())).sqrt()
     }
@@ -124,7 +124,7 @@ impl Numbers<'_> {
         &self.fitted.model.joints[joint]
     }
 
-    /// Deviation of the logarithm of the stiffness of `joint`: what tells it is a load that the model knows as well as its masses.
+    /// Deviation of the logarithm of the stiffness of `joint`: a load determines the stiffness, and the model knows the load as well as its masses.
     fn stiffness_deviation(&self, joint: usize) -> f64 {
         let of_fit =
             self.of(joint, ModelParameter::Stiffness).map_or(f64::INFINITY, |(_, deviation)| deviation);
@@ -157,7 +157,7 @@ impl Numbers<'_> {
         let is_known = self.is_known(joint);
         let mut numbers =
             vec![("stiffness", servo.stiffness, is_known.then(|| around_log(servo.stiffness, of_log)))];
-        // The joint's own viscous friction is the model's already.
+        // The viscous friction of the joint is in the model already.
         let viscous = self.joint(joint).friction.viscous;
         let interval = self.absolute(joint, ModelParameter::Lag).map(|ends| ends.map(|end| end - viscous));
         numbers.push(("damping", (servo.damping - viscous).max(0.0), interval));
@@ -192,7 +192,7 @@ impl Numbers<'_> {
         self.finding("servo", joint, numbers, remark)
     }
 
-    /// Interval of `ratio` times stiffness, where the stiffness is known.
+    /// Interval of `ratio` times stiffness, if the stiffness is known.
     fn absolute(&self, joint: usize, parameter: ModelParameter) -> Option<[f64; 2]> {
         let (ratio, deviation) = self.of(joint, parameter)?;
         let stiffness = self.servo(joint).stiffness;
@@ -200,7 +200,7 @@ impl Numbers<'_> {
         self.is_known(joint).then(|| around(ratio * stiffness, spread))
     }
 
-    /// What is a ratio to the stiffness, if the data tell it from nothing.
+    /// A friction, fitted as a ratio to the stiffness, if the data support it.
     fn friction(
         &self,
         joint: usize,
@@ -212,7 +212,7 @@ impl Numbers<'_> {
         let servo = self.servo(joint);
         let nominal =
             if parameter == ModelParameter::Coulomb { self.joint(joint).friction.coulomb } else { 0.0 };
-        // What the model has already counts in N·m: where no load tells the stiffness, nothing beside it is known.
+        // The friction of the model is in N·m: without a load that determines the stiffness, its ratio to the stiffness is not known.
         let expected = nominal / servo.stiffness;
         let of_model = |share: f64| if expected > 0.0 { expected * share } else { 0.0 };
         let of_nominal = of_model(self.tolerances.friction.hypot(self.stiffness_deviation(joint)));
@@ -281,7 +281,7 @@ impl Numbers<'_> {
         }
     }
 
-    /// What these recordings can't show of the joints: those that rest, and stiffnesses without a load.
+    /// Untestable effects of the joints: all effects of joints at rest, and stiffnesses without a load.
     pub fn untestable(&self, moves: &[bool]) -> Vec<Untestable> {
         let lack = |joint: usize| {
             let name = &self.joint(joint).name;
@@ -322,14 +322,14 @@ impl Numbers<'_> {
     }
 }
 
-/// Inertia that each joint of `arm` moves where all joints are at zero, kg·m² (kg).
+/// Inertia that each joint of `arm` moves with all joints at zero, kg·m² (kg).
 pub fn moved(arm: &Arm) -> Vec<f64> {
     let mut mass = DMatrix::zeros(arm.dof(), arm.dof());
     crba(arm, &mut Workspace::new(arm), &vec![0.0; arm.dof()], &mut mass);
     mass.diagonal().iter().copied().collect()
 }
 
-/// How far `parameter`, which a model says is `value`, may be off on a machine of that model.
+/// Tolerance of `parameter` on a machine of a model with the given `value`.
 pub fn tolerance(parameter: ModelParameter, value: f64, tolerances: &Tolerances) -> f64 {
     match parameter {
         // Logarithms.
@@ -348,7 +348,7 @@ pub fn tolerance(parameter: ModelParameter, value: f64, tolerances: &Tolerances)
     }
 }
 
-/// A distance of a joint of `kind`, rad (m), with the half of its interval: `37.2 ± 1.3 mrad (2.1°)`, or in mm.
+/// A distance of a joint of `kind`, rad (m), with the half-width of its interval: `37.2 ± 1.3 mrad (2.1°)`, or in mm.
 pub fn distance(kind: JointKind, value: f64, half: Option<f64>) -> String {
     let (unit, degrees) = match kind {
         JointKind::Revolute => ("mrad", format!(" ({:.1}°)", value.to_degrees())),

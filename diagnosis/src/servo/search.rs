@@ -1,5 +1,5 @@
-//! The search for what a given model with servos lacks. Its numbers hold within their tolerances, but for those of a few causes. These are added one after the other, each the one that leaves least, all
-//! numbers of the given model being free within their tolerances beside it. What the recordings lose nothing without is taken back.
+//! The search for the effects that a given model with servos lacks. All parameters of the given model are fitted within their tolerances. The search adds
+//! changes one after the other, each time the change with the smallest residual. It then removes the changes without which the recordings lose nothing.
 
 use freeplay_servo::{Fitted, Noise, Problem, ServoArm, Track, Unknown, each, golden};
 
@@ -11,8 +11,8 @@ use super::limits::lost;
 use super::recorded::{Found, Recorded, is_same, stop};
 use crate::statistics::STRONG;
 
-/// Causes that are fitted before the best of them is taken, for each way in which they are ranked: the first may rank first by chance, and a fit takes far
-/// longer than a rank.
+/// Changes that are fitted before the search takes the best of them, for each of its rankings: the first may rank first by chance, and a fit takes far longer
+/// than a ranking.
 const FITTED: usize = 2;
 
 /// A model with changes, fitted.
@@ -20,18 +20,18 @@ const FITTED: usize = 2;
 struct Changed {
     changes: Vec<Change>,
     fitted: Fitted,
-    /// Those of the changes, and all others within their tolerances.
+    /// Parameters of the changes, and all other parameters within their tolerances.
     unknowns: Vec<Unknown>,
 }
 
 impl Changed {
-    /// The numbers as ratios to the stiffness, as far as they are torques.
+    /// The unknowns; torques are divided by the stiffness.
     fn ratios(&self) -> Vec<Unknown> {
         let joints = &self.fitted.model.joints;
         self.unknowns.iter().map(|unknown| unknown.as_ratio(joints[unknown.joint].stiffness)).collect()
     }
 
-    /// Logarithm of the usual size of what it leaves, over all joints.
+    /// Logarithm of the typical residual, summed over all joints.
     fn size(&self) -> f64 {
         self.fitted.noise.size.iter().map(|size| size.ln()).sum()
     }
@@ -49,7 +49,7 @@ struct Search<'a> {
     known: Vec<Unknown>,
     candidates: Vec<Change>,
     given: &'a ServoArm,
-    /// The nearest fit so far of each set of changes. A descent may end in a local minimum; two models are compared where each is nearest to the recordings.
+    /// The best fit so far of each set of changes. A descent may end in a local minimum; the search compares two models at the best known minimum of each.
     met: Vec<Changed>,
 }
 
@@ -60,13 +60,13 @@ impl<'a> Search<'a> {
         Search { parts, known, candidates, given: given.model, met: Vec::new() }
     }
 
-    /// The given model and the changes that the recordings ask for, beginning with those of `begun`.
+    /// The given model with the changes that the recordings demand, starting from those of `begun`.
     fn run(&mut self, begun: Option<Changed>, progress: &mut dyn FnMut(&str)) -> Changed {
         let mut changed = match begun {
             Some(begun) => self.fit(&begun.fitted.model, begun.changes, progress),
             None => self.fit(self.given, Vec::new(), progress),
         };
-        // No cause is added twice.
+        // No change is added twice.
         for _ in 0..self.candidates.len() {
             let Some(more) = self.add(&mut changed, progress) else { break };
             changed = more;
@@ -80,7 +80,7 @@ impl<'a> Search<'a> {
         changed
     }
 
-    /// The causes that the recordings don't tell from the change number `index` of `changed`, if that is the arm's: they bring the model without it as near to the recordings.
+    /// If change number `index` of `changed` belongs to the arm: the other causes that explain the recordings as well in its place.
     fn rivals(&self, changed: &Changed, index: usize, progress: &mut dyn FnMut(&str)) -> Vec<Rival> {
         let change = &changed.changes[index];
         if !change.is_burden() {
@@ -111,14 +111,14 @@ impl<'a> Search<'a> {
         rivals
     }
 
-    /// The numbers of a model with `changes`.
+    /// All unknowns of a model with `changes`.
     fn unknowns(&self, changes: &[Change]) -> Vec<Unknown> {
         let is_known = |unknown: &&Unknown| !changes.iter().any(|change| change.has(unknown));
         let known = self.known.iter().filter(is_known).copied();
         known.chain(changes.iter().flat_map(|change| change.unknowns.iter().copied())).collect()
     }
 
-    /// The given model with `changes`, fitted from `model` onwards, or as a fit before brought it nearer.
+    /// Fits the given model with `changes`, starting from `model`, and returns this fit or an earlier one of the same changes if that is better.
     fn fit(&mut self, model: &ServoArm, changes: Vec<Change>, progress: &mut dyn FnMut(&str)) -> Changed {
         let unknowns = self.unknowns(&changes);
         let words = format!("fitting the given model with {} changes", changes.len());
@@ -145,18 +145,18 @@ impl<'a> Search<'a> {
         model
     }
 
-    /// Whether `one`, which has the changes of `other`, leaves less than that.
+    /// Returns true if `one` has a smaller loss than `other`; both have the same changes.
     fn is_nearer(&self, one: &Changed, other: &Changed) -> bool {
         let noise = nearer_noise(one, other);
         self.left(one, noise) < self.left(other, noise)
     }
 
-    /// What the fit part loses by `changed`.
+    /// Loss of log-likelihood of the fit part under `changed`.
     fn left(&self, changed: &Changed, noise: &Noise) -> f64 {
         self.parts[0].lost_by(&changed.fitted.model, noise, &changed.unknowns)
     }
 
-    /// The log-likelihood that the fit and the choice part lose by `changed`.
+    /// Loss of log-likelihood of the fit and the choice part under `changed`.
     fn left_in_both(&self, changed: &Changed, noise: &Noise) -> f64 {
         self.left(changed, noise) + lost(self.parts[1], &changed.fitted.model, noise)
     }
@@ -167,16 +167,17 @@ impl<'a> Search<'a> {
         at.map_or((unknown.expected, unknown.deviation), |at| changed.fitted.values[at])
     }
 
-    /// How much wider the priors of the numbers of `change` are than what the data leave of them (Occam's factor).
+    /// Log ratio of prior to posterior standard deviation, summed over the parameters of `change` (Occam's factor).
     fn price(change: &Change, changed: &Changed) -> f64 {
         let narrowed =
             |unknown: &Unknown| (unknown.deviation / Search::value(unknown, changed).1).ln().max(0.0);
         change.unknowns.iter().map(narrowed).sum::<f64>()
     }
 
-    /// Log odds of `changed`, which has `change`, against `without` it: what is lost without it beyond its price, but no more than one of its numbers is beyond its tolerance and what the data leave open.
+    /// Log odds of `changed`, which has `change`, against `without` it: the loss of log-likelihood without the change minus its price. The odds are at most
+    /// those of its parameter that deviates most from the given value, in units of tolerance and posterior deviation.
     fn evidence(&self, change: &Change, changed: &Changed, without: &Changed) -> f64 {
-        // Under the noise of the poorer fit all else looks alike, and what it misses looks correlated.
+        // Under the larger noise of the poorer fit, all other differences would look alike, and its residual would look correlated.
         let noise = &changed.fitted.noise;
         let left = |changed: &Changed| self.left_in_both(changed, noise);
         let distance = |unknown: &Unknown| {
@@ -184,15 +185,15 @@ impl<'a> Search<'a> {
             let known = self.known.iter().find(|known| known.is_same(unknown));
             let tolerance = known.map_or(0.0, |known| known.deviation);
             let given = unknown.of(self.given);
-            // Of a limit that the given model lacks, there is no distance.
+            // A limit that the given model lacks is infinitely far away.
             if given.is_finite() { (value - given) / deviation.hypot(tolerance) } else { f64::INFINITY }
         };
         let beyond = change.present().map(|unknown| 0.5 * distance(unknown).powi(2)).fold(0.0, f64::max);
         (left(without) - left(changed) - Search::price(change, changed)).min(beyond)
     }
 
-    /// `changed` with one more change: of those that a name could be given the one that leaves least. Where a fit with one more ends nearer to the recordings, `changed` is fitted anew
-    /// from there.
+    /// Adds one change to `changed`: the one with the smallest residual among those with enough evidence for a name. If a fit with one more change ends in a
+    /// better minimum, the function first refits `changed` from there.
     fn add(&mut self, changed: &mut Changed, progress: &mut dyn FnMut(&str)) -> Option<Changed> {
         progress("asking which change of the given model explains most");
         let mut tried: Vec<(Changed, Change)> = Vec::new();
@@ -220,8 +221,9 @@ impl<'a> Search<'a> {
         best.map(|(with, _)| with)
     }
 
-    /// The changes that may explain most beside those of `changed`, each with a model to begin its fit from. A cause that changes all of the motion shows where all else is as it was given; one that acts
-    /// now and then, where all else explains the rest; one that others were bent to hide, by how far these are beyond their tolerances.
+    /// The most promising changes beyond those of `changed`, each with a model to start its fit from. The function ranks them in three ways. With all other
+    /// parameters as given, a cause shows that changes the whole motion. With all other parameters fitted, a cause shows that acts now and then. The parameters
+    /// farthest beyond their tolerances point to a cause that other parameters imitate.
     fn promising(&self, changed: &Changed) -> Vec<(Change, ServoArm)> {
         let Fitted { model, noise, .. } = &changed.fitted;
         let given = changed.changes.iter().fold(self.given.clone(), |given, change| {
@@ -243,7 +245,8 @@ impl<'a> Search<'a> {
         promising
     }
 
-    /// `changed` without the change that least is lost without, if that is less than a name needs. Else the changes of `changed` are told by how much is lost without them.
+    /// Removes the change with the least evidence from `changed` if that evidence is too small for a name. Otherwise the function stores in each change of
+    /// `changed` its evidence.
     fn drop(&mut self, changed: &mut Changed, progress: &mut dyn FnMut(&str)) -> Option<Changed> {
         let mut least: Option<(f64, Changed)> = None;
         for index in 0..changed.changes.len() {
@@ -262,17 +265,17 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The measure by which models are compared: how far each is from the recorded positions.
+/// The distance between a model and the recorded positions.
 enum Far<'a> {
-    /// Sum over the joints of the logarithm of what it usually leaves: of two models that do not leave the same noise, it tells the nearer one.
+    /// Sum over the joints of the logarithm of the typical residual: it finds the better of two models whose residuals have different noise.
     Usually,
-    /// The log-likelihood that the rows lose under this noise.
+    /// Loss of log-likelihood of the rows under this noise.
     Under(&'a Noise),
 }
 
 impl Far<'_> {
-    /// How far the positions that `model` simulates are from those recorded in `problem`. Where `problem` holds a single joint of the arm, `alone` is the
-    /// index of that joint.
+    /// Distance of the positions that `model` simulates from those recorded in `problem`. If `problem` holds a single joint of the arm, `alone` is the index of
+    /// that joint.
     fn of(&self, problem: &Problem, model: &ServoArm, alone: Option<usize>) -> f64 {
         match (self, alone) {
             (Far::Usually, _) => {
@@ -285,8 +288,8 @@ impl Far<'_> {
     }
 }
 
-/// Those of `changes` that bring `model` nearest to the recordings of `fit`, each with the model that it makes. A change of one joint is tried at that joint alone, while the others move as they
-/// were measured: no other error hides it then.
+/// The `changes` that bring `model` nearest to the recordings of `fit`, each with the changed model. A change of one joint is tried at that joint alone, while
+/// the others follow their measured motion: no other error hides the change then.
 fn nearest(fit: &Problem, changes: &[&Change], model: &ServoArm, far: &Far) -> Vec<(Change, ServoArm)> {
     let alone = by_joint(fit.tracks, &model.arm);
     let mut tried = each(changes.len(), fit.threads, |index| {
@@ -312,7 +315,8 @@ fn nearest(fit: &Problem, changes: &[&Change], model: &ServoArm, far: &Far) -> V
     tried.into_iter().flatten().take(FITTED).map(|(_, change, model)| (change, model)).collect()
 }
 
-/// The values of `change` that bring `model` nearest, and by how much nearer it comes with them. A line search goes on between the neighbours of the best place of the change, or along each of its numbers in turn.
+/// The values of `change` that bring `model` nearest, and the reduction of the distance. From the best tabulated place, a line search continues between its
+/// neighbours, or along each parameter in turn.
 fn best_place(change: &Change, model: &ServoArm, far: impl Fn(&ServoArm) -> f64) -> Option<(f64, Vec<f64>)> {
     let at = |place: &[f64]| far(&change.placed(model, place));
     let tried: Vec<f64> = change.places.iter().map(|place| at(place)).collect();
@@ -336,7 +340,8 @@ fn best_place(change: &Change, model: &ServoArm, far: impl Fn(&ServoArm) -> f64)
     Some((far(model) - place.0, place.1))
 }
 
-/// `place` with what is left there, or a place that leaves less and differs in its number `number` alone. The search reaches as far either way as the largest value that this number has among `places`.
+/// Improves `place`, which holds a distance and parameters, in its parameter `number` alone. The search covers, in both directions, the largest value of this
+/// parameter among `places`.
 fn nearer_along(
     number: usize,
     place: (f64, Vec<f64>),
@@ -355,12 +360,12 @@ fn nearer_along(
     if there < place.0 { (there, nearer) } else { place }
 }
 
-/// The noise of the one of two fits that leaves less: under the other's both look alike.
+/// The noise of the better of two fits: the noise of the poorer one would make both look alike.
 fn nearer_noise<'a>(one: &'a Changed, other: &'a Changed) -> &'a Noise {
     if one.size() < other.size() { &one.fitted.noise } else { &other.fitted.noise }
 }
 
-/// What the recordings ask to change in the `given` model.
+/// The changes of the `given` model that the recordings demand.
 pub fn changes(recorded: &Recorded, given: &ServoArm, progress: &mut dyn FnMut(&str)) -> Found {
     progress("looking for stops");
     let mut given = with_stops(recorded, given);
@@ -368,7 +373,7 @@ pub fn changes(recorded: &Recorded, given: &ServoArm, progress: &mut dyn FnMut(&
     progress("looking for contacts and stops");
     let events = recorded.events(&first.fitted, &first.unknowns);
     let is_stopped = events.iter().filter(|event| stop(&mut given, event)).count() > 0;
-    // What happened to the arm is no change of its model: the search goes on without it.
+    // An event on the arm is no change of its model: the search continues without its rows.
     let undisturbed = recorded.undisturbed(events);
     let changed = if is_stopped || !is_same(&undisturbed, recorded.tracks) {
         search(recorded, (&given, &undisturbed), Some(first), progress)
@@ -402,7 +407,7 @@ fn search(
     Search::new([&fit, &choice], &recorded.given(given)).run(begun, progress)
 }
 
-/// `given` with the stops that it shows as it is: they are none of its changes.
+/// `given` with the end stops that its residual in the recordings shows. A stop is no change of the model.
 fn with_stops(recorded: &Recorded, given: &ServoArm) -> ServoArm {
     let mut given = given.clone();
     let [fit, _] = recorded.fit_and_choice(recorded.tracks, &given);

@@ -4,16 +4,14 @@ use biquad::{Biquad, Coefficients, DirectForm2Transposed, ToHertz, Type};
 
 use crate::error::ResidualError;
 
-/// Periods of the cutoff after which an edge is forgotten: the slowest pole decays as exp(−0.383·2πf_c·t), which is
-/// 6·10⁻⁶ after five periods.
+/// Settling time of the filter, in periods of the cutoff: the slowest pole decays as exp(−0.383·2πf_c·t), which is 6·10⁻⁶ after five periods.
 pub(crate) const SETTLING_PERIODS: f64 = 5.0;
 
-/// A low-pass filter without phase: a fourth-order Butterworth run forward, then backward.
+/// A zero-phase low-pass: a fourth-order Butterworth filter run forward, then backward.
 ///
-/// Its gain at the frequency f is 1/(1 + (tan(πf/f_s)/tan(πf_c/f_s))⁸): one half (−6 dB) at the cutoff f_c, and
-/// falling with order eight above it. Its phase is zero at every frequency, so that filtered columns stay
-/// in step whatever their content (Gustafsson 1996, "Determining the initial states in forward-backward filtering";
-/// ours are the steady state of the padded first sample).
+/// Its gain at the frequency f is 1/(1 + (tan(πf/f_s)/tan(πf_c/f_s))⁸): one half (−6 dB) at the cutoff f_c, with a slope of order eight above it. Its phase is
+/// zero at every frequency, so that filtered columns stay synchronous (Gustafsson 1996, "Determining the initial states in forward-backward filtering"; our
+/// initial states are the steady state of the padded first sample).
 #[derive(Debug, Clone)]
 pub struct LowPass {
     sections: [Coefficients<f64>; 2],
@@ -55,18 +53,18 @@ impl LowPass {
         1.0 / (1.0 + (warped(frequency_hz) / warped(self.cutoff_hz)).powi(8))
     }
 
-    /// Standard deviation that white noise of deviation 1 has behind the filter, by Parseval's theorem.
+    /// Standard deviation of filtered white noise of unit deviation, by Parseval's theorem.
     pub fn noise_gain(&self) -> f64 {
         mean_over_band(self.rate_hz, |frequency_hz| self.gain(frequency_hz).powi(2)).sqrt()
     }
 
-    /// How long the ends of a signal differ from what they were if the signal went on, s.
+    /// Time at each end of a signal over which the filter output depends on the missing continuation, s.
     pub fn settling_time(&self) -> f64 {
         SETTLING_PERIODS / self.cutoff_hz
     }
 
-    /// `signal` filtered: as long as it was. Its ends are continued by turning the signal about its first and last
-    /// sample (odd padding), so that a constant and a ramp pass unchanged.
+    /// Filters `signal`, keeping its length. The filter continues the ends by point reflection at the first and last sample (odd padding), so that a constant
+    /// and a ramp pass unchanged.
     pub fn apply(&self, signal: &[f64]) -> Vec<f64> {
         let Some(reach) = signal.len().checked_sub(1) else { return Vec::new() };
         let padding = reach.min((self.settling_time() * self.rate_hz).ceil() as usize);
@@ -78,9 +76,9 @@ impl LowPass {
         padded
     }
 
-    /// One pass in place, from the steady state of the first sample.
+    /// One pass of the filter in place, from the steady state of the first sample.
     ///
-    /// Once the signal is zero, what remains of its past is zero, too, as soon as it is less than the rounding of its largest sample.
+    /// Once the signal is zero, the state becomes zero, too, as soon as it is below the rounding of the signal's largest sample.
     fn pass<'a>(&self, signal: impl Iterator<Item = &'a mut f64>) {
         let mut signal = signal.peekable();
         let Some(first) = signal.peek().map(|sample| **sample) else { return };
@@ -112,7 +110,7 @@ pub(crate) fn mean_over_band(rate_hz: f64, power: impl Fn(f64) -> f64) -> f64 {
     (0..POINTS).map(|k| power(at(k))).sum::<f64>() / POINTS as f64
 }
 
-/// A section that has seen the constant `level` for ever (its gain at zero frequency is one).
+/// A section in the steady state of a constant input `level` (its gain at zero frequency is one).
 fn settled(section: Coefficients<f64>, level: f64) -> DirectForm2Transposed<f64> {
     let mut filter = DirectForm2Transposed::<f64>::new(section);
     filter.s2 = (section.b2 - section.a2) * level;
@@ -120,7 +118,7 @@ fn settled(section: Coefficients<f64>, level: f64) -> DirectForm2Transposed<f64>
     filter
 }
 
-/// `signal` with `padding` samples more at each end, turned about the end's sample; `padding` < its length.
+/// `signal` with `padding` more samples at each end, point-reflected at the end sample; `padding` < its length.
 fn odd_extension(signal: &[f64], padding: usize) -> Vec<f64> {
     let (first, last) = (signal[0], signal[signal.len() - 1]);
     let before = signal[1..=padding].iter().rev().map(|sample| 2.0 * first - sample);
@@ -159,7 +157,7 @@ mod tests {
         }
     }
 
-    /// Amplitude and phase of what a long sine becomes, in its settled middle, against the closed form.
+    /// Amplitude and phase of a filtered sine in its settled middle, against the closed form.
     #[test]
     fn gain_and_phase_match_the_closed_form() {
         let (rate, cutoff) = (250.0, 10.0);

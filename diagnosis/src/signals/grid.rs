@@ -1,4 +1,4 @@
-//! The uniform time grid that a recording is put on.
+//! The uniform time grid of a recording.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -10,40 +10,40 @@ use crate::signals::missing::bridged;
 use crate::signals::stamps::steadied;
 use crate::statistics::{FINEST, roughness, span};
 
-/// A step this many times longer than usual ones is a gap, across which nothing is interpolated: a bus that delivers in bursts makes fewer, and a recorder that stops makes more.
+/// A step this many times longer than the usual ones is a gap; nothing is interpolated across a gap. A bus that delivers in bursts makes shorter steps, and a
+/// recorder that stops makes longer ones.
 pub(crate) const GAP_STEPS: f64 = 10.0;
-/// Stamps that are nowhere farther than this share of a step from a uniform grid are taken as uniform: stamps written with few digits are, and interpolation
-/// would add more than it mends.
+/// Greatest distance between stamps and a uniform grid, as a share of a step, at which the samples count as uniform: stamps written with few digits are as
+/// near, and interpolation would add a larger error than it removes.
 const EVEN: f64 = 0.02;
-/// Where neighbouring steps differ by more than this factor, interpolation uses the straight line: slopes over so short a step are mostly noise.
+/// If neighbouring steps differ by more than this factor, interpolation is linear: slopes over such a short step are mostly noise.
 const BURST: f64 = 4.0;
-/// Positions this much smoother on even times than on the stamps were sampled evenly: it is the stamps that shake, as chance makes less of a difference.
+/// If the positions are smoother on even times by at least this factor, the samples were even and only the stamps jitter: chance makes a smaller difference.
 const SMOOTHER: f64 = 0.8;
 
 /// A part of a recording without a gap, on the uniform grid.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Stretch {
-    /// The samples of the recording that it is made of.
+    /// The samples of the recording that belong to this part.
     pub rows: Range<usize>,
     /// Time of its first point, s.
     pub start: f64,
     /// Number of grid points.
     pub len: usize,
-    /// The stamps lie on the grid: samples are taken as they are.
+    /// True if the stamps lie on the grid: the samples are used unchanged.
     pub even: bool,
-    /// When its samples were taken, where that is not what their stamps say, s.
+    /// The true times of the samples if they differ from the stamps, s.
     pub times: Option<Vec<f64>>,
-    /// The grid points that are compared: the others let filters settle.
+    /// The grid points used in the comparison; the filters settle on the others.
     pub keep: Range<usize>,
 }
 
 /// A uniform time grid with the mean step of the recording, cut where the recording has gaps.
 ///
-/// A gap is a step more than ten times as long as the 90th percentile of all steps, which neither jitter nor stamps that come in
-/// bursts make. Stamps within 2 % of a step of the grid are taken as the grid; others are interpolated by a cubic through
-/// the neighbours with the slopes of the parabola through three of them (error of third order in the step), or by the
-/// straight line where stamps come in bursts. Where the positions are smoother on even times, it was the stamps that shook, not the
-/// samples, and even times are what is taken.
+/// A gap is a step more than ten times as long as the 90th percentile of all steps; neither jitter nor bursts of stamps make such a step. Stamps within 2 % of
+/// a step of the grid count as lying on the grid. Other samples are interpolated by a cubic through the neighbours, with the slopes of the parabola through
+/// three of them (error of third order in the step), or linearly where stamps come in bursts. If the positions are smoother on even times, only the stamps
+/// jittered, not the samples, and the grid uses even times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
     pub(crate) step: f64,
@@ -52,12 +52,12 @@ pub struct Grid {
     pub(crate) longest: f64,
     /// Farthest stamp from the uniform grid, as a share of the step.
     pub(crate) jitter: f64,
-    /// The samples were taken at steadier times than their stamps say.
+    /// True if the samples were taken at more even times than their stamps.
     pub(crate) is_steadied: bool,
 }
 
 impl Grid {
-    /// The grid of a recording.
+    /// Makes the grid of a recording.
     ///
     /// # Errors
     /// [`ResidualError::Stamps`] for fewer than four samples or stamps beyond the range of numbers.
@@ -73,7 +73,7 @@ impl Grid {
         Ok(steady.filter(|steady| steady.is_smoother_than(&stamped, recording)).unwrap_or(stamped))
     }
 
-    /// The grid of samples taken at `t`; `None` for fewer than four, or numbers out of range.
+    /// The grid of samples at the times `t`; `None` for fewer than four samples, or numbers out of range.
     fn of(t: &[f64]) -> Option<Self> {
         if t.len() < FEWEST {
             return None;
@@ -86,7 +86,7 @@ impl Grid {
         Self::laid(t, sum / count, longest)
     }
 
-    /// The grid of `step` s through samples taken at `t`, cut where a step is longer than `longest`; `None` for numbers out of range.
+    /// The grid of `step` s through samples at the times `t`, cut at steps longer than `longest`; `None` for numbers out of range.
     pub(crate) fn laid(t: &[f64], step: f64, longest: f64) -> Option<Self> {
         if !(step > 0.0 && step.is_finite()) {
             return None;
@@ -108,19 +108,19 @@ impl Grid {
         self
     }
 
-    /// Whether the stamps lie on the grid.
+    /// Returns true if the stamps lie on the grid.
     pub(crate) fn is_even(&self) -> bool {
         self.jitter <= EVEN
     }
 
-    /// Whether the positions of `recording` are clearly smoother here than on `other`.
+    /// Returns true if the positions of `recording` are clearly smoother on this grid than on `other`.
     fn is_smoother_than(&self, other: &Self, recording: &Recording) -> bool {
         let ratio = |q: &Vec<f64>| (self.roughness(recording, q) / other.roughness(recording, q)).ln();
         let sum: f64 = recording.q.iter().map(ratio).sum();
         sum < SMOOTHER.ln() * recording.joints() as f64
     }
 
-    /// How rough `column` of `recording` is on the grid.
+    /// Roughness of `column` of `recording` on the grid.
     fn roughness(&self, recording: &Recording, column: &[f64]) -> f64 {
         let even = self.stretches.iter().flat_map(|s| self.resample(s, recording, column).into_owned());
         roughness(&even.collect::<Vec<_>>()) + FINEST * span(column).max(f64::MIN_POSITIVE)
@@ -142,7 +142,7 @@ impl Grid {
         1.0 / self.step
     }
 
-    /// The samples of `column` on the grid points of `stretch`, with what is missing bridged.
+    /// The samples of `column` on the grid points of `stretch`; missing samples are bridged.
     pub(crate) fn resample<'a>(
         &self,
         stretch: &Stretch,
@@ -186,8 +186,8 @@ fn interpolate(t: &[f64], y: &[f64], i: usize, time: f64) -> f64 {
     y[i] + u * width * chord + bulge * ((1.0 - u) * (left - chord) - u * (right - chord))
 }
 
-/// Slope at sample `i` of the parabola through it and its neighbours; `None` at the ends, and where one of its steps is far
-/// shorter than the other or than `width`, since it would blow up what noise there is.
+/// Slope at sample `i` of the parabola through it and its neighbours; `None` at the ends, and where one of its steps is far shorter than the other or than
+/// `width`, since a short step would amplify the noise.
 fn slope(t: &[f64], y: &[f64], i: usize, width: f64) -> Option<f64> {
     if i == 0 || i + 1 == t.len() {
         return None;
@@ -213,7 +213,7 @@ mod tests {
         Recording::new(Path::new("made"), vec![("t".into(), t), ("q1".into(), q)]).expect("a recording")
     }
 
-    /// Stamps off the grid by up to a third of a step, in a way that repeats.
+    /// Stamps with a repeating jitter of up to a third of a step.
     fn jittered(count: usize, step: f64) -> Vec<f64> {
         (0..count).map(|k| (k as f64 + 0.33 * (k as f64 * 2.4).sin()) * step).collect()
     }

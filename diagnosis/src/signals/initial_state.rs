@@ -112,7 +112,7 @@ pub(crate) fn between<T, E>(
     for (number, place) in BEGINNINGS.into_iter().enumerate() {
         let Some(there) = at(place)? else { return Ok(None) };
         let square = left(&there);
-        // Where the first way across comes soon, the beginning does not matter.
+        // If the first full crossing comes soon, the initial state hardly matters.
         if number == 0 && (square - middle).abs() < LEAST_LESS * middle {
             return Ok(None);
         }
