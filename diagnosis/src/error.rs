@@ -1,4 +1,4 @@
-//! Why a recording and a model can't be compared.
+//! Errors that prevent a comparison of a recording and a model.
 
 use std::path::PathBuf;
 
@@ -7,12 +7,12 @@ use thiserror::Error;
 
 use crate::statistics::SHARES;
 
-/// Fewest samples of a recording that a grid is laid through: a cubic needs four.
+/// Fewest samples of a recording for a grid: a cubic needs four.
 pub(crate) const FEWEST: usize = 4;
-/// Least length of a recording that is asked for where there is too little, s: each part of it then has several motions of a second.
+/// Least length that the program requests for a recording that is too short, s: each part of it then has several motions of a second.
 pub(crate) const ENOUGH_S: f64 = 10.0;
 
-/// Why residuals can't be formed.
+/// Reason why the program can't compute residuals.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ResidualError {
@@ -31,7 +31,7 @@ pub enum ResidualError {
         /// Names of the model's joints.
         names: String,
     },
-    /// The recording has nothing that a model could predict.
+    /// The recording has no channel that a model could predict.
     #[error(
         "{}: nothing to compare: no column tau1…tau{joints} (measured joint torques, N*m), none of x, y, z (tracked tool, m) \
          and no q_link (link-side encoders, rad); record one of them",
@@ -43,17 +43,17 @@ pub enum ResidualError {
         /// Number of joints.
         joints: usize,
     },
-    /// Time stamps that no grid can be laid through.
+    /// Time stamps without a uniform grid.
     #[error("{}: {samples} sample(s) over {duration_s:.3e} s make no time grid; record at least {} samples", origin.display(), FEWEST)]
     Stamps {
         /// The recording.
         origin: PathBuf,
         /// Number of samples.
         samples: usize,
-        /// From the first stamp to the last, s.
+        /// Time from the first to the last stamp, s.
         duration_s: f64,
     },
-    /// No stretch of the recording without a gap is long enough for the filter and the ends that are left out.
+    /// No stretch without a gap is long enough for the filter and the trimmed ends.
     #[error(
         "{}: the longest stretch without a gap lasts {longest_s:.3} s, less than the {needed_s:.3} s that a low-pass at \
          {cutoff_hz:.4} Hz and the ends left out need; record longer, set a higher --lowpass or a lower --trim",
@@ -69,28 +69,28 @@ pub enum ResidualError {
         /// Cutoff of the filter, Hz.
         cutoff_hz: f64,
     },
-    /// A cutoff that this sampling rate can't carry.
+    /// A cutoff that is too high for this sampling rate.
     #[error(
         "a low-pass at {cutoff_hz} Hz is not possible for {rate_hz:.4} samples a second: choose between 0 and {most_hz:.4} Hz"
     )]
     Cutoff {
-        /// The cutoff asked for, Hz.
+        /// The requested cutoff, Hz.
         cutoff_hz: f64,
         /// Samples per second.
         rate_hz: f64,
         /// Half of that, Hz.
         most_hz: f64,
     },
-    /// A time to leave out that is no time.
+    /// A trim that is no valid time.
     #[error("--trim {trim_s}: give the seconds to leave out at both ends, 0 or more")]
     Trim {
-        /// What was asked for, s.
+        /// The requested trim, s.
         trim_s: f64,
     },
-    /// The effects of the model leave no possible arm.
+    /// The effects make an arm that can't exist.
     #[error(transparent)]
     Effects(#[from] freeplay_laws::LawError),
-    /// The model's answer to the recorded motion is not finite.
+    /// The prediction of the model for the recorded motion is not finite.
     #[error("{}: channel {channel}: the difference to the model is not finite; are q in rad (or m) and t in s?", origin.display())]
     NotFinite {
         /// The recording.
@@ -101,7 +101,7 @@ pub enum ResidualError {
 }
 
 impl ResidualError {
-    /// Whether it is that a part of one of `recordings` is too little, not that one of these is none.
+    /// Returns true if only a part of one of `recordings` is too small, not the whole recording.
     pub(crate) fn is_of_a_part(&self, recordings: &[Recording]) -> bool {
         match self {
             Self::TooShort { .. } => true,
@@ -112,7 +112,7 @@ impl ResidualError {
         }
     }
 
-    /// The error in words for the diagnosis of `recordings`, of which it met a part.
+    /// The error in words for the diagnosis of `recordings`; the error occurred in a part of one of them.
     pub(crate) fn in_a_diagnosis(&self, recordings: &[Recording]) -> String {
         if let Self::Stamps { origin, .. } = self {
             return format!(

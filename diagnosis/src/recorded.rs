@@ -1,4 +1,4 @@
-//! A recording of the arm that a model describes: read, and looked at for what stands in another unit than it should.
+//! A recording of the arm that a model describes, with checks of its units.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::conventions::{Reading, SetupFinding, time_unit};
 
-/// No arm reaches farther, m: the longest cranes on trucks do, and their files are no arms; a position in millimetres is above.
+/// Greatest reach of an arm, m: only the longest truck cranes reach as far, and their files are no arms; positions in millimetres exceed it.
 const FARTHEST_M: f64 = 30.0;
 
 /// Why a recording cannot be compared with a model.
@@ -26,14 +26,14 @@ pub enum RecordedError {
     Joints {
         /// The reader's error.
         error: Box<ReadError>,
-        /// The model as it was named.
+        /// The name of the model, as given.
         model: String,
         /// The model's joints.
         joints: String,
-        /// Which chain of the robot the arm is, in words.
+        /// The chain of the robot that makes the arm, in words.
         locked: String,
     },
-    /// The model can say nothing of torques, and nothing else was recorded.
+    /// The model can't predict torques, and the recording has no other channel.
     #[error(transparent)]
     Unfit(#[from] Shortfall),
     /// The times are in another unit than seconds.
@@ -41,10 +41,10 @@ pub enum RecordedError {
     NotSeconds {
         /// The recording.
         file: PathBuf,
-        /// The unit that they seem to have, and what to do.
+        /// The apparent unit, and the remedy.
         words: String,
     },
-    /// One recording is named twice.
+    /// The command names one recording twice.
     #[error("--recording {}: is given twice, and what is held out has to be another one: name each once", file.display())]
     Twice {
         /// The recording.
@@ -52,7 +52,7 @@ pub enum RecordedError {
     },
 }
 
-/// Reads the recording at `path` as it is, or as `mapping` says.
+/// Reads the recording at `path` as it stands, or with `mapping`.
 ///
 /// # Errors
 /// The reader's own.
@@ -63,11 +63,11 @@ pub fn unmatched(path: &Path, mapping: Option<&Mapping>) -> Result<Recording, Re
     })
 }
 
-/// The recording of the arm in `file`, which was named `model`: of the joints of the arm in its order, where both have names; without torques
-/// where the model has no masses; with the arm's weight where `mapping` says that it is missing from them. What may be in another unit is noted in it.
+/// The recording for the arm in `file`, which the user named `model`. It has the joints of the arm in its order, if both have names, no torques for a model
+/// without masses, and the arm's weight if `mapping` says that the torques lack it. Notes list columns that may be in another unit.
 ///
 /// # Errors
-/// Joints that are not the arm's; times that are no seconds; torques alone for a model without masses.
+/// Joints that differ from the arm's; times that are not in seconds; torques alone for a model without masses.
 pub fn of_arm(
     recording: Recording,
     model: &str,
@@ -89,7 +89,7 @@ pub fn of_arm(
     Ok(recording)
 }
 
-/// The error of a recording with another number of joints than the model in `file`, with what that says of its own.
+/// The error of a recording whose number of joints differs from the model in `file`, with the notes of that file.
 fn other_number(recording: &Recording, model: &str, file: &ArmFile) -> RecordedError {
     let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
     let taken = file.ignored.first().filter(|note| note.starts_with("arm: "));
@@ -100,7 +100,7 @@ fn other_number(recording: &Recording, model: &str, file: &ArmFile) -> RecordedE
     RecordedError::Joints { error, model: model.to_owned(), joints: joints.join(", "), locked }
 }
 
-/// Leaves torques out that the model can say nothing of, and says so.
+/// Removes torques that the model can't predict, with a note.
 fn check_masses(recording: &mut Recording, arm: &Arm) -> Result<(), RecordedError> {
     let Err(shortfall) = arm.require(Purpose::Torque) else { return Ok(()) };
     let has_poses = recording.tool.is_some() || recording.q_link.iter().any(Option::is_some);
@@ -115,13 +115,13 @@ fn check_masses(recording: &mut Recording, arm: &Arm) -> Result<(), RecordedErro
     Ok(())
 }
 
-/// Refuses times that are no seconds.
+/// Rejects times that are not in seconds.
 fn check_times(recording: &Recording) -> Result<(), RecordedError> {
     let Some(SetupFinding { statement, remedy, .. }) = time_unit(recording) else { return Ok(()) };
     Err(RecordedError::NotSeconds { file: recording.origin.clone(), words: format!("{statement} {remedy}") })
 }
 
-/// A tool that is farther away than any arm reaches.
+/// A note on a tool farther away than any arm reaches.
 fn far_tool(recording: &Recording) -> Option<String> {
     let farthest = |axis: &Vec<f64>| axis.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
     let most = recording.tool.iter().flatten().map(farthest).fold(0.0, f64::max);
@@ -129,7 +129,7 @@ fn far_tool(recording: &Recording) -> Option<String> {
         .then(|| format!("x, y, z go up to {most:.0} m from the base: millimetres? they should be in m"))
 }
 
-/// Refuses a recording that is given twice: it would be held out from a fit that has seen it.
+/// Rejects a recording that is given twice: the fit would have used held-out data.
 ///
 /// # Errors
 /// The recording.

@@ -1,4 +1,4 @@
-//! The confirmation: with more of the data the findings are refined together, others are tried in the place of each, and the search goes on from the best.
+//! The confirmation: with more data the program refines the findings together, tries others in their place, and continues the search from the best.
 
 use crate::evidence::nameless::most_in_single_channels;
 use crate::evidence::system::all_but;
@@ -6,8 +6,8 @@ use crate::search::moves::{Answer, Search, WORTH};
 use crate::search::tried::tried;
 use crate::statistics::MOST_ROUNDS;
 
-/// The answer that the search reaches from `members`, once nothing that it tries in the place of one finding is more probable, neither another law nor several. `None` if the
-/// system is singular.
+/// The answer that the search reaches from `members` when no replacement of a finding is more probable, neither another law nor several. `None` if the system
+/// is singular.
 pub(crate) fn confirmed(
     search: &mut Search,
     members: Vec<usize>,
@@ -20,7 +20,7 @@ pub(crate) fn confirmed(
     Some(now)
 }
 
-/// The answer that the search reaches from `members`, once no other law that it tries in the place of one finding is more probable. `None` if the system is singular.
+/// The answer that the search reaches from `members` when no other law in the place of a finding is more probable. `None` if the system is singular.
 pub(crate) fn compared(
     search: &mut Search,
     members: Vec<usize>,
@@ -32,7 +32,7 @@ pub(crate) fn compared(
     Some(now)
 }
 
-/// Puts another in the place of a member of `now`, if that makes it more probable. Whether it did; else the search is back at `now`.
+/// Replaces a member of `now` by another law if that is more probable, and returns true; otherwise the search returns to `now`.
 fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(&str)) -> Option<bool> {
     let fit = search.system.held_fit(&now.members)?;
     let mut others = tried(search, &fit);
@@ -42,7 +42,7 @@ fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
         progress("trying others in the place of each finding");
         let rest = all_but(&now.members, other.place);
         let there = grown(search, [rest, vec![other.index]].concat(), progress)?;
-        // The other members still had the numbers that suit the old finding when this one looked more probable.
+        // When this law looked more probable, the other members still had the parameters that suit the old finding.
         if search.same_effects(&there.members, &now.members) {
             *now = search.agreed(now)?;
         } else if taken_over(search, now, there)? {
@@ -52,10 +52,10 @@ fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
     Some(false)
 }
 
-/// Puts all that the search finds in the place of one member of `now`, if that makes it more probable. Whether it did; else the search is back at `now`.
+/// Replaces a member of `now` by all laws that the search finds without it, if that is more probable, and returns true; otherwise the search returns to `now`.
 ///
-/// A law that shows in several channels can stand for several laws that show in one each. No single one of these is worth the change, so that
-/// [`with_another`] does not find them. Where even shapes without a name say less than the law, several such laws can't take its place.
+/// One law of several channels can stand for several laws with one channel each. No single one of these is worth the change, so that [`with_another`] does not
+/// find them. If even nameless shapes explain less than the law, several such laws can't replace it.
 fn with_several(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(&str)) -> Option<bool> {
     for place in 0..now.members.len() {
         let member = now.members[place];
@@ -83,16 +83,17 @@ fn with_several(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
     Some(false)
 }
 
-/// Takes `there`, where the search stands, for `now` if it is more probable. Whether it is; else the search goes back to `now`.
+/// If `there`, the state of the search, is more probable than `now`, it becomes `now`, and the function returns true; otherwise the search returns to `now`.
 fn taken_over(search: &mut Search, now: &mut Answer, there: Answer) -> Option<bool> {
     let is_better = there.evidence > now.evidence + WORTH;
     *now = if is_better { there } else { search.agreed(now)? };
     Some(is_better)
 }
 
-/// `members` in their best forms, or what the search finds from there, whichever is the most probable once its numbers agree; `None` if the system is singular.
+/// The most probable of `members` in their best forms and of the answers that the search finds from there, each with converged parameters; `None` if the system
+/// is singular.
 ///
-/// Each answer gives the rows other weights, under which the search may find other effects. It ends where it meets effects for the second time.
+/// Each answer changes the weights of the rows, and with other weights the search may find other effects. It ends when a set of effects returns.
 fn grown(search: &mut Search, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
     let mut last = search.polished(members)?;
     let mut met = vec![last.clone()];
@@ -109,7 +110,7 @@ fn grown(search: &mut Search, members: Vec<usize>, progress: &mut dyn FnMut(&str
     if search.same_effects(&best.members, &last.members) { Some(last) } else { search.agreed(&best) }
 }
 
-/// The better one of `answer` and what the search finds with the fit and the choice part together, by its evidence; `None` if the system is singular.
+/// The better of `answer` and the result of the search with fit and choice part together, by evidence; `None` if the system is singular.
 pub(crate) fn searched_again(
     search: &mut Search,
     answer: &Answer,
@@ -148,7 +149,7 @@ mod tests {
     use crate::search::moves::Search;
     use crate::signals::motion::Settings;
 
-    /// The second joint turns as the first does, and a little more, slowly.
+    /// The second joint turns in proportion to the first, plus a slow motion.
     fn alike(arm: &Arm, t: f64) -> [Vec<f64>; 3] {
         let mut motion = sines(arm, t);
         let (sin, cos) = (0.9 * t).sin_cos();

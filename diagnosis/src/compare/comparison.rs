@@ -1,4 +1,4 @@
-//! How far a model is from a recording, in numbers.
+//! The errors of a model against a recording.
 
 use freeplay_arm::Arm;
 use freeplay_laws::Placed;
@@ -22,12 +22,12 @@ use crate::statistics::{FINEST, SIGNIFICANT, normal_quantile};
 /// The schema of [`Comparison`] as JSON.
 pub const SCHEMA: &str = "freeplay.compare/1";
 
-/// How far a model is from a recording: `freeplay compare --format json`.
+/// The errors of a model against a recording: `freeplay compare --format json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     /// [`SCHEMA`].
     pub schema: &'static str,
-    /// Points that were compared: the recording on a uniform grid, filtered, without its ends, decimated.
+    /// Compared points: the recording on a uniform grid, filtered, without its ends, decimated.
     pub samples: usize,
     /// Samples of the recording.
     pub rows: usize,
@@ -35,22 +35,21 @@ pub struct Comparison {
     pub duration_s: f64,
     /// Samples of the recording per second, Hz.
     pub rate_hz: f64,
-    /// Cutoff of the zero-phase low-pass, Hz; infinite (`null`) where positions are compared with commanded ones, which no filter touches.
+    /// Cutoff of the zero-phase low-pass, Hz; infinite (`null`) for positions compared with commanded ones, without a filter.
     pub lowpass_hz: f64,
     /// Points per second after decimation, Hz.
     pub compared_hz: f64,
     /// One entry a channel: torques, tool, link encoders; or positions.
     pub channels: Vec<ChannelError>,
-    /// Whether recording and model mean the same: the faults of the set-up.
+    /// The faults of the set-up: conventions on which recording and model disagree.
     pub setup: Vec<SetupFinding>,
-    /// What a reader of the numbers should know, one sentence each.
+    /// Remarks on the numbers, one sentence each.
     pub notes: Vec<String>,
 }
 
 impl Comparison {
-    /// The torque channel whose error is the most times its noise; where no torque has more error than its noise leaves, the channel of which that is true.
-    /// Channels that hardly measure anything beside the others of their unit are passed over. Where no noise is known, the one that is explained worst, by
-    /// `nrmse_std`.
+    /// The channel with the largest error in multiples of its noise: a torque channel if the noise does not explain the error of one, otherwise any channel.
+    /// Channels with hardly any signal compared with others of their unit are ignored. Without known noise, the channel with the largest `nrmse_std`.
     pub fn worst(&self) -> Option<&ChannelError> {
         let is_torque = |channel: &&ChannelError| matches!(channel.kind, Kind::Torque(_));
         let stands_out = |channel: &ChannelError| !self.is_within_noise(channel, channel.rmse);
@@ -69,8 +68,8 @@ impl Comparison {
             .map(|(channel, _)| channel)
     }
 
-    /// True if the noise of `channel` can explain the `deviation`. An estimate of the noise scatters about the true deviation; this one has to be below the 95 % quantile.
-    /// Behind a low-pass two samples in each period of the cutoff are independent.
+    /// Returns true if the noise of `channel` can explain the `deviation`. An estimate of the noise scatters about the true deviation; the deviation must be
+    /// below its 95 % quantile. After a low-pass two samples in each period of the cutoff are independent.
     pub fn is_within_noise(&self, channel: &ChannelError, deviation: f64) -> bool {
         let worth = 2.0 * self.lowpass_hz * self.samples as f64 / self.compared_hz;
         channel.noise.is_some_and(|noise| {
@@ -79,13 +78,13 @@ impl Comparison {
         })
     }
 
-    /// The channels that vary, but by no more than their noise.
+    /// The channels that vary by no more than their noise.
     pub fn of_noise(&self) -> impl Iterator<Item = &ChannelError> {
         let varying = self.channels.iter().filter(|channel| channel.nrmse_std.is_some());
         varying.filter(|channel| self.is_within_noise(channel, channel.std_measured))
     }
 
-    /// Root of the mean square distance between the tracked tool and where the model puts it, m; `None` without a tracker.
+    /// Root mean square distance between the tracked and the modelled tool, m; `None` without a tracker.
     pub fn tool_distance(&self) -> Option<f64> {
         let tool = self.channels.iter().filter(|channel| matches!(channel.kind, Kind::Tool(_)));
         let squares: Vec<f64> = tool.map(|channel| channel.rmse.powi(2)).collect();
@@ -93,8 +92,8 @@ impl Comparison {
     }
 }
 
-/// Compares `recording` with `arm` and its `effects`: the numbers, and the residuals they are made of. A recording of millions of rows is
-/// worked on part by part, which the numbers don't show; of its residuals those points are left that a chart of all of it shows.
+/// Compares `recording` with `arm` and its `effects`: the numbers, and their residuals. The function processes a recording of millions of rows in parts, which
+/// does not change the numbers; it keeps those points of the residuals that a chart of the whole recording shows.
 ///
 /// # Errors
 /// See [`ResidualError`].
@@ -159,7 +158,7 @@ pub(crate) fn in_parts(
     Ok((comparison, curves))
 }
 
-/// The deviation of the noise of each channel of `residuals` behind the low-pass of `treatment`.
+/// Standard deviation of the noise of each channel of `residuals` after the low-pass of `treatment`.
 fn noises(recording: &Recording, treatment: &Treatment, residuals: &Residuals) -> Vec<f64> {
     let points = treatment.whole_column(recording, &recording.t).len();
     let nothing_sharp = vec![vec![0.0; points]; recording.joints()];

@@ -1,4 +1,4 @@
-//! The model along a motion: the columns that the torque of each joint can be made of, and their inner products.
+//! The model along a motion: the columns that can explain the torque of each joint, and their inner products.
 
 use std::cell::OnceCell;
 
@@ -9,12 +9,12 @@ use super::bodies::{Bodies, PARAMETERS, Parts};
 use super::change::Physics;
 use crate::signals::stuck::MOVES;
 
-/// The columns of a joint that need no arm of another mass.
+/// The columns of a joint with the model's masses.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Column {
-    /// One everywhere: an offset.
+    /// Constant one: an offset.
     One,
-    /// Which way the joint turns.
+    /// Direction of the joint's motion.
     Turns,
     /// Its velocity.
     Speed,
@@ -22,21 +22,21 @@ pub(super) enum Column {
     Acceleration,
     /// Its position.
     Position,
-    /// Its velocity times its size.
+    /// Its velocity times its speed.
     Drag,
     /// Acceleration, velocity and direction (0 to 2) of the joint before (0) or behind (1).
     Other(usize, usize),
-    /// What the arm's motion asks for (0), and what gravity along each axis adds (1 to 3).
+    /// Torque due to the arm's motion (0), and due to gravity along each axis (1 to 3).
     Model(usize),
 }
 
 impl Column {
-    /// How many there are.
+    /// Number of columns.
     fn count() -> usize {
         Self::Model(3).place() + 1
     }
 
-    /// Its number.
+    /// Index of the column.
     pub fn place(self) -> usize {
         match self {
             Column::One => 0,
@@ -57,17 +57,17 @@ pub(super) struct Along {
     columns: Vec<Vec<Vec<f64>>>,
     /// Inner products of the columns, by joint.
     products: Vec<DMatrix<f64>>,
-    /// Where the tool is, by axis; m.
+    /// Position of the tool, by axis; m.
     pub tool: [Vec<f64>; 3],
     /// Torques of a load and of each link by body, joint, part and row.
     masses: OnceCell<Vec<Vec<[Vec<f64>; 4]>>>,
 }
 
-/// Numbers of a load, which are its mass and three first moments: the inertia about its own centre is left out, since a tool is small.
+/// Parameters of a load: its mass and three first moments. The inertia about its own centre is left out, since a tool is small.
 pub(super) const LOADS: usize = 4;
 
 impl Along {
-    /// Of `arm` along the positions `motion[0]`, velocities and accelerations, `[joint][row]`.
+    /// The columns of `arm` along the positions `motion[0]`, velocities and accelerations, `[joint][row]`.
     pub fn new(arm: &Arm, motion: &[Vec<Vec<f64>>; 3], has_torques: bool) -> Self {
         let (n, rows) = (arm.dof(), motion[0][0].len());
         let mut columns = vec![vec![vec![0.0; rows]; Column::count()]; if has_torques { n } else { 0 }];
@@ -120,18 +120,18 @@ impl Along {
         &self.columns[joint][column.place()]
     }
 
-    /// Inner products of the columns of `joint`, by number.
+    /// Inner products of the columns of `joint`, by index.
     pub fn products(&self, joint: usize) -> &DMatrix<f64> {
         &self.products[joint]
     }
 
-    /// What the arm asks of `joint` under `weights` of motion and gravity.
+    /// Torque of the arm at `joint` under `weights` of motion and gravity.
     pub fn model(&self, joint: usize, weights: &[f64; 4]) -> Vec<f64> {
         let parts: [&[f64]; 4] = [0, 1, 2, 3].map(|part| self.column(joint, Column::Model(part)));
         weighed(parts, weights)
     }
 
-    /// Columns of physics that all joints share, by number and joint, under `weights` of motion and gravity.
+    /// Columns of physics that all joints share, by index and joint, under `weights` of motion and gravity.
     pub fn shared(&self, arm: &Arm, physics: &[Physics], weights: &[f64; 4]) -> Vec<Vec<Vec<f64>>> {
         let bodies = physics.iter().flat_map(|physics| match physics {
             Physics::Payload => (0..LOADS).collect(),
@@ -161,7 +161,7 @@ impl Along {
         })
     }
 
-    /// Torques of `count` bodies, of which `torques` puts those of one of them.
+    /// Torques of `count` bodies; `torques` returns those of one of them.
     fn by_number(
         &self,
         arm: &Arm,
@@ -199,7 +199,7 @@ pub(super) fn weighed(parts: [&[f64]; 4], weights: &[f64; 4]) -> Vec<f64> {
     (0..parts[0].len()).map(row).collect()
 }
 
-/// −1 to 1: which way a joint turns; between where it hardly does, and its dry friction may be anything.
+/// Direction of a joint's motion, −1 to 1: intermediate where the joint hardly moves and its dry friction is unknown.
 fn directions(v: &[f64]) -> Vec<f64> {
     let most = v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
     v.iter().map(|v| if most > 0.0 { (v / (MOVES * most)).clamp(-1.0, 1.0) } else { 0.0 }).collect()

@@ -1,5 +1,5 @@
-//! Joint torques by body: what each link, and a load at the tool, adds to the torque of every joint, split into what its motion asks for and
-//! what each component of gravity adds (Newton–Euler in world axes, Featherstone 2008, §5.3; all of it is linear in masses and in gravity).
+//! Joint torques by body: the contribution of each link, and of a load at the tool, to the torque of every joint, split into a part due to motion and a part
+//! due to each component of gravity (Newton–Euler in world axes, Featherstone 2008, §5.3; all parts are linear in masses and in gravity).
 
 use freeplay_arm::{Arm, Inertia, JointKind};
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
 /// Inertial parameters of a link, in which torques are linear: mass, three first moments and six numbers of inertia (Atkeson, An & Hollerbach 1986).
 pub(super) const PARAMETERS: usize = 10;
 
-/// An inertia of 1 kg·m² in place `number` of xx, yy, zz, xy, xz, yz.
+/// An inertia with 1 kg·m² in element `number` of xx, yy, zz, xy, xz, yz.
 fn unit_inertia(number: usize) -> Matrix3<f64> {
     let (i, k) = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][number];
     let mut unit = Matrix3::zeros();
@@ -15,14 +15,14 @@ fn unit_inertia(number: usize) -> Matrix3<f64> {
     unit
 }
 
-/// A torque as what motion asks for, N·m (N), and what gravity adds per m/s² along each axis of the base.
+/// A torque as the part due to motion, N·m (N), and the parts due to gravity per m/s² along each axis of the base.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Parts {
     pub inertial: f64,
     pub gravity: [f64; 3],
 }
 
-/// Where a link is and how it moves; world axes.
+/// Pose and motion of a link; world axes.
 #[derive(Clone)]
 struct Link {
     kind: JointKind,
@@ -35,7 +35,7 @@ struct Link {
     linear: Vector3<f64>,
 }
 
-/// Forces that a body needs for its motion, about the origin of its link, and what gravity pulls at: mass, and first moment about that origin.
+/// Inertial forces of a body about the origin of its link, and its gravity load: mass, and first moment about that origin.
 struct Needs {
     force: Vector3<f64>,
     moment: Vector3<f64>,
@@ -50,7 +50,7 @@ pub(super) struct Bodies<'a> {
 }
 
 impl<'a> Bodies<'a> {
-    /// In the posture `q` with the velocities `v` and accelerations `a`, one number a joint.
+    /// The links in the posture `q` with the velocities `v` and accelerations `a`, one element a joint.
     pub fn new(
         arm: &'a Arm,
         q: impl Fn(usize) -> f64,
@@ -104,18 +104,18 @@ impl<'a> Bodies<'a> {
         Self { arm, links }
     }
 
-    /// The tool's place, m.
+    /// Position of the tool, m.
     pub fn tool(&self) -> Vector3<f64> {
         let Some(last) = self.links.last() else { return Vector3::zeros() };
         last.place + last.rotation * self.arm.tool().translation.vector
     }
 
-    /// What link `body` adds to the torque of each joint: `add(joint, parts)`, for the joints that carry it.
+    /// The contribution of link `body` to the torque of each joint. The function calls `add(joint, parts)` for the joints that carry the link.
     pub fn link(&self, body: usize, add: impl FnMut(usize, Parts)) {
         self.torques(body, &self.links[body].needs(&self.arm.joints()[body].inertia), add);
     }
 
-    /// The same of a load on the last link: 1 kg at the tool, then 1 kg·m of first moment along each axis of that link.
+    /// The contribution of a load on the last link: 1 kg at the tool, then 1 kg·m of first moment along each axis of that link.
     pub fn load(&self, number: usize, add: impl FnMut(usize, Parts)) {
         let Some(last) = self.links.last() else { return };
         let needs = match number {
@@ -128,7 +128,7 @@ impl<'a> Bodies<'a> {
         self.torques(self.links.len() - 1, &needs, add);
     }
 
-    /// The same of inertial parameter `number` of link `body`: 1 kg at its origin, 1 kg·m of first moment along each of its axes, 1 kg·m² of inertia
+    /// The contribution of inertial parameter `number` of link `body`: 1 kg at its origin, 1 kg·m of first moment along each of its axes, 1 kg·m² of inertia
     /// about its origin (xx, yy, zz, xy, xz, yz).
     pub fn parameter(&self, body: usize, number: usize, add: impl FnMut(usize, Parts)) {
         let link = &self.links[body];
@@ -164,21 +164,21 @@ impl Link {
         let com = self.rotation * inertia.com;
         Needs {
             force: of_moment.force + self.linear * inertia.mass,
-            // Of the first moment's own acceleration, and of the turning about the centre of mass.
+            // The acceleration of the first moment itself, and the rotation about the centre of mass.
             moment: of_moment.moment + com.cross(&of_moment.force) + spin,
             mass: inertia.mass,
             first,
         }
     }
 
-    /// Of an inertia without mass, in the link's axes.
+    /// Inertial forces of an inertia without mass, in the link's axes.
     fn needs_of_inertia(&self, inertia: &Matrix3<f64>) -> Needs {
         let omega = self.rotation.tr_mul(&self.omega);
         let spin = inertia * self.rotation.tr_mul(&self.alpha) + omega.cross(&(inertia * omega));
         Needs { force: Vector3::zeros(), moment: self.rotation * spin, mass: 0.0, first: Vector3::zeros() }
     }
 
-    /// Of a first moment `first` without mass.
+    /// Inertial forces of a first moment `first` without mass.
     fn needs_of_moment(&self, first: Vector3<f64>) -> Needs {
         Needs {
             force: self.alpha.cross(&first) + self.omega.cross(&self.omega.cross(&first)),
@@ -197,7 +197,7 @@ mod tests {
 
     use super::{Bodies, Parts};
 
-    /// The bodies' torques add up to those of the recursive algorithm, a load to those of an arm that has it.
+    /// The bodies' torques add up to those of the recursive algorithm, and a load to those of an arm with this load.
     #[test]
     fn bodies_add_up_to_the_arm() {
         let standing = paper_arm().arm;
@@ -235,7 +235,7 @@ mod tests {
         for (sum, expected) in sum.iter().zip(&expected) {
             assert!((sum - expected).abs() < 1e-12 * size);
         }
-        // Ten parameters of each link, its inertia about its origin, are the link.
+        // The ten parameters of each link, with the inertia about its origin, describe the link fully.
         let mut by_parameter: Vec<f64> =
             arm.joints().iter().zip(&a).map(|(joint, a)| joint.rotor_inertia * a).collect();
         for (body, joint) in arm.joints().iter().enumerate() {
@@ -253,7 +253,7 @@ mod tests {
         for (sum, expected) in by_parameter.iter().zip(&expected) {
             assert!((sum - expected).abs() < 1e-11 * size, "{sum} is not {expected}");
         }
-        // A first moment is linear: three along the axes are one along their sum, and gravity pulls at it as at a lever.
+        // A first moment is linear: those along the three axes add up to that along their sum, with gravity acting on it as on a lever.
         let mut held = vec![0.0; n];
         (1..=3).for_each(|axis| {
             bodies.load(axis, |joint, parts| held[joint] += com[axis - 1] * parts.gravity[2])

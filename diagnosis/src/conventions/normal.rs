@@ -1,11 +1,11 @@
-//! Least squares by normal equations: columns of a channel's own, some of which can't be below zero, and columns that all channels share.
+//! Least squares by normal equations: columns of each channel, some of which have non-negative coefficients, and columns that all channels share.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Added to the diagonal, as a share of it: a column of zeros, or one that others make up, stays out. A thousandth of what the squares of 240
-/// rows keep in double precision.
+/// Ridge on the diagonal, as a share of it: a zero column, or a linear combination of others, gets no coefficient. The ridge is well above the rounding errors of
+/// sums over 240 rows, 3·10⁻¹⁴.
 const RIDGE: f64 = 1e-9;
-/// Rounds in which channels are weighed by what is left of them: the weights of a noiseless channel settle in three.
+/// Rounds of weighting the channels by their residuals: the weights of a noiseless channel converge in three.
 pub(super) const ROUNDS: usize = 4;
 
 /// One channel: inner products of its columns (own ones, then shared ones) and of its target with them.
@@ -16,15 +16,15 @@ pub(super) struct Channel {
     pub right: DVector<f64>,
     /// Square of the target.
     pub square: f64,
-    /// Of the own columns, whether the coefficient can't be below zero.
+    /// For each own column: true if the coefficient can't be negative.
     pub is_positive: Vec<bool>,
-    /// Square of the size below which what is left is not looked at, times the rows.
+    /// Floor of the squared residual times the number of rows: the fit ignores smaller residuals.
     pub floor: f64,
 }
 
-/// What a fit leaves.
+/// The result of a fit.
 pub(super) struct Fit {
-    /// Sum of squares that is left of each channel.
+    /// Residual sum of squares of each channel.
     pub left: Vec<f64>,
     /// Coefficients of each channel's own columns.
     pub own: Vec<Vec<f64>>,
@@ -32,7 +32,7 @@ pub(super) struct Fit {
     pub shared: Vec<f64>,
 }
 
-/// Fits `channels`, which share `count` columns: shared coefficients by weights that follow what is left of each channel, own ones with their
+/// Fits `channels`, which share `count` columns. The weights of the shared coefficients follow the residual of each channel; the own coefficients keep their
 /// signs.
 pub(super) fn fit(channels: &[Channel], count: usize) -> Fit {
     let mut shared = vec![0.0; count];
@@ -59,7 +59,7 @@ pub(super) fn fit(channels: &[Channel], count: usize) -> Fit {
 }
 
 impl Channel {
-    /// What is left under the `shared` coefficients, and the own ones.
+    /// Residual sum of squares with the given `shared` coefficients, and the own coefficients.
     pub fn own(&self, shared: &[f64]) -> (f64, Vec<f64>) {
         let own = self.is_positive.len();
         let x = DVector::from_column_slice(shared);
@@ -139,13 +139,13 @@ impl Factor {
     }
 }
 
-/// Least squares of which some coefficients can't be below zero, by the active sets of Lawson & Hanson (1974, chapter 23): a coefficient is
-/// let in where the gradient asks for it, and steps end where one reaches zero.
+/// Least squares with some non-negative coefficients, by the active sets of Lawson & Hanson (1974, chapter 23): a coefficient becomes free where the gradient
+/// favours it, and a step ends where one reaches zero.
 fn bounded(normal: &DMatrix<f64>, right: &DVector<f64>, is_positive: &[bool]) -> Vec<f64> {
     let count = is_positive.len();
     let mut is_in: Vec<bool> = is_positive.iter().map(|positive| !positive).collect();
     let mut x = among(normal, right, &is_in);
-    // Each coefficient comes in once and goes out once where nothing is degenerate.
+    // Without degeneracy each coefficient enters once and leaves once.
     let of = |column: &DVector<f64>, k: usize| column[k] / normal[(k, k)].sqrt().max(f64::MIN_POSITIVE);
     let least = (0..count).map(|k| of(right, k).abs()).fold(0.0, f64::max) * RIDGE.sqrt();
     for _ in 0..2 * count {
@@ -176,7 +176,7 @@ fn bounded(normal: &DMatrix<f64>, right: &DVector<f64>, is_positive: &[bool]) ->
     x
 }
 
-/// Least squares on the columns that are in; zero for the others.
+/// Least squares on the free columns; zero for the others.
 fn among(normal: &DMatrix<f64>, right: &DVector<f64>, is_in: &[bool]) -> Vec<f64> {
     let places: Vec<usize> = (0..is_in.len()).filter(|&k| is_in[k]).collect();
     let some = DMatrix::from_fn(places.len(), places.len(), |i, k| normal[(places[i], places[k])]);
@@ -193,7 +193,7 @@ mod tests {
     use super::{Channel, fit};
     use nalgebra::{DMatrix, DVector};
 
-    /// A coefficient that has to be left out at first, and is let in again: N = [[1, 0.9], [0.9, 1]] with (−1, 0.5) has (0, 0.5).
+    /// A coefficient leaves at first and enters again: N = [[1, 0.9], [0.9, 1]] with (−1, 0.5) has (0, 0.5).
     #[test]
     fn the_best_of_all_that_are_not_below_zero_is_found() {
         let channel = |right: [f64; 2]| Channel {
@@ -213,7 +213,7 @@ mod tests {
         }
     }
 
-    /// Two channels with one column of their own each and one that they share: y1 = 1·a + 2·s, y2 = 3·b + 2·s on unit columns.
+    /// Two channels with one column each and one shared column: y1 = 1·a + 2·s, y2 = 3·b + 2·s on unit columns.
     #[test]
     fn what_is_shared_is_fitted_over_all_channels() {
         let channel = |own: f64| Channel {

@@ -9,32 +9,32 @@ use super::problem::{FLOOR, GEOMETRY, Links, Problem};
 pub(super) struct ChangeOdds<'p, 'a> {
     problem: &'p Problem<'a>,
     pub best: &'p Outcome,
-    /// Mean square that each torque keeps where the arm has no mass.
+    /// Mean square residual of each torque for an arm without mass.
     massless: Vec<f64>,
-    /// The worth of the set where the links are those of a data sheet; `None` without torques.
+    /// The evidence of the set with the links of a data sheet; `None` without torques.
     by_sheet: Option<f64>,
 }
 
 impl<'p, 'a> ChangeOdds<'p, 'a> {
-    /// For the set `best` of `problem`, which is possible.
+    /// The odds in the set `best` of `problem`, which must be possible.
     pub fn new(problem: &'p Problem<'a>, best: &'p Outcome) -> Self {
         let by_sheet = problem.with_links(best, Links::OfSheet);
         Self { problem, best, massless: massless(problem, best), by_sheet }
     }
 
-    /// Log odds against `other` where the masses of the model's links are what a data sheet says, within its tolerance: where large terms cancel, as in
-    /// a joint that no motor drives, a few per cent of a mass look like another unit. No bound where there are no torques.
+    /// Log odds against `other` if the masses of the model's links have the tolerance of a data sheet. Where large terms cancel, as in a joint that no motor
+    /// drives, a few per cent of a mass look like another unit. Infinite without torques.
     pub fn by_sheet(&self, other: &Outcome) -> f64 {
         let other = self.problem.with_links(other, Links::OfSheet);
         self.by_sheet.zip(other).map_or(f64::INFINITY, |(best, other)| best - other)
     }
 
-    /// Log odds against `other`, the best set without `change`, rows counting as far as they are independent; even odds at most, unless the change takes
-    /// away most of what is left of `same`, which is this set without it, in a channel that the set explains.
+    /// Log odds against `other`, the best set without `change`, with rows weighted by their independence. The odds are even at most, unless the change removes
+    /// most of the residual of `same`, which is this set without the change, in a channel that the set explains.
     ///
-    /// The rival may also leave torques without the arm: a torque of friction alone shows no reading, and one that has little to do with the model
-    /// fits a unit that silences the model. That a torque shows nothing of the arm is as rare as a wrong reading. Friction speaks of signs itself,
-    /// since it never drives; torques without gravity may hold nothing else.
+    /// The rival may also explain torques without the arm: a torque of friction alone reveals no reading, and a torque unrelated to the model fits any unit
+    /// that suppresses the model. A torque unrelated to the arm is as rare as a wrong reading. Friction does reveal signs, since it never drives; torques
+    /// without gravity may consist of friction only.
     pub fn by_channels(&self, change: &Change, other: &Outcome, same: &Outcome) -> f64 {
         let Self { problem, best, massless: with, .. } = self;
         let joints = if problem.samples.has_torques() { problem.arm.dof() } else { 0 };
@@ -44,15 +44,15 @@ impl<'p, 'a> ChangeOdds<'p, 'a> {
             let silent = with.get(c).filter(|_| !is_silent);
             silent.map_or(f64::INFINITY, |silent| silent.max(best.square(c)))
         };
-        // Friction does not tell how joints are counted, since a coupling has the friction of another joint: a change of the positions does not get
-        // what it takes away of a channel where the arm has no mass. Friction does tell the time.
+        // Friction does not reveal the direction of joints, since a coupling has the friction of another joint: the function gives a change of positions no
+        // credit for a reduction that it would also make for an arm without mass. Friction does reveal the time.
         let is_counting = change.is_of_positions() && !is_silent;
         let without_change = if is_counting { massless(problem, other) } else { Vec::new() };
         let by_friction = |c: usize, place: usize| {
             let both = with.get(c).zip(without_change.get(place));
             both.map_or(0.0, |(with, without)| (without - with).max(0.0))
         };
-        // The number in `without` of the recorded channel c, whichever joint it is given to; `None` where it is left out.
+        // The index in `without` of the recorded channel c, whichever joint it belongs to; `None` if it is missing.
         let place = |without: &Outcome, c: usize| {
             without.sources.iter().position(|source| *source == best.sources[c])
         };
@@ -78,12 +78,12 @@ impl<'p, 'a> ChangeOdds<'p, 'a> {
         by_silence.sort_by(|a, b| b.total_cmp(a));
         let prices = std::iter::once(-RARE.ln()).chain(std::iter::repeat(-FURTHER.ln()));
         odds -= by_silence.iter().zip(prices).map(|(gain, price)| (gain - price).max(0.0)).sum::<f64>();
-        // Most of what was left of a channel is gone: more than half of its variance.
+        // The change removes most of a channel's residual: more than half of its variance.
         if fall > 2.0 { odds } else { odds.min(0.0) }
     }
 }
 
-/// Mean square that each torque keeps as `outcome` reads it, where the arm has no mass; empty without torques.
+/// Mean square residual of each torque under `outcome` for an arm without mass; empty without torques.
 fn massless(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
     if problem.samples.has_torques() { problem.without_arm(&outcome.changes) } else { Vec::new() }
 }
@@ -98,7 +98,7 @@ mod tests {
 
     const SURE: f64 = 6.9;
 
-    /// Has `check` look at the problem of a recording whose torques are those of the arm, changed by `change`, to which the speeds are given.
+    /// Calls `check` with the problem of a recording whose torques are those of the arm, modified by `change`, which receives the speeds.
     fn recorded(change: impl Fn(&[f64], &mut [f64]), check: impl FnOnce(&Problem, usize)) {
         let arm: Arm = paper_arm().arm;
         let recording = made(arm.dof(), |[q, v, a], torque| {
@@ -109,7 +109,7 @@ mod tests {
         check(&Problem::new(&arm, &samples, 1, FLOOR), arm.dof());
     }
 
-    /// A wrist whose friction follows two joints speaks for a coupling, not for another way of counting.
+    /// A wrist whose friction follows two joints is evidence for a coupling, not for other coordinates of the joints.
     #[test]
     fn friction_does_not_tell_how_joints_are_counted() {
         let coupled = |v: &[f64], torque: &mut [f64]| {
@@ -125,7 +125,7 @@ mod tests {
         });
     }
 
-    /// Links that are 15 % heavier are no other unit, however well a unit would make up for them.
+    /// Links that are 15 % heavier are no other unit, even if a unit would compensate for them.
     #[test]
     fn masses_within_a_data_sheet_are_no_other_unit() {
         let heavier = |_: &[f64], torque: &mut [f64]| torque.iter_mut().for_each(|torque| *torque *= 1.15);
@@ -139,7 +139,7 @@ mod tests {
         });
     }
 
-    /// Friction alone leaves of each torque what the arm asks for, and nothing of a torque of friction.
+    /// For an arm without mass, friction leaves the arm's part of each torque, and nothing of a torque of friction.
     #[test]
     fn friction_explains_torques_of_friction() {
         let rubbing = |v: &[f64], torque: &mut [f64]| torque[v.len() - 1] = 5.0 * v[v.len() - 1].signum();

@@ -1,51 +1,51 @@
-//! How the columns of a recording are to be read: the arm's joint positions, torques and clock from what was recorded.
+//! The reading of a recording: the arm's joint positions, torques and clock from the recorded columns.
 
 use freeplay_arm::{Arm, JointKind};
 use freeplay_recording::{Recording, shifted, unwrapped};
 use nalgebra::Vector3;
 
-/// How one joint's position is read.
+/// Reading of one joint's position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PositionReading {
     /// The recorded column, from 0.
     pub source: usize,
-    /// Recorded unit to rad (m): π/180 for degrees.
+    /// Factor from the recorded unit to rad (m): π/180 for degrees.
     pub unit: f64,
-    /// 1, or −1 for a joint that is counted the other way.
+    /// 1, or −1 for a joint of inverted direction.
     pub sign: f64,
-    /// What the signed reading has too much, rad (m).
+    /// Offset to subtract from the signed position, rad (m).
     pub zero: f64,
-    /// Another joint whose position is subtracted times a factor: the recorded position is relative to another reference.
+    /// Another joint whose position times a factor is subtracted: the recorded position is relative to that joint.
     pub relative: Option<(usize, f64)>,
 }
 
-/// How one joint's torque is read.
+/// Reading of one joint's torque.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueReading {
     /// The recorded column, from 0.
     pub source: usize,
-    /// Times the recorded value, sign included: N·m (N).
+    /// Factor from the recorded value to N·m (N), sign included.
     pub factor: f64,
 }
 
-/// How a recording is to be read against a model; [`Reading::plain`] takes it as it stands.
+/// Reading of a recording for a model; [`Reading::plain`] changes nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
-    /// Recorded time to s.
+    /// Factor from the recorded time to s.
     pub time_unit: f64,
-    /// Whether positions that jump by whole turns are made continuous.
+    /// True if positions that jump by whole turns are unwrapped.
     pub unwrap: bool,
     /// By joint of the model.
     pub positions: Vec<PositionReading>,
     /// By joint of the model.
     pub torques: Vec<TorqueReading>,
-    /// Whether the joint torques count the gravity of the model, which was taken out of the recorded ones.
+    /// True if the model's gravity has to be added to the recorded torques, from which it was subtracted.
     pub gravity_added: bool,
-    /// Gravity in the base frame, where it is not the model's, m/s².
+    /// Gravity in the base frame if it differs from the model's, m/s².
     pub gravity: Option<Vector3<f64>>,
-    /// How late the torques are against the positions, s.
+    /// Delay of the torques behind the positions, s.
     pub torque_delay: f64,
-    /// How late the tool is against the positions, s.
+    /// Delay of the tool behind the positions, s.
     pub tool_delay: f64,
 }
 
@@ -65,12 +65,12 @@ impl Reading {
         }
     }
 
-    /// Whether nothing is read otherwise than it stands.
+    /// Returns true if the reading changes nothing.
     pub fn is_plain(&self) -> bool {
         *self == Self::plain(self.positions.len())
     }
 
-    /// Exchanges what is read for two joints of the model, positions and torques.
+    /// Exchanges the readings of two joints of the model, positions and torques.
     pub(crate) fn exchange(&mut self, one: usize, other: usize) {
         let sources = (self.positions[one].source, self.positions[other].source);
         (self.positions[other].source, self.positions[one].source) = sources;
@@ -98,7 +98,7 @@ impl Reading {
         self.gravity.map_or_else(|| arm.clone(), |gravity| arm.with_gravity(gravity))
     }
 
-    /// `recording` with what this reading makes of it: rad, N·m and s, joints in the order of the model, on one clock.
+    /// `recording` under this reading: rad, N·m and s, joints in the order of the model, on one clock.
     pub fn mended(&self, arm: &Arm, recording: &Recording) -> Recording {
         let mut mended = recording.clone();
         mended.t.iter_mut().for_each(|t| *t *= self.time_unit);
@@ -125,7 +125,7 @@ impl Reading {
         mended
     }
 
-    /// Link encoders, read as the motors' are; those that the relative coordinates of another joint need are taken from `q`.
+    /// Link encoders, with the reading of the motors' positions; relative coordinates use the positions `q` of the other joints.
     fn links(&self, recording: &Recording, q: &[Vec<f64>]) -> Vec<Option<Vec<f64>>> {
         let read = |reading: &PositionReading| -> Option<Vec<f64>> {
             let column = recording.q_link.get(reading.source)?.as_ref()?;

@@ -10,10 +10,10 @@ use crate::signals::stuck::Stuck;
 
 /// Time between two rows, s: a quarter of a period of 1.5 Hz, about where the motions of arms end.
 pub(super) const SPACING: f64 = 0.15;
-/// Most rows: a fault of the reading is so large that more of them decide nothing.
+/// Most rows: a fault of the reading is so large that more rows don't change the decision.
 const MOST_ROWS: usize = 240;
 
-/// Time left out at the ends, s, an eighth of a stretch at most: columns that are shifted by the longest delay that is asked for, half a second, stay inside.
+/// Trimmed time at each end, s, an eighth of a stretch at most: columns shifted by the longest tested delay, half a second, stay inside.
 const ENDS: f64 = 0.55;
 
 /// The rows of a recording, in recorded units.
@@ -33,10 +33,10 @@ pub(crate) struct Samples {
 type Smooth = Vec<f64>;
 
 impl Samples {
-    /// The rows of `recording`, of which `q` are the positions without jumps.
+    /// The rows of `recording`; `q` holds the positions without jumps.
     ///
     /// # Errors
-    /// [`ResidualError`] for stamps that make no grid or a rate that is too low.
+    /// [`ResidualError`] for stamps without a uniform grid or a rate that is too low.
     pub fn new(recording: &Recording, q: &[Vec<f64>]) -> Result<Self, ResidualError> {
         let grid = Grid::new(recording)?;
         let filter = LowPass::new(grid.rate_hz(), LEAST_CUTOFF.min(grid.rate_hz() / 4.0))?;
@@ -66,7 +66,7 @@ impl Samples {
             let columns = columns?;
             let present = there(columns);
             let kept: Vec<usize> = places.iter().copied().filter(|&point| present[point]).collect();
-            // Torques and the tool count as recorded where they are there for most of the time.
+            // Torques and the tool count as recorded if most of their samples are there.
             if 2 * kept.len() < places.len() {
                 return None;
             }
@@ -97,7 +97,7 @@ impl Samples {
         for ((torque, column), (v, a)) in columns.zip(motion[1].iter().zip(&motion[2])) {
             let whole = raw(column);
             let rows: Vec<f64> = places.iter().map(|&point| whole[point]).collect();
-            // A torque that stays at one value while its joint moves is no measurement, in no unit.
+            // A torque that stays at one value while its joint moves is no measurement, in any unit.
             if Stuck::along(&rows, v, a).is_some() {
                 torque.fill(f64::NAN);
             }
@@ -125,12 +125,12 @@ impl Samples {
         self.t.len()
     }
 
-    /// Whether torques were recorded.
+    /// Returns true if torques were recorded.
     pub fn has_torques(&self) -> bool {
         self.torques.is_some()
     }
 
-    /// Whether the tool was tracked.
+    /// Returns true if the tool was tracked.
     pub fn has_tool(&self) -> bool {
         self.tool.is_some()
     }
@@ -169,7 +169,7 @@ fn places(spans: &[(usize, usize)], step: f64) -> Vec<usize> {
     spans.iter().flat_map(|span| inner(span).step_by(every)).collect()
 }
 
-/// A recording of 10 s at 100 Hz: joint k swings by 0.6 rad at 1 + 0.3 k rad/s, and `torque` says what position, velocity and acceleration ask for.
+/// A recording of 10 s at 100 Hz: joint k swings by 0.6 rad at 1 + 0.3 k rad/s, and `torque` computes the torques from position, velocity and acceleration.
 #[cfg(test)]
 pub(super) fn made(joints: usize, torque: impl Fn([&[f64]; 3], &mut [f64])) -> Recording {
     let names = ["q", "tau"].map(|what| (1..=joints).map(move |joint| format!("{what}{joint}")));

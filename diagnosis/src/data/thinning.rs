@@ -1,4 +1,4 @@
-//! No more of a recording than says something, and than memory and time allow.
+//! Selection of rows: without long rest, and within memory and time limits.
 
 use std::ops::Range;
 
@@ -6,19 +6,19 @@ use freeplay_recording::Recording;
 
 use crate::signals::long::WINDOWS;
 
-/// Most samples times joints that one diagnosis works on; what is longer is thinned to windows. The time of a search grows with them: one minute of an arm with
-/// seven joints at 1 kHz is worked on as a whole.
+/// Most samples times joints of one diagnosis; longer recordings are thinned to windows. The time of a search grows with this number: one minute of an arm with
+/// seven joints at 1 kHz stays whole.
 const MOST_NUMBERS: usize = 420_000;
-/// Share of the greatest span of a joint within which all of them rest: more than noise and creep of a standing arm, less than any motion that is meant.
+/// Share of the greatest span of a joint within which all joints rest: more than noise and creep of a standing arm, less than any intended motion.
 const REST: f64 = 0.01;
-/// Time between two looks at a joint that may rest, s: noise is no way within it, and a motion is seen several times on its way.
+/// Sampling interval for the detection of rest, s: noise is no distance within it, and a motion has several samples.
 const LOOK_S: f64 = 0.1;
-/// Rest that is left where it is, s: it costs little time, and so cutting it would not pay for a note.
+/// Length of rest that stays in the recording, s: it costs little time, so that a cut would not be worth a note.
 const SHORT_REST_S: f64 = 2.0;
-/// Rest that stays on either side of the motion, s: the low-pass settles in it, and a slow start stays whole.
+/// Rest that stays on either side of the motion, s: the low-pass settles in it, and the cut keeps a slow start whole.
 const GUARD_S: f64 = 0.2;
 
-/// `recordings` without long rest at their ends, and no longer together than memory and time allow; `notes` are told what was left out.
+/// `recordings` without long rest at their ends, within the limits of memory and time; the function adds the omissions to `notes`.
 pub(crate) fn bounded(recordings: &[Recording], notes: &mut Vec<String>) -> Vec<Recording> {
     let joints = recordings.first().map_or(1, |recording| recording.joints().max(1));
     let most = MOST_NUMBERS / joints / recordings.len().max(1);
@@ -29,8 +29,8 @@ pub(crate) fn bounded(recordings: &[Recording], notes: &mut Vec<String>) -> Vec<
     recordings.iter().map(bound).collect()
 }
 
-/// The rows of `recording` without long rest at its ends, where every joint stays within [`REST`] of where it is at that end: dry friction may hold any part
-/// of a torque then, and a creeping joint tells nothing of a moving one.
+/// The rows of `recording` without long rest at its ends, where every joint stays within [`REST`] of its position at that end. At rest, dry friction may hold
+/// any part of a torque, and a creeping joint holds no information about a moving one.
 fn moving(recording: &Recording, notes: &mut Vec<String>) -> Range<usize> {
     let (whole, last) = (0..recording.len(), recording.len().saturating_sub(1));
     let span = |q: &Vec<f64>| {
@@ -69,7 +69,7 @@ fn moving(recording: &Recording, notes: &mut Vec<String>) -> Range<usize> {
     from..to
 }
 
-/// The way that `q` goes within `range`, seen every [`LOOK_S`]: small motions to and fro are no rest, and noise is no way.
+/// Distance that `q` travels within `range`, sampled every [`LOOK_S`]: small oscillations are no rest, and noise is no distance.
 fn way(t: &[f64], q: &[f64], range: Range<usize>) -> f64 {
     let (mut way, mut seen) = (0.0, range.start);
     for k in range {
@@ -81,7 +81,7 @@ fn way(t: &[f64], q: &[f64], range: Range<usize>) -> f64 {
     way
 }
 
-/// The rows `moving` of `recording`, or windows of them spread evenly if they are too many.
+/// The rows `moving` of `recording`, or evenly spread windows of them if they are too many.
 fn thinned(recording: &Recording, moving: Range<usize>, most: usize, notes: &mut Vec<String>) -> Recording {
     let (all, long) = (moving.len(), most / WINDOWS);
     if all <= most || long == 0 {

@@ -1,4 +1,4 @@
-//! Tolerances: a machine may differ from its model by this much, and the diagnosis does not call the difference a finding.
+//! Tolerances: permitted differences between a machine and its model; the diagnosis does not report them as findings.
 
 use freeplay_laws::{ArmParts, Kind as EffectKind, Tolerance};
 use nalgebra::{Isometry3, Vector3};
@@ -6,18 +6,18 @@ use nalgebra::{Isometry3, Vector3};
 use crate::conventions::Late;
 use crate::data::columns::Answer;
 
-/// Tolerances of the nominal model: half the width within which a machine of that model may be.
+/// Tolerances of the nominal model: half-widths of the permitted range of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
     /// Mass of a link, as a fraction.
     pub mass: f64,
     /// Inertia of a link about its centre of mass, and of a rotor that the model names, as a fraction.
     pub inertia: f64,
-    /// Friction that the model names, its laws in the arm file included, as a fraction.
+    /// Friction of the model, including the friction laws in the arm file, as a fraction.
     pub friction: f64,
     /// Zero of an encoder, rad (m for a slide).
     pub zero: f64,
-    /// Length between joints, position of the tool, and distance of a link's centre of mass from where it should be, m; along each axis of that 1/√3 as much.
+    /// Length between joints, position of the tool, and distance of a link's centre of mass from its modelled position, m; 1/√3 of that along each axis.
     pub length: f64,
     /// Delay of the torques, of the tracker and of the link encoders against the joint encoders, s.
     pub delay: f64,
@@ -32,8 +32,8 @@ impl Default for Tolerances {
 }
 
 impl Tolerances {
-    /// True if an effect of `kind` with these `parameters` lies inside the tolerances, so that it is no finding. A torque that is held from one sample to the next,
-    /// `step` s, is half of that late or early by itself.
+    /// Returns true if an effect of `kind` with these `parameters` lies within the tolerances, so that it is no finding. A torque that is held from one sample
+    /// to the next, `step` s, is late or early by half of that already.
     pub(crate) fn hold(&self, kind: &EffectKind, parameters: &toml::Table, step: f64) -> bool {
         let (name, neutral, tolerance) = match kind.tolerance {
             Some(Tolerance::Zero) => ("offset", 0.0, self.zero),
@@ -57,17 +57,17 @@ pub(crate) fn even() -> f64 {
 /// A nuisance: a direction in which the machine may differ from its model, scaled so that its prior is a normal of variance one.
 #[derive(Debug)]
 pub(crate) struct Nuisance {
-    /// What it is, for people.
+    /// Its name, for people.
     pub name: String,
-    /// What one standard deviation of it adds to each channel.
+    /// Contribution of one standard deviation to each channel.
     pub answer: Answer,
-    /// Whether it has no prior at all: the zero of a link encoder.
+    /// True if it has no prior, like the zero of a link encoder.
     pub free: bool,
-    /// What of the machine it is.
+    /// The uncertain quantity of the machine.
     pub of: Of,
 }
 
-/// What of a machine is uncertain. Joints by number.
+/// An uncertain quantity of a machine. Joints by number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Of {
     /// Mass of a link.
@@ -76,28 +76,28 @@ pub(crate) enum Of {
     Inertia(usize),
     /// Centre of mass of a link, along a direction of its frame.
     Centre(usize, Vector3<f64>),
-    /// Inertia of a rotor that the model names.
+    /// Inertia of a rotor in the model.
     Rotor(usize),
     /// Length between a joint and the one before.
     Length(usize),
     /// Length of the tool.
     Tool,
-    /// Viscous friction that the model names.
+    /// Viscous friction of the model.
     Viscous(usize),
-    /// Coulomb friction that the model names.
+    /// Coulomb friction of the model.
     Coulomb(usize),
-    /// The strength of a law that the arm file has.
+    /// The strength of a law in the arm file.
     Law,
     /// Zero of an encoder.
     Zero,
-    /// Delay of the torques or of the tracker, and how many seconds one standard deviation of it is.
+    /// Delay of the torques or of the tracker, and its standard deviation in seconds.
     Delay(Late, f64),
     /// A property of the measurement other than a delay: the tracker's frame, the zero of a link encoder.
     Measurement,
 }
 
 impl Of {
-    /// Changes `parts` by so many standard `deviations` of it; what an arm file does not say leaves them as they are.
+    /// Changes `parts` by the given number of standard `deviations`. Quantities that are not in an arm file leave `parts` unchanged.
     pub fn change(self, parts: &mut ArmParts, tolerances: &Tolerances, deviations: f64) {
         let by = |tolerance: f64| even() * tolerance * deviations;
         match self {
@@ -116,7 +116,7 @@ impl Of {
     }
 }
 
-/// Adds `amount` to the length of a way that has one.
+/// Adds `amount` to the length of the translation in `way`, if it has one.
 fn lengthen(way: &mut Isometry3<f64>, amount: f64) {
     if let Some(direction) = way.translation.vector.try_normalize(1e-6) {
         way.translation.vector += direction * amount;

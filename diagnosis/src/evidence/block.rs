@@ -1,7 +1,7 @@
-//! A candidate as a block of columns, and what it has in common with the rows and the tolerances.
+//! A candidate as a block of columns, and its inner products with the rows and the tolerances.
 //!
-//! The rows are weighed anew at each step of a search, and most steps ask for few blocks: products are worked out where they are asked for, and kept until
-//! the weights move.
+//! The weights of the rows change at each step of a search, and most steps need few blocks: the block computes products on demand, and keeps them until the
+//! weights change.
 
 use std::cell::{OnceCell, RefCell};
 use std::ops::Range;
@@ -15,15 +15,15 @@ use crate::data::columns::{Column, dot};
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
     pub weights: Vec<f64>,
-    /// The version of these weights: other weights of this channel have another.
+    /// The version of these weights; it changes with the weights.
     pub version: u64,
-    /// From the first row with a weight to the last: no other row takes part in a product.
+    /// From the first row with a weight to the last: products ignore all other rows.
     pub span: Range<usize>,
-    /// The tolerances that show, and the span of their columns times the weights.
+    /// The tolerances that act on the channel, and the span of their columns times the weights.
     pub tolerances: Vec<(usize, Vec<f64>)>,
-    /// The same of the target.
+    /// The span of the target times the weights.
     target: Vec<f64>,
-    /// Products of the tolerances that show: NᵀWN.
+    /// Products of these tolerances: NᵀWN.
     pub gram: DMatrix<f64>,
     /// NᵀWy.
     pub against: DVector<f64>,
@@ -31,11 +31,11 @@ pub(super) struct Channel {
     pub square: f64,
 }
 
-/// A product that depends on the weights of a channel. It keeps its values under the last two versions of the weights for which it was asked: when the search refuses a
-/// set of effects, the weights before come back.
+/// A product that depends on the weights of a channel. It keeps its values under the last two versions of the weights: when the search rejects a set of
+/// effects, the earlier weights return.
 #[derive(Clone, Debug)]
 pub(super) struct Weighed<T> {
-    /// The later one first, each with the version of the weights.
+    /// The latest two values, the newest first, each with the version of its weights.
     known: [Option<(u64, T)>; 2],
 }
 
@@ -46,7 +46,7 @@ impl<T> Default for Weighed<T> {
 }
 
 impl<T> Weighed<T> {
-    /// The product under the weights of this `version`; `made` computes it if it is not known.
+    /// The product under the weights of this `version`; `made` computes it if it is not stored.
     pub fn get(&mut self, version: u64, made: impl FnOnce() -> T) -> &T {
         let is_known = |known: &Option<(u64, T)>| known.as_ref().is_some_and(|(own, _)| *own == version);
         if !is_known(&self.known[0]) {
@@ -107,7 +107,7 @@ impl Block {
         Self { candidate, precision, pull, log_prior, log_off_mean, channels, products: OnceCell::new() }
     }
 
-    /// The products of the block over the rows of `channels`, beside so many `tolerances`: `factor` is that of K, `target` L⁻¹NᵀWy.
+    /// The products of the block over the rows of `channels`, with the given number of `tolerances`: `factor` is that of K, `target` L⁻¹NᵀWy.
     pub fn products(
         &self,
         channels: &[Channel],
@@ -136,14 +136,14 @@ impl Block {
         })
     }
 
-    /// Forgets what it explains beside the tolerances.
+    /// Deletes the products given the tolerances.
     pub fn forget(&mut self) {
         self.products.take();
     }
 }
 
 impl Channel {
-    /// That of the channel number `c`, whose rows have these `weights` of this `version`.
+    /// The channel number `c`, whose rows have these `weights` of this `version`.
     pub fn new(
         c: usize,
         tolerances: &[Column],

@@ -1,4 +1,4 @@
-//! Parameters of what was named, and how sure they are: the posterior of the coefficients, and the profile of the evidence over the numbers of a shape.
+//! Parameters of the findings and their uncertainty: the posterior of the coefficients, and the profile of the evidence over the nonlinear parameters.
 
 use std::collections::BTreeMap;
 
@@ -15,19 +15,18 @@ use crate::random::normal;
 use crate::report::diagnosis::Parameter;
 use crate::statistics::DRAWS;
 
-/// Steps of a shape's number, as [`Candidate::moved`] counts them, between which the curvature of the evidence is taken: two either way tell a curve from
-/// noise.
+/// Steps of a nonlinear parameter, as [`Candidate::moved`] counts them, for the curvature of the evidence: two in each direction separate a curve from noise.
 const STEPS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
-/// Greatest standard deviation in such steps: beyond, the motion does not tell the number.
+/// Greatest standard deviation in such steps: beyond it, the motion does not determine the parameter.
 const VAGUE: f64 = 1.0;
 
-/// How sure a number of a shape is.
+/// Uncertainty of a nonlinear parameter.
 struct Loose {
     /// Its name.
     name: String,
     /// Its standard deviation, as [`Candidate::moved`] counts.
     deviation: f64,
-    /// By how much the coefficients change with it.
+    /// Change of the coefficients per unit of it.
     pull: DVector<f64>,
 }
 
@@ -52,7 +51,7 @@ pub(crate) fn parameters(system: &mut System, fit: &Fit, seed: u64) -> Vec<BTree
     all
 }
 
-/// The parameters of the member number `place` of `fit`, of whose coefficients `draws` are at hand.
+/// The parameters of member number `place` of `fit`; `draws` holds samples of its coefficients.
 fn of_member(
     system: &mut System,
     fit: &Fit,
@@ -97,8 +96,8 @@ fn of_member(
     table.iter().map(parameter).collect()
 }
 
-/// How sure the numbers in the shape of the member number `place` are, by the curvature of the profile of the evidence (Venzon & Moolgavkar 1988, Appl. Stat.
-/// 37:87); nothing of numbers that the motion does not tell.
+/// Uncertainty of the nonlinear parameters of member number `place`, from the curvature of the profile of the evidence (Venzon & Moolgavkar 1988, Appl. Stat.
+/// 37:87); without the parameters that the motion does not determine.
 fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     let member = fit.members[place];
     let mut others = fit.members.clone();
@@ -130,9 +129,9 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     all
 }
 
-/// The covariance of the coefficients of `fit`: that of the posterior, or, where blocks of neighbouring rows pull the coefficients about by more, what
-/// these say (Huber 1967; White 1982, Econometrica 50:1): laws that are off are off the same way for a while. To it comes what the tolerances hide: friction of
-/// 15 beside a nominal 10 ± 5 % is not known better than to 0.5; and what no row shows: see [`coherent`].
+/// The covariance of the coefficients of `fit`. It is that of the posterior, or the block-wise sandwich where blocks of neighbouring rows scatter the
+/// coefficients more (Huber 1967; White 1982, Econometrica 50:1): errors of a law persist over neighbouring rows. The function adds the part that tolerances
+/// hide: with a nominal friction of 10 ± 5 %, a friction of 15 is not known better than to 0.5. It also adds the part that no row shows: see [`coherent`].
 fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
     let n = fit.beta.len();
     let Some(factor) = Cholesky::new(fit.normal.clone()) else { return DMatrix::identity(n, n) };
@@ -142,7 +141,7 @@ fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
         scores += &pull * pull.transpose();
     }
     let sandwich = &posterior * scores * &posterior;
-    // Each coefficient is as unsure as the less sure of the two says, alike in their correlation.
+    // Each coefficient takes the larger of the two deviations; the correlation stays.
     let wider = DVector::from_fn(n, |k, _| (sandwich[(k, k)] / posterior[(k, k)]).max(1.0).sqrt());
     let beside_all = system.normal_beside_all(&fit.members).and_then(Cholesky::new);
     let hidden = beside_all.map_or_else(|| DMatrix::zeros(n, n), |factor| factor.inverse() - &posterior);
@@ -150,9 +149,9 @@ fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
     DMatrix::from_fn(n, n, |i, j| posterior[(i, j)] * wider[i] * wider[j] + hidden[(i, j)] + coherent[(i, j)])
 }
 
-/// The covariance that the discrepancy gives to the coefficients of `fit` without leaving a trace in the rows. A law is off by a share s of its size. The part of this error
-/// that differs in shape from the law stays in the rows, where s is taken from. The part that has the shape of the law changes the coefficients, and no row shows it; it is
-/// taken to be as large. The same holds of the course of a law that may take several.
+/// Covariance of the coefficients of `fit` due to the discrepancy, as far as no row shows it. A law has a relative error s. The part of this error that differs
+/// in shape from the law stays in the rows, and s is estimated there. The part with the shape of the law changes the coefficients, and no row shows it; the
+/// function assumes that it is as large. The same holds for the shape of a law with nonlinear parameters.
 fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(fit.beta.len(), fit.beta.len());
     let weights = system.weights.by_row();
@@ -185,7 +184,7 @@ fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
     all
 }
 
-/// Whether the interval of every number of `candidate` holds the value at which it changes nothing.
+/// Returns true if the interval of every parameter of `candidate` includes its null value.
 pub(crate) fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String, Parameter>) -> bool {
     let nothing = candidate.parameters(&vec![0.0; candidate.size()]);
     let told = parameters.iter().filter_map(|(name, parameter)| {

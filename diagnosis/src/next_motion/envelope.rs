@@ -1,4 +1,4 @@
-//! What a safe motion stays inside: the limits of the arm file, less a margin.
+//! The envelope of a safe motion: the limits of the arm file, minus a margin.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics, rnea};
 use freeplay_laws::DriveFriction;
@@ -6,13 +6,13 @@ use freeplay_laws::DriveFriction;
 use crate::next_motion::RATE;
 use crate::next_motion::family::Fourier;
 
-/// Share of each limit that is used: a drive overshoots a motion that it follows, and the torque of a model is off by a tenth or two.
+/// Usable share of each limit: a drive overshoots its command, and the torque of a model has an error of ten to twenty per cent.
 const SHARE: f64 = 0.8;
-/// Part of the range of a joint that is left free at either end: controllers stop an arm before the end of its range.
+/// Unused part of the range of a joint at either end: controllers stop an arm before the end of its range.
 const END: f64 = 0.03;
-/// Speed that is kept where the arm file names no limit, rad/s (m/s): slower than the joints of common arms may turn.
+/// Speed limit for joints without one in the arm file, rad/s (m/s): slower than the joints of common arms may turn.
 const GENTLE_SPEED: f64 = 1.0;
-/// Acceleration that is kept where the arm file names no limit, rad/s² (m/s²): it reaches the gentle speed in a quarter of a second.
+/// Acceleration limit for joints without one in the arm file, rad/s² (m/s²): it reaches the gentle speed in a quarter of a second.
 const GENTLE_ACCELERATION: f64 = 4.0;
 
 /// The limits of a safe motion.
@@ -23,29 +23,29 @@ pub(super) struct Envelope {
     speed: Vec<f64>,
     acceleration: Vec<f64>,
     effort: Vec<f64>,
-    /// Height that no joint and not the tool goes below, against gravity, m; `None` without gravity.
+    /// Least height of every joint and of the tool, against gravity, m; `None` without gravity.
     floor: Option<f64>,
-    /// What was assumed, one sentence each.
+    /// The assumptions, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// How much of its limits a motion uses: the greatest share of each.
+/// Use of the limits by a motion: the greatest share of each.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Used {
-    /// Of the way to the nearer end of a joint's range.
+    /// Share of the distance to the nearer end of a joint's range.
     pub position: f64,
-    /// Of the speed.
+    /// Share of the speed.
     pub speed: f64,
-    /// Of the acceleration.
+    /// Share of the acceleration.
     pub acceleration: f64,
-    /// Of the torque, by the model with its nominal friction; 0 where no joint has a limit.
+    /// Share of the torque, by the model with its nominal friction; 0 if no joint has a limit.
     pub torque: f64,
-    /// Above 1 if a joint or the tool goes below the base, or lower than it was.
+    /// Above 1 if a joint or the tool goes below the base, or lower than before.
     pub floor: f64,
 }
 
 impl Used {
-    /// The greatest of all: above 1 the motion leaves its limits.
+    /// The greatest share: above 1 the motion exceeds its limits.
     pub fn most(&self) -> f64 {
         [self.position, self.speed, self.acceleration, self.torque, self.floor]
             .into_iter()
@@ -54,7 +54,7 @@ impl Used {
 }
 
 impl Envelope {
-    /// The envelope of `arm` about `posture`, from which no joint goes farther than `reach`, rad (m).
+    /// The envelope of `arm` about `posture`; no joint moves farther than `reach` from it, rad (m).
     pub fn new(arm: &Arm, posture: &[f64], reach: f64) -> Self {
         let mut notes = Vec::new();
         let mut or_gentle = |limit: f64, gentle: f64, what: &str, name: &str| {
@@ -88,7 +88,7 @@ impl Envelope {
         Self { range, speed, acceleration, effort, floor, notes }
     }
 
-    /// How much of the envelope `motion` uses.
+    /// Use of the envelope by `motion`.
     pub fn used(&self, arm: &Arm, motion: &Fourier) -> Used {
         let joints = arm.dof();
         let mut ws = Workspace::new(arm);
@@ -116,7 +116,7 @@ impl Envelope {
         used
     }
 
-    /// `motion` with its swings as wide as they may be, at most as given; `None` if even standing in its posture is outside.
+    /// Scales the swings of `motion` to the greatest permitted size, at most the given one; `None` if its posture alone is outside.
     pub fn inside(&self, arm: &Arm, motion: &Fourier) -> Option<Fourier> {
         if self.used(arm, motion).most() <= 1.0 {
             return Some(motion.clone());
@@ -134,7 +134,7 @@ impl Envelope {
     }
 }
 
-/// Height of the lowest joint or of the tool against gravity, m above the base's origin.
+/// Height of the lowest of the joints and the tool against gravity, m above the base's origin.
 fn lowest(arm: &Arm, q: &[f64]) -> f64 {
     let up = -arm.gravity().normalize();
     let mut ws = Workspace::new(arm);

@@ -1,9 +1,8 @@
-//! What a motion would tell of two causes: the odds that a recording of it is expected to bring.
+//! The expected evidence of a motion for one of two causes: the odds that its recording would bring.
 //!
-//! Were the first cause true, a recording of the motion would show its signal s. The other cause fits s as well as it can, with the
-//! model's tolerances to help: what it leaves, weighed by the noise, is Λ = min (s − Nη − Zβ)ᵀ W (s − Nη − Zβ) + |η|², twice the log of the
-//! odds that are expected in favour of the truth. A motion is as good as the lesser of the two, each cause taken for the
-//! truth once: the criterion T of Atkinson & Fedorov 1975 (Biometrika 62:57).
+//! If the first cause is true, a recording of the motion has its signal s. The other cause fits s as well as it can, with the help of the model's tolerances.
+//! Its weighted residual Λ = min (s − Nη − Zβ)ᵀ W (s − Nη − Zβ) + |η|² is twice the log of the expected odds for the truth. The value of a motion is the lesser
+//! of the two, with each cause taken as the truth once: the criterion T of Atkinson & Fedorov 1975 (Biometrika 62:57).
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,8 +22,8 @@ use crate::next_motion::ExciteError;
 use crate::report::diagnosis::ChannelNoise;
 use crate::signals::motion::Settings;
 
-/// Size of a cause of which nothing else is known, as a multiple of the noise in the channel in which it shows most: ten stands out of any noise, and is small
-/// enough that the arm still moves as planned.
+/// Size of a cause with unknown parameters, as a multiple of the noise in the channel where it shows most: ten stands out of any noise, and is small enough
+/// that the arm still follows the plan.
 const PLAIN: f64 = 10.0;
 
 /// A cause: a kind of effect at its place, with its parameters if they are known.
@@ -47,7 +46,7 @@ impl Rival {
     }
 }
 
-/// The arm and the noise that motions are weighed for.
+/// The arm and the noise for evaluating motions.
 pub(super) struct Scales<'a> {
     pub arm: &'a Arm,
     pub known: &'a [&'a Placed],
@@ -55,16 +54,16 @@ pub(super) struct Scales<'a> {
     pub tolerances: &'a Tolerances,
 }
 
-/// A motion made ready to be weighed.
+/// A motion, prepared for evaluation.
 struct Weighed<'d, 'a> {
     data: &'d Data<'a>,
     weights: Weights,
-    /// Noise of every channel, infinite where none is known.
+    /// Noise of every channel, infinite where unknown.
     deviation: Vec<f64>,
 }
 
 impl Scales<'_> {
-    /// Twice the log of the odds that `motion` would bring for the first of `rivals` against each other one, the lesser of both ways round.
+    /// Twice the log of the odds that `motion` would bring for the first of `rivals` against each of the others, the lesser of both directions.
     ///
     /// # Errors
     /// See [`ExciteError`].
@@ -86,8 +85,8 @@ impl Scales<'_> {
         Ok(odds)
     }
 
-    /// The parameters with which each rival but the first says best what the first says of `recording` (those that have theirs keep them),
-    /// and the odds that the motion of `recording` brings for these.
+    /// The parameters with which each rival but the first best imitates the first in `recording` (rivals with given parameters keep them), and the odds that
+    /// the motion of `recording` brings for these.
     ///
     /// # Errors
     /// See [`ExciteError`].
@@ -112,7 +111,7 @@ impl Scales<'_> {
         })
     }
 
-    /// A recording of `motion` in which only the motion matters, with the columns that the noise is known of.
+    /// A recording of `motion` that holds the motion and empty columns for the channels of known noise.
     fn blank(&self, motion: &Trajectory) -> Result<Recording, ExciteError> {
         let mut columns = vec![("t".to_owned(), motion.t.clone())];
         columns.extend(motion.q.iter().enumerate().map(|(j, q)| (format!("q{}", j + 1), q.clone())));
@@ -140,7 +139,7 @@ impl Scales<'_> {
         ask(&Weighed { data: &data, weights, deviation })
     }
 
-    /// Effective number of rows of every channel; 0 for those of which no noise is known.
+    /// Effective number of rows of every channel; 0 for a channel of unknown noise.
     fn effective(&self, data: &Data) -> Vec<f64> {
         let stage = &data.stages[0];
         let t = &stage.motion().t;
@@ -154,7 +153,7 @@ impl Scales<'_> {
             .collect()
     }
 
-    /// What `rival` adds to each channel.
+    /// Contribution of `rival` to each channel.
     fn signal(&self, weighed: &Weighed, rival: &Rival) -> Result<Vec<Vec<f64>>, ExciteError> {
         let stage = &weighed.data.stages[0];
         let parameters = match &rival.parameters {
@@ -169,12 +168,12 @@ impl Scales<'_> {
 }
 
 impl<'d, 'a> Weighed<'d, 'a> {
-    /// The system in which `signal` is what is to be explained.
+    /// The linear system with `signal` as the target.
     fn system(&self, signal: &[Vec<f64>]) -> Result<System<'d, 'a>, ExciteError> {
         System::new(self.data, signal.to_vec(), self.weights.clone()).ok_or(ExciteError::Singular)
     }
 
-    /// What `rival` can't say of `signal`: twice a log of odds.
+    /// Residual of `rival` in `signal`: twice a log of odds.
     fn left(&self, signal: &[Vec<f64>], rival: &Rival) -> Result<f64, ExciteError> {
         let mut system = self.system(signal)?;
         let left = system.square_left();
@@ -182,7 +181,7 @@ impl<'d, 'a> Weighed<'d, 'a> {
         Ok((left - 2.0 * best.fold(0.0, f64::max)).max(0.0))
     }
 
-    /// What `rival` explains and the parameters with which it says `signal` best; `None` if it can't say anything of it.
+    /// The log evidence of `rival` for `signal`, and its best parameters; `None` if it explains none of the signal.
     fn best(&self, signal: &[Vec<f64>], rival: &Rival) -> Result<Option<(f64, Table)>, ExciteError> {
         let mut system = self.system(signal)?;
         let scores = self.scores(&mut system, rival);
@@ -190,14 +189,14 @@ impl<'d, 'a> Weighed<'d, 'a> {
         Ok(best.map(|(found, gain)| (gain.explained, found.parameters(gain.beta.as_slice()))))
     }
 
-    /// What each form of `rival` that an arm file can say explains.
+    /// The gain of each form of `rival` that an arm file can express.
     fn scores(&self, system: &mut System, rival: &Rival) -> Vec<(Candidate, Gain)> {
         let stage = &self.data.stages[0];
         let place = Place { scene: stage.baseline(rival.kind).scene(), joint: rival.joint };
         let Some(nothing) = system.fit(&[]) else { return Vec::new() };
         let mut all = Vec::new();
         for shape in (rival.kind.shapes)(&place) {
-            // A planned motion may suggest a shape that no arm file can say, as a speed at which the joint stands.
+            // A planned motion may suggest a form that no arm file can express, such as a speed at which the joint stands.
             let Ok(Some(found)) = Candidate::new(self.data, rival.kind, rival.joint, Form::of(shape)) else {
                 continue;
             };
@@ -209,7 +208,7 @@ impl<'d, 'a> Weighed<'d, 'a> {
         all
     }
 
-    /// Parameters of a cause of which nothing is known: as large as [`PLAIN`] times the noise.
+    /// Parameters of a cause with unknown parameters: [`PLAIN`] times the noise in size.
     fn plain(&self, rival: &Rival) -> Result<Table, ExciteError> {
         let stage = &self.data.stages[0];
         let place = Place { scene: stage.baseline(rival.kind).scene(), joint: rival.joint };

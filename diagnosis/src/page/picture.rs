@@ -1,4 +1,4 @@
-//! The picture of a finding: what is left without it and with it, over the variable that gives it away, with the fitted law drawn in.
+//! The picture of a finding: the residual without it and with it, over the variable that shows it best, with the fitted law.
 
 use std::f64::consts::TAU;
 
@@ -12,11 +12,11 @@ use crate::search::tried::LISTED;
 use crate::statistics::SIGNIFICANT;
 use crate::{Diagnosis, Effect, Map};
 
-/// Share of the law's square that turning the joint has to explain for the tool's error to be drawn as an angle of the joint: most of it, as the rest does not
-/// show in the picture.
+/// Least share of the law's square that a rotation of the joint explains for drawing the tool's error as an angle of the joint: most of it, since the picture
+/// does not show the rest.
 const TURNS: f64 = 0.7;
-/// Least lever of the tool about a joint for its error to be an angle of the joint, as a share of the greatest: a shorter one blows up the noise more than
-/// threefold.
+/// Least lever of the tool about a joint for drawing its error as an angle of the joint, as a share of the greatest: a shorter one amplifies the noise more
+/// than threefold.
 const LEVER: f64 = 0.3;
 /// Points of the drawn law: a curve of 90 chords looks smooth at the width of a panel.
 const LINE: usize = 90;
@@ -43,7 +43,7 @@ pub fn of(diagnosis: &Diagnosis, arm: &Arm, index: usize) -> Vec<Drawing> {
     strongest.filter_map(|(_, channel)| in_channel(diagnosis, arm, index, channel)).collect()
 }
 
-/// How far the law stands out of the noise in a channel.
+/// Size of the law relative to the noise in a channel.
 fn weight(diagnosis: &Diagnosis, effect: usize, channel: &str) -> f64 {
     let law = Points::of(diagnosis, effect, channel).law;
     let square: f64 = law.iter().filter(|x| x.is_finite()).map(|x| x * x).sum();
@@ -108,7 +108,7 @@ fn magnitude(values: &[f64]) -> f64 {
     high.max(-low)
 }
 
-/// One channel over the variable in which the law shows most clearly; over the phase of its period where it has one.
+/// One channel over the variable in which the law shows most clearly; over the phase if the law is periodic.
 fn in_channel(diagnosis: &Diagnosis, arm: &Arm, index: usize, channel: &str) -> Option<Drawing> {
     let effect = &diagnosis.effects[index];
     let unit = traces(diagnosis, channel).next()?.1.unit;
@@ -125,7 +125,7 @@ fn in_channel(diagnosis: &Diagnosis, arm: &Arm, index: usize, channel: &str) -> 
     Some(pair(&points, &over, (&format!("left in {channel}"), unit), title, caption))
 }
 
-/// The joints whose motion an effect is looked at over: its own; of the whole arm, that of the channel, or all.
+/// The joints whose motion a picture of the effect uses: its own; for an effect of the whole arm, that of the channel, or all.
 fn seats(arm: &Arm, effect: &Effect, channel: &str) -> Vec<usize> {
     let named = |name: &str| arm.joint_index(name);
     let other = effect.parameters.get("with").and_then(|other| other.value.as_str()).and_then(named);
@@ -139,7 +139,7 @@ fn seats(arm: &Arm, effect: &Effect, channel: &str) -> Vec<usize> {
     }
 }
 
-/// The phase of a law with so many `periods` in a turn.
+/// The phase of a law with the given number of `periods` in a turn.
 fn periodic(diagnosis: &Diagnosis, arm: &Arm, effect: &Effect) -> Option<Over> {
     let periods = effect.parameters.get("periods")?.value.as_float()?;
     let name = effect.joint.as_deref()?;
@@ -165,7 +165,7 @@ fn described(channel: &str) -> String {
     }
 }
 
-/// The three tool channels with all that is known of them, passage by passage, projected by `onto`: three rows in, one number out.
+/// The three tool channels with all their columns, passage by passage, projected by `onto` from three values a row to one.
 fn projected(
     diagnosis: &Diagnosis,
     index: usize,
@@ -189,7 +189,7 @@ fn shows_in_tool(effect: &Effect) -> bool {
     effect.evidence.channels.iter().any(|channel| ["x", "y", "z"].contains(&channel.as_str()))
 }
 
-/// The tool's error as an angle of `joint`, if the law turns it.
+/// The tool's error as an angle of `joint`, if the law rotates it.
 fn as_angle(diagnosis: &Diagnosis, arm: &Arm, index: usize, joint: usize) -> Option<Drawing> {
     let effect = &diagnosis.effects[index];
     if !shows_in_tool(effect) {
@@ -242,7 +242,7 @@ fn as_angle(diagnosis: &Diagnosis, arm: &Arm, index: usize, joint: usize) -> Opt
     Some(pair(&points, &over, (&format!("turn of {name}"), "rad"), title, caption))
 }
 
-/// The place of the journal in its bearing, as the tool tells it.
+/// The position of the journal in its bearing, from the tool.
 fn in_the_bearing(diagnosis: &Diagnosis, arm: &Arm, index: usize, joint: usize) -> Option<Drawing> {
     let effect = &diagnosis.effects[index];
     let radius = effect.parameters.get("clearance")?.value.as_float()?;
@@ -282,16 +282,16 @@ fn in_the_bearing(diagnosis: &Diagnosis, arm: &Arm, index: usize, joint: usize) 
     )
 }
 
-/// The play of `joint` in the diagnosed model.
+/// The clearance of `joint` in the diagnosed model.
 fn bearing(diagnosis: &Diagnosis, joint: usize) -> Option<Clearance> {
     let effects = Effects::of(&diagnosis.model).ok()?;
     effects.clearances.iter().find(|(at, _)| *at == joint).map(|(_, clearance)| *clearance)
 }
 
-/// The strongest map of what the tuned model leaves, in words and as a picture; none where chance draws such a map, too.
+/// The strongest map of the tuned model's residual, in words and as a picture; `None` if chance explains such a map.
 pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
     let place = diagnosis.location.first()?;
-    // Over the direction there are two bars only: the velocity shows the same and more.
+    // The direction has only two bars: the velocity shows the same and more.
     let drawable =
         |map: &&Map| place.channels.contains(&map.channel) && map.mean.len() > 2 && map.p < SIGNIFICANT;
     let near = diagnosis.maps.iter().filter(drawable);

@@ -1,23 +1,24 @@
-//! The points of a picture: what is left without an effect and with it, over the variable that gives the effect away.
+//! The points of a picture: the residual without an effect and with it, over the variable that shows the effect best.
 
 use crate::findings::locate::BINS;
 use crate::{Diagnosis, Passage, Trace, Variable};
 
-/// Share that a variable further down the list has to explain beyond the first to be taken: a difference of 3 % is not seen in a picture.
+/// Least gain in the explained share for a variable later in the list to replace an earlier one: a picture does not show a difference of 3 %.
 const CLEARLY: f64 = 0.03;
-/// Share of the law that one variable has to explain for the directions not to be told apart: the rest, a third of the deviation, is not seen as two branches.
+/// Share of the law that a single variable has to explain for drawing both directions as one: the rest, a third of the deviation, does not look like two
+/// branches.
 const ENOUGH: f64 = 0.9;
-/// The quantities over which a law may be drawn. Of two that show it as clearly, the first is taken.
+/// The quantities over which a law may be drawn. Of two that show it equally clearly, the program takes the first.
 const QUANTITIES: [&str; 6] = ["velocity", "load", "position", "acceleration", "way", "time"];
 
-/// One channel of all passages, as an effect sees it. All columns are of one length.
+/// One channel of all passages for the picture of one effect. All columns have the same length.
 #[derive(Default)]
 pub struct Points {
-    /// Left by the model with all findings.
+    /// Residual of the model with all findings.
     pub with: Vec<f64>,
-    /// What this effect says.
+    /// Contribution of this effect.
     pub law: Vec<f64>,
-    /// Whether the point took no part in the fit.
+    /// True for points that the fit did not use.
     pub held_out: Vec<bool>,
 }
 
@@ -38,7 +39,7 @@ impl Points {
         self.held_out.extend(std::iter::repeat_n(passage.held_out, with.len()));
     }
 
-    /// What would be left without the effect: the partial residual of Larsen & McCleary 1972.
+    /// The residual without the effect: the partial residual of Larsen & McCleary 1972.
     pub fn without(&self) -> Vec<f64> {
         self.with.iter().zip(&self.law).map(|(with, law)| with + law).collect()
     }
@@ -52,7 +53,7 @@ pub fn traces<'a>(diagnosis: &'a Diagnosis, channel: &str) -> impl Iterator<Item
     })
 }
 
-/// What an effect says of a channel; zeros where it says nothing.
+/// Contribution of an effect to a channel; zeros where it has none.
 pub fn law(trace: &Trace, effect: usize) -> Vec<f64> {
     let said = trace.laws.get(effect).filter(|law| !law.is_empty());
     said.cloned().unwrap_or_else(|| vec![0.0; trace.after.len()])
@@ -66,11 +67,11 @@ pub struct Over {
     pub unit: String,
     /// Its values.
     pub x: Vec<f64>,
-    /// Whether the joint moves forwards, where the two directions have to be told apart.
+    /// True where the joint moves forwards, if the picture separates the two directions.
     pub forwards: Option<Vec<bool>>,
 }
 
-/// The variable over which `law` shows most clearly, of those of `joints`, and the time.
+/// The variable over which `law` shows most clearly, among the time and the variables of `joints`.
 pub fn best_plot_variable(diagnosis: &Diagnosis, joints: &[usize], law: &[f64]) -> Option<Over> {
     let first = diagnosis.passages.first()?;
     let wanted = |v: &&Variable| v.joint.is_none_or(|joint| joints.contains(&joint));
@@ -108,13 +109,13 @@ pub fn column(diagnosis: &Diagnosis, name: &str) -> Vec<f64> {
     diagnosis.passages.iter().flat_map(of).collect()
 }
 
-/// Whether `joint` moves forwards, over all passages.
+/// True where `joint` moves forwards, over all passages.
 pub fn forwards(diagnosis: &Diagnosis, joint: usize) -> Vec<bool> {
     let passages = diagnosis.passages.iter();
     passages.flat_map(|passage| passage.motion.v[joint].iter().map(|v| *v >= 0.0)).collect()
 }
 
-/// Share of the variance of `y` that means over bins of `x` explain, the two groups apart; 1 if y is constant.
+/// Share of the variance of `y` that means over bins of `x` explain, separately for the two groups; 1 if y is constant.
 fn explained(x: &[f64], y: &[f64], group: &[bool]) -> f64 {
     let seen = |k: &usize| x[*k].is_finite() && y[*k].is_finite();
     let counted: Vec<usize> = (0..x.len().min(y.len())).filter(seen).collect();
@@ -150,7 +151,7 @@ pub fn line(x: &[f64], law: &[f64], which: impl Fn(usize) -> bool, bins: usize) 
 mod tests {
     use super::{explained, line};
 
-    /// y = sign(v) is told by v; y = |x| sign(v) needs the direction beside x.
+    /// v alone explains y = sign(v); y = |x| sign(v) also needs the direction.
     #[test]
     fn a_law_is_plain_over_its_own_variable_only() {
         let t: Vec<f64> = (0..20_000).map(|k| f64::from(k) * 0.1).collect();

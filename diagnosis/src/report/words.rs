@@ -10,7 +10,7 @@ use crate::report::diagnosis::{Alternative, Diagnosis, Effect, Map, Parameter, V
 use crate::search::tried::LISTED;
 use crate::statistics::STRONG;
 
-/// How a sentence begins that says what would tell one effect from another.
+/// First words of a sentence on the measurement that would separate two effects.
 pub const TO_TELL: &str = "to tell";
 
 /// The odds of a finding in words, from their natural logarithm (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773).
@@ -23,9 +23,9 @@ pub(crate) fn odds(log_odds: f64) -> &'static str {
     }
 }
 
-/// Why an alternative is not named, from the natural logarithm of the odds against it.
+/// Reason why an alternative is not named, from the natural logarithm of the odds against it.
 pub(crate) fn odds_against(log_odds: f64) -> String {
-    /// Odds that say more than a person asks for: a number with five digits is read as certainty.
+    /// Largest odds in digits: readers take a number with five digits for certainty.
     const MANY: f64 = 1e4;
     if log_odds < 0.0 {
         return "it says the same of this motion".to_owned();
@@ -36,7 +36,7 @@ pub(crate) fn odds_against(log_odds: f64) -> String {
     }
 }
 
-/// A number with three figures.
+/// A number with three significant digits.
 fn brief(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
@@ -49,7 +49,7 @@ fn brief(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// Factor and name of the unit in which people read a `value` in `unit`: mm, mrad, ms.
+/// Factor and name of the usual unit for a `value` in `unit`: mm, mrad, ms.
 fn unit_for(value: f64, unit: &str) -> (f64, String) {
     match unit {
         "m" if value.abs() < 0.1 => (1e3, " mm".to_owned()),
@@ -62,7 +62,7 @@ fn unit_for(value: f64, unit: &str) -> (f64, String) {
     }
 }
 
-/// `value ± half`: the half width with two figures, the value to the same place.
+/// `value ± half`: the half-width with two significant digits, the value to the same decimal.
 fn uncertain(value: f64, half: f64) -> String {
     if !(half > 0.0 && half.is_finite()) {
         return brief(value);
@@ -98,8 +98,7 @@ fn value(parameter: &Parameter) -> String {
     }
 }
 
-/// What the model leaves out, with its numbers: `Coulomb friction of 9.1 ± 0.3 N·m`. Numbers that the kind's own words don't have follow if they were
-/// identified.
+/// The missing effect with its parameters: `Coulomb friction of 9.1 ± 0.3 N·m`. Identified parameters that the kind's own text lacks follow.
 pub(crate) fn phrase(kind: &EffectKind, parameters: &BTreeMap<String, Parameter>) -> String {
     let (mut words, mut further) = (without_optional(kind.words, parameters), Vec::new());
     for (name, parameter) in parameters {
@@ -116,7 +115,7 @@ pub(crate) fn phrase(kind: &EffectKind, parameters: &BTreeMap<String, Parameter>
     if is_less(kind, parameters) { format!("{words}, which is less than the model has") } else { words }
 }
 
-/// `words` with what is in brackets as far as `parameters` has its number.
+/// `words` with the bracketed parts whose parameter is in `parameters`.
 fn without_optional(words: &str, parameters: &BTreeMap<String, Parameter>) -> String {
     let Some((before, (optional, after))) =
         words.split_once('[').and_then(|(before, rest)| Some((before, rest.split_once(']')?)))
@@ -127,7 +126,7 @@ fn without_optional(words: &str, parameters: &BTreeMap<String, Parameter>) -> St
     format!("{before}{}{after}", if is_known { optional } else { "" })
 }
 
-/// Whether what is extra to the model's own is below zero, all of it.
+/// Returns true if the effect reduces the model's own: all its additional parameters are negative.
 fn is_less(kind: &EffectKind, parameters: &BTreeMap<String, Parameter>) -> bool {
     let is_extra =
         |name: &String| kind.parameter(name).is_some_and(|parameter| parameter.meaning.contains("extra to"));
@@ -135,17 +134,17 @@ fn is_less(kind: &EffectKind, parameters: &BTreeMap<String, Parameter>) -> bool 
     extra.peek().is_some() && extra.all(|(_, parameter)| parameter.value.as_float().is_some_and(|x| x < 0.0))
 }
 
-/// Where an effect sits: `joint_1`, `joint elbow`. A name that says that it is a joint is not called one twice.
+/// The location of an effect: `joint_1`, `joint elbow`. A name that starts with "joint" does not get the word twice.
 fn called(joint: &str) -> String {
     if joint.to_lowercase().contains("joint") { joint.to_owned() } else { format!("joint {joint}") }
 }
 
-/// The same behind a kind.
+/// The location after a kind.
 pub(crate) fn site(joint: Option<&str>) -> String {
     joint.map_or_else(|| "of the whole arm".to_owned(), |joint| format!("of {}", called(joint)))
 }
 
-/// The same behind what is missing; nothing for the whole arm.
+/// The location after a missing effect; empty for the whole arm.
 fn on(joint: Option<&str>) -> String {
     joint.map_or_else(String::new, |joint| format!(" on {}", called(joint)))
 }
@@ -158,12 +157,12 @@ fn listed(words: &[String]) -> String {
     }
 }
 
-/// One sentence on the effect that `phrase` says.
+/// One sentence on the effect in `phrase`.
 pub(crate) fn statement(phrase: &str, joint: Option<&str>) -> String {
     format!("The model leaves out {phrase}{}.", on(joint))
 }
 
-/// One sentence: that the model has the effect as `given`, and what that and the finding are together on `arm`.
+/// One sentence: the model has the effect as `given`, and the sum of that and the finding on `arm`.
 pub(crate) fn with_given(given: &EffectTable, both: &EffectTable, arm: &Arm) -> String {
     let in_words = |table: &EffectTable| {
         let kind = kind(&table.kind)?;
@@ -180,7 +179,7 @@ pub(crate) fn with_given(given: &EffectTable, both: &EffectTable, arm: &Arm) -> 
     }
 }
 
-/// One sentence on all effects: with their numbers if they are few, else by kind and place.
+/// One sentence on all effects: with their parameters if they are few, otherwise by kind and location.
 pub(crate) fn left_out(effects: &[&Effect]) -> String {
     let known = |effect: &Effect| kind(effect.kind).map_or(effect.kind, |kind| kind.title).to_owned();
     if effects.len() <= LISTED {
@@ -203,13 +202,13 @@ pub(crate) fn left_out(effects: &[&Effect]) -> String {
     format!("The model leaves out {} effects: {}.", effects.len(), all.join("; "))
 }
 
-/// The kind and place of the effect in whose place `other` was weighed, and of `other` where that is another place.
+/// Kind and location of the effect that `other` could replace, and those of `other`, with the location if it differs.
 fn pair(other: &Alternative) -> [String; 2] {
     let titled = |name: &str| kind(name).map_or(name, |kind| kind.title).to_owned();
     let (instead, place) = other.instead_of.split_once(' ').unwrap_or((&other.instead_of, ""));
     let here = site(other.joint.as_deref());
     let other = titled(other.kind);
-    // Many kinds have an "of" of their own: "coupling of two joints at joint_3".
+    // Many kinds contain an "of": "coupling of two joints at joint_3".
     let at = |place: &str| match place.strip_prefix("of ") {
         Some(joint) if joint != "the whole arm" => format!(" at {joint}"),
         _ => format!(" {place}"),
@@ -218,7 +217,7 @@ fn pair(other: &Alternative) -> [String; 2] {
     [titled(instead) + &at(place), other + &there]
 }
 
-/// What this motion leaves open, in one sentence; empty where it leaves nothing open.
+/// The alternatives that this motion does not separate, in one sentence; empty if there are none.
 pub(crate) fn open(alternatives: &[Alternative]) -> String {
     let open = alternatives.iter().filter(|other| other.indistinguishable).map(pair);
     let pairs: Vec<String> = open.map(|[named, other]| format!("{named} is {other}")).collect();
@@ -229,13 +228,13 @@ pub(crate) fn open(alternatives: &[Alternative]) -> String {
     }
 }
 
-/// What would tell `other` from the effect in whose place it was weighed.
+/// The measurement that would separate `other` from the effect that it could replace.
 pub(crate) fn to_tell(other: &Alternative) -> String {
     let [named, rival] = pair(other);
     format!("{TO_TELL} {named} from {rival}: {}", other.what_would_separate)
 }
 
-/// Where in the motion a residual is, by its strongest map.
+/// The part of the motion with the residual, from its strongest map.
 pub(crate) fn when(map: Option<&Map>) -> String {
     let Some(map) = map else { return "in no part of the motion more than in another".to_owned() };
     let percent = 100.0 * map.explained;
@@ -269,7 +268,7 @@ pub(crate) fn put_into_words(diagnosis: &mut Diagnosis) {
     }
 }
 
-/// What is said where more is missing than has a name: that, what it looks like, and what has a name.
+/// The statement for an unnamed effect: the fact, its appearance, and the named effects.
 fn unknown(effects: &[&Effect]) -> String {
     let (named, nameless): (Vec<&Effect>, Vec<&Effect>) =
         effects.iter().copied().partition(|effect| is_catalogued(effect));
@@ -284,7 +283,7 @@ fn unknown(effects: &[&Effect]) -> String {
     words
 }
 
-/// Whether the catalogue has the kind of `effect`.
+/// Returns true if the catalogue has the kind of `effect`.
 fn is_catalogued(effect: &Effect) -> bool {
     kind(effect.kind).is_some_and(EffectKind::is_catalogued)
 }

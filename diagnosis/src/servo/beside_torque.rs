@@ -1,5 +1,5 @@
-//! Servos of arms whose torques were recorded beside commanded and measured positions: the arm is the one that the torques told, its servos are those that make
-//! these torques of the commands. What the torques told stays as it is.
+//! Servos of arms with recorded torques, commanded and measured positions. The torques determine the arm; its servos are those that produce these torques from
+//! the commands. The findings from the torques stay unchanged.
 
 use freeplay_arm::ArmFile;
 use freeplay_recording::{Group, Recording};
@@ -20,19 +20,19 @@ use crate::report::settings::{DiagnoseError, DiagnoseSettings};
 use crate::signals::motion::Treatment;
 use crate::statistics::{SHARES, half_width};
 
-/// The servos of the joints, by torque.
+/// The servos of the joints, as laws of torque.
 pub struct Laws {
-    /// The law of each joint; `None` for joints that are not commanded to move.
+    /// The law of each joint; `None` for joints whose command does not move.
     pub of_joint: Vec<Option<TorqueLaw>>,
-    /// Growth of each delay, s, for each second by which the encoders are later behind the torques.
+    /// Growth of each delay, s, per second of delay of the encoders behind the torques.
     pub growth: Vec<f64>,
-    /// Standard deviation of the time by which the encoders are behind the torques, s.
+    /// Standard deviation of the delay of the encoders behind the torques, s.
     pub deviation: f64,
 }
 
-/// Adds to `diagnosis`, which torques told, the servos that make these torques of the commanded positions of `recordings`, where there are any. A servo is there
-/// if at every joint that is commanded to move its law holds in torque and in position, on rows that took no part in its fit: it leaves no more of the measured torque than
-/// the arm's own laws, rounding of the encoder and tolerance do, and the positions simulated with it are nearer to the measured ones than the commands, however late they are taken.
+/// Adds servos to `diagnosis`, which describes the arm from its torques, if servos produce these torques from the commanded positions of `recordings`. Every
+/// joint whose command moves needs a valid law in torque and in position, on rows outside its fit. Its residual torque is at most that of the arm's own laws,
+/// of the encoder's rounding and of the tolerance together. The positions simulated with it are nearer to the measured ones than the commands with any delay.
 ///
 /// # Errors
 /// [`DiagnoseError::Law`]: the effects of a model can't be taken.
@@ -62,7 +62,7 @@ pub fn add_servos(
     let found = findings(file, &laws, &settings.tolerances);
     let model = with_servos(&diagnosis.model, &found, &laws, &seen);
     let Some(mut servos) = ServoArm::of(&model)? else { return Ok(diagnosis) };
-    // The model has delays that are told from none; what is simulated here has them as the rows have.
+    // The model has only delays that differ significantly from zero; this simulation has those of the rows.
     for (joint, law) in laws.of_joint.iter().enumerate() {
         let named = delay_of(&model, joint);
         servos.joints[joint].delay += law.map_or(0.0, |law| law.delay.0 - named);
@@ -98,7 +98,7 @@ pub fn add_servos(
     Ok(diagnosis)
 }
 
-/// The last 30 % of each of `tracks` judge, the rest is fitted.
+/// Splits each of `tracks`: the last 30 % are the test part, the rest is the fit part.
 fn in_two(tracks: &[Track]) -> Parts {
     let cut = |track: &Track| moving_cut(track, SHARES[1]);
     let each = || tracks.iter().enumerate();
@@ -120,7 +120,7 @@ struct Question<'a> {
 }
 
 impl Question<'_> {
-    /// The laws of all joints, if at every joint that is commanded to move one holds.
+    /// The laws of all joints; `None` unless every joint whose command moves has a valid one.
     fn laws(&self, file: &ArmFile, diagnosis: &Diagnosis) -> Option<Laws> {
         let treated = |recording| Treatment::new(&file.arm, recording, &self.settings.treatment).ok();
         let treatments: Vec<Treatment> = self.recordings.iter().map(treated).collect::<Option<_>>()?;
@@ -140,7 +140,7 @@ impl Question<'_> {
         let mut laws = as_recorded.clone();
         let mut growth = vec![0.0; moving.len()];
         if late != 0.0 {
-            // Servos know in time, or read the same late encoders as the recorder: the nearer of both.
+            // The servos use either positions without delay, or the recorder's delayed encoders: the better fit decides.
             let in_time = fitted(late)?;
             let left = |laws: &[TorqueLaw]| laws.iter().map(|law| law.left.ln()).sum::<f64>();
             if left(&in_time) < left(&as_recorded) {
@@ -159,7 +159,7 @@ impl Question<'_> {
         all.of_joint.iter().any(Option::is_some).then_some(all)
     }
 
-    /// The sheets of `joint`; `None` if a recording has no whole columns of it.
+    /// The sheets of `joint`; `None` if a recording has incomplete columns of it.
     fn sheets<'a>(&'a self, joint: usize, treatments: &'a [Treatment]) -> Option<Vec<Sheet<'a>>> {
         let sheet = |(index, treatment): (usize, &'a Treatment)| {
             let cut = self.tracks[index].stamps[self.parts.fit[index].1.end - 1];
@@ -168,8 +168,9 @@ impl Question<'_> {
         treatments.iter().enumerate().map(sheet).collect()
     }
 
-    /// Whether `law` holds at `joint`. Its stiffness has to differ from zero by more than chance, its damping must not be negative beyond chance, and in the test part it leaves no more
-    /// torque than three errors together: that of the diagnosed arm, the rounding of the encoder times the stiffness, and the tolerance of friction times the torque.
+    /// Returns true if `law` is valid at `joint`. Its stiffness must differ from zero significantly, and its damping must not be significantly negative. Its
+    /// residual torque in the test part must not exceed three errors together: that of the diagnosed arm, the rounding of the encoder times the stiffness, and
+    /// the tolerance of friction times the torque.
     fn holds(&self, joint: usize, law: &TorqueLaw, diagnosis: &Diagnosis) -> bool {
         let least = (2.0 * named_from(self.sights.len())).sqrt();
         let (stiffness, deviation) = law.stiffness;
@@ -184,7 +185,7 @@ impl Question<'_> {
     }
 }
 
-/// Time by which encoders are behind torques in the model of `diagnosis`, and its standard deviation, s.
+/// Delay of the encoders behind the torques in the model of `diagnosis`, and its standard deviation, s.
 fn lateness(diagnosis: &Diagnosis) -> (f64, f64) {
     let mut late = 0.0;
     for table in diagnosis.model.effects.iter().filter(|table| table.kind == "time_delay") {

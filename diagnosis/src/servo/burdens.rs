@@ -1,6 +1,7 @@
-//! Payloads and tilted bases that the model does not have. The droop of the servos changes with the pose in another way for each of them, whatever the servos' stiffness.
-//! One link's mass, the zero of one encoder and the gap of one gear are asked for beside given servos alone: beside unknown ones a mass is a softer servo at its own joint, and what it does at those before
-//! hardly tells it from the rest of the law. A gap behind the encoder shows by where the link lies: a load that presses on one flank throughout does not tell it from a zero.
+//! Payloads and tilted bases that the model lacks. Each changes the droop of the servos with the pose in its own way, whatever the stiffness of the servos.
+//! With given servos the search also tests the mass of a link, the zero of an encoder and the gap of a gear. With unknown servos a mass looks like a softer
+//! servo at its own joint, and its effect on the joints before hardly separates it from the rest of the law. A gap behind the encoder shows in the position of
+//! the link: a load that always presses on the same flank does not separate it from a zero.
 
 use freeplay_arm::{Arm, ArmFile};
 use freeplay_servo::{DIFFERENCE_STEP, Fitted, ModelParameter, Problem, ServoArm, Unknown};
@@ -12,31 +13,31 @@ use crate::statistics::STRONG;
 /// Standard deviation of the prior of a base's roll and pitch, of an encoder's zero and of a gear's gap, rad: a third of a right angle.
 const LEAN: f64 = 0.5;
 
-/// One thing that an arm may carry, or one way in which it or a link of it may stand.
+/// A payload of an arm, or an inclination or offset of the arm or of one of its links.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Burdened {
     /// Its kind in the catalogue.
     pub kind: &'static str,
     /// Index of its joint; `None` if it is the whole arm's.
     pub joint: Option<usize>,
-    /// Its numbers.
+    /// Its parameters.
     pub unknowns: Vec<Unknown>,
-    /// Others that the recordings don't tell from it.
+    /// Other causes that the recordings don't distinguish from it.
     pub rivals: Vec<Rival>,
 }
 
-/// Another cause that recordings don't tell from the one that was found.
+/// Another cause that recordings don't distinguish from the finding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rival {
     /// Its kind in the catalogue.
     pub kind: &'static str,
     /// Index of its joint; `None` if it is the whole arm's.
     pub joint: Option<usize>,
-    /// Log odds against it.
+    /// Log odds against the rival.
     pub against: f64,
 }
 
-/// Those of `unknowns` without which a burden is not there: all but those that say where it is.
+/// The `unknowns` that must differ from zero for a burden: all but those of its position.
 pub fn present(unknowns: &[Unknown]) -> impl Iterator<Item = &Unknown> {
     unknowns.iter().filter(|unknown| !unknown.parameter.is_place())
 }
@@ -53,7 +54,7 @@ fn unknown(joint: usize, parameter: ModelParameter, deviation: f64) -> Unknown {
     }
 }
 
-/// All that the arm of `file` may carry, or how it may stand, each with values to begin a fit from: nothing that it names already.
+/// All burdens of the arm in `file`, each with initial values for a fit; without those that the file already has.
 pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
     let joints = file.arm.joints();
     let is_free = |kind: &str, joint: Option<usize>| {
@@ -92,20 +93,20 @@ pub fn burdens(file: &ArmFile) -> Vec<(Burdened, Vec<Vec<f64>>)> {
     burdens
 }
 
-/// Leans of a base from which a fit begins: none, and as far as any each way about either axis, as a search goes on along each.
+/// Initial inclinations of a base for a fit: none, and the largest in both directions about either axis, since a search continues along each.
 fn leans() -> Vec<Vec<f64>> {
     let most = ANGLES.into_iter().fold(0.0, f64::max);
     [[0.0, 0.0], [-most, 0.0], [0.0, -most], [0.0, most], [most, 0.0]].map(|lean| lean.to_vec()).to_vec()
 }
 
-/// Usual length of a link of `arm`, m: what an arm carries is about as large as its links, and its centre of mass is so far off the tool.
+/// Mean length of a link of `arm`, m: a payload is about as large as a link, and its centre of mass is about that far from the tool.
 fn link_length(arm: &Arm) -> f64 {
     let joints = arm.joints().iter().skip(1).map(|joint| joint.placement.translation.vector.norm());
     let all: f64 = joints.sum::<f64>() + arm.tool().translation.vector.norm();
     all / arm.dof() as f64
 }
 
-/// The masses of links inside of their tolerance: no finding, and nothing may be one that they explain.
+/// The masses of links within their tolerance: they are no finding, and no finding may be explained by them.
 pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
     let named = |joint: usize| {
         let name = &file.arm.joints()[joint].name;
@@ -115,11 +116,12 @@ pub fn masses(file: &ArmFile, tolerances: &Tolerances) -> Vec<Unknown> {
     links.map(|joint| unknown(joint, ModelParameter::LinkMass, tolerances.mass)).collect()
 }
 
-/// Factors of a link's mass at which a fit begins: a fit from the modelled mass may not lead there.
+/// Initial factors of a link's mass for a fit: a descent from the modelled mass may not reach them.
 const MASSES: [f64; 4] = [0.5, 0.75, 1.33, 2.0];
-/// The same for payloads: what one may weigh, as shares of the arm, from none on, as the best one lies between two that are tried.
+/// Initial masses of a payload, as shares of the arm's mass; the list starts at zero, since the best mass lies between two of them.
 const PAYLOADS: [f64; 5] = [0.0, 0.1, 0.2, 0.4, 0.8];
-/// Angles of a lean, a zero and a gap from which a fit begins, rad, from none on: a search goes on between two of them, and the largest is half a tooth of a servo's horn.
+/// Initial angles of an inclination, a zero and a gap, rad; the list starts at zero, since a search continues between two of them. The largest is half a tooth
+/// of a servo's horn.
 const ANGLES: [f64; 4] = [0.0, 0.02, 0.06, 0.2];
 
 /// A fit with a burden.
@@ -127,11 +129,12 @@ struct Tried {
     burdened: Burdened,
     unknowns: Vec<Unknown>,
     fitted: Fitted,
-    /// What it leaves of the fit and of the choice part, log-likelihood.
+    /// Loss of log-likelihood of the fit and of the choice part.
     left: [f64; 2],
 }
 
-/// Adds the burden to `fitted` that the fit part would gain most by, if it gains by what a name needs, and the choice part gains, too. The `unknowns` grow with it.
+/// Adds to `fitted` the burden from which the fit part gains most, if this gain suffices for a name and the choice part gains, too. The function appends its
+/// `unknowns`.
 pub fn add_burden(
     [fit, choice]: [&Problem; 2],
     file: &ArmFile,
@@ -154,7 +157,7 @@ pub fn add_burden(
     if scored.is_empty() {
         return (fitted, None);
     }
-    // A burden has to explain more than the links' masses do inside their tolerances.
+    // A burden has to explain more than the masses of the links within their tolerances.
     let plain = fit.fit(&fitted.model, &beside, &mut |step, _| {
         progress(&format!("fitting the servos and the masses of links, step {step}"));
     });

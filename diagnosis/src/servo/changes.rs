@@ -1,4 +1,4 @@
-//! The causes that a given model with servos may lack, and the tolerances of the numbers that it has.
+//! The causes that a given model with servos may lack, and the tolerances of its parameters.
 
 use freeplay_arm::ArmFile;
 use freeplay_servo::{DIFFERENCE_STEP, ModelParameter, Problem, ServoArm, Sight, Unknown, unknowns};
@@ -8,7 +8,7 @@ use super::findings::{moved, tolerance};
 use super::limits::limits;
 use crate::data::tolerance::Tolerances;
 
-/// Changes of a number that are tried, as shares of the standard deviation of its prior: a descent from the given value alone can end in a local minimum.
+/// Trial changes of a parameter, as shares of the standard deviation of its prior: a descent from the given value alone can end in a local minimum.
 const SHARES: [f64; 10] = [-0.8, -0.4, -0.2, -0.1, -0.05, 0.05, 0.1, 0.2, 0.4, 0.8];
 
 /// One cause that a given model may lack.
@@ -18,18 +18,18 @@ pub struct Change {
     pub kind: &'static str,
     /// Index of its joint; `None` if it is the whole arm's.
     pub joint: Option<usize>,
-    /// Its numbers.
+    /// Its parameters.
     pub unknowns: Vec<Unknown>,
-    /// Values of its numbers from which a fit may begin.
+    /// Initial values of its parameters for a fit.
     pub places: Vec<Vec<f64>>,
-    /// Log odds of the changed model against the one without it, all else as it fits best then.
+    /// Log odds of the changed model against the model without the change, all other parameters refitted.
     pub evidence: f64,
-    /// Others that the recordings don't tell from it.
+    /// Other causes that the recordings don't distinguish from it.
     pub rivals: Vec<Rival>,
 }
 
 impl Change {
-    /// One of which nothing was asked yet.
+    /// A change without evidence yet.
     fn new(
         kind: &'static str,
         joint: Option<usize>,
@@ -46,7 +46,7 @@ impl Change {
         Change::new(kind, Some(unknown.joint), vec![unknown], places)
     }
 
-    /// A servo of another stiffness and damping: both begin in one proportion.
+    /// A servo of another stiffness and damping: the initial values scale both by the same factor.
     fn of_servo([stiffness, damping]: [Unknown; 2], given: &ServoArm) -> Change {
         let [k, d] = [&stiffness, &damping].map(|unknown| unknown.of(given));
         let place = |share: f64| {
@@ -61,7 +61,7 @@ impl Change {
         Change::new(burden.kind, burden.joint, burden.unknowns, places)
     }
 
-    /// `model` with its numbers at `place`.
+    /// `model` with the parameters of the change set to `place`.
     pub fn placed(&self, model: &ServoArm, place: &[f64]) -> ServoArm {
         let mut model = model.clone();
         self.unknowns.iter().zip(place).for_each(|(unknown, x)| unknown.set(&mut model, *x));
@@ -74,18 +74,18 @@ impl Change {
         Change { unknowns: self.unknowns.iter().map(first).collect(), ..self.clone() }
     }
 
-    /// Whether the change has one direction, so that a line search can go on between two neighbouring places. A base leans in two directions: its places
-    /// fill a plane.
+    /// Returns true if the change has one direction, so that a line search can continue between two neighbouring places. A base inclines in two directions: its
+    /// places fill a plane.
     pub fn is_along_a_line(&self) -> bool {
         !self.unknowns.iter().any(|unknown| unknown.parameter == ModelParameter::Roll)
     }
 
-    /// Whether the change is of the arm (a payload, a lean, a link's mass), and not of a servo.
+    /// Returns true if the change belongs to the arm (a payload, an inclination, a link's mass), and not to a servo.
     pub fn is_burden(&self) -> bool {
         self.unknowns.iter().any(|unknown| unknown.parameter.is_of_arm())
     }
 
-    /// The same as a burden.
+    /// The change as a burden.
     pub fn burdened(&self) -> Burdened {
         let (unknowns, rivals) = (self.unknowns.clone(), self.rivals.clone());
         Burdened { kind: self.kind, joint: self.joint, unknowns, rivals }
@@ -96,51 +96,51 @@ impl Change {
         self.unknowns.len() == other.unknowns.len() && self.unknowns.iter().all(|unknown| other.has(unknown))
     }
 
-    /// Its numbers without which it is not there: all but those that say where it is.
+    /// The parameters that must differ from zero: all but those of a position.
     pub fn present(&self) -> impl Iterator<Item = &Unknown> {
         present(&self.unknowns)
     }
 
-    /// Whether the change has the number `unknown`.
+    /// Returns true if the change contains `unknown`.
     pub fn has(&self, unknown: &Unknown) -> bool {
         self.unknowns.iter().any(|one| one.is_same(unknown))
     }
 }
 
-/// The given model, and how far it may be off.
+/// The given model and its tolerances.
 pub struct Given<'a> {
-    /// Its file.
+    /// The file of the model.
     pub file: &'a ArmFile,
     /// The model.
     pub model: &'a ServoArm,
     /// Lag, stiffness and encoder step of each joint, as the recordings show them before any fit.
     pub sights: &'a [Sight],
-    /// Whether each joint is commanded to move.
+    /// True for each joint whose command moves.
     pub moves: &'a [bool],
-    /// How far a machine may be off its model.
+    /// Tolerances of the machine about its model.
     pub tolerances: &'a Tolerances,
 }
 
 impl Given<'_> {
-    /// All numbers of the joints as far as a model knows nothing of them, in N·m.
+    /// All parameters of the joints without a known value, in N·m.
     fn broad(&self) -> Vec<Unknown> {
         let all = unknowns(self.sights, self.model, self.tolerances.zero).into_iter();
         let moving = all.filter(|unknown| self.moves[unknown.joint]);
         moving.map(|unknown| unknown.in_torque(self.model.joints[unknown.joint].stiffness)).collect()
     }
 
-    /// All numbers that the model has, as well as it knows them.
+    /// All parameters of the model, with their tolerances.
     pub fn known(&self) -> Vec<Unknown> {
         let moved = moved(&self.model.arm);
         let about = |unknown: Unknown| {
             let value = unknown.of(self.model);
             let (of, least) = match unknown.parameter {
-                // What the joint moves is known no better, and may be less than the model says.
+                // The inertia that the joint moves has the same tolerance, and may be less than that of the model.
                 ModelParameter::Rotor => (value + moved[unknown.joint], f64::NEG_INFINITY),
                 _ => (value, unknown.least),
             };
             let tolerance = tolerance(unknown.parameter, of, self.tolerances);
-            // The zeros of commands and encoder lie as far apart as rounding puts them, too.
+            // Rounding adds to the distance between the zeros of commands and encoder.
             let deviation =
                 if unknown.parameter == ModelParameter::Offset { unknown.deviation } else { tolerance };
             Unknown { expected: value, deviation, least, ..unknown }
@@ -149,7 +149,7 @@ impl Given<'_> {
         all.filter(|unknown| unknown.deviation > 0.0).chain(masses(self.file, self.tolerances)).collect()
     }
 
-    /// The limits that the model has.
+    /// The limits in the model.
     fn limits(&self) -> Vec<Unknown> {
         let of_joint = |joint: usize| {
             let limit = move |parameter, deviation: f64| Unknown {
@@ -170,7 +170,7 @@ impl Given<'_> {
         (0..self.moves.len()).filter(|joint| self.moves[*joint]).flat_map(of_joint).collect()
     }
 
-    /// Commands that reach all joints late by one time, as they come over one line: `None` where a single joint moves. Each joint has a number of its own.
+    /// A common delay of the commands of all joints, as on one line; `None` if a single joint moves. Each joint keeps a delay of its own.
     fn late_line(&self, broad: &[Unknown]) -> Option<Change> {
         let unknowns: Vec<Unknown> =
             broad.iter().filter(|one| one.parameter == ModelParameter::Delay).copied().collect();
@@ -184,7 +184,7 @@ impl Given<'_> {
         Some(Change::new("command_delay", None, unknowns, places))
     }
 
-    /// All that is looked for.
+    /// All changes that the search can test.
     pub fn candidates(&self, fit: &Problem) -> Vec<Change> {
         let broad = self.broad();
         let of = |joint: usize, parameter: ModelParameter| {

@@ -1,26 +1,27 @@
-//! Limits and dead bands of servos: weighed one by one, as a fit that begins without them can't feel them.
+//! Limits and dead bands of servos: tested one by one, since a fit that starts without them has no gradient towards them.
 
 use freeplay_servo::{Fitted, ModelParameter, Noise, Problem, ServoArm, Sight, Unknown};
 
 use crate::statistics::STRONG;
 
-/// Shares of the greatest torque and speed of a model without the limit at which one is tried: a fit moves it from there, as long as some rows are beyond it.
+/// Initial values of a limit, as shares of the greatest torque and speed of a model without it: a fit moves the limit from there, as long as some rows are
+/// beyond it.
 const TRIED: [f64; 4] = [0.4, 0.6, 0.75, 0.9];
-/// Shares of the error at which a dead band is tried: a fit moves it from there, as long as some rows are inside.
+/// Initial values of a dead band, as shares of the error: a fit moves it from there, as long as some rows are inside.
 const BANDS: [f64; 2] = [0.1, 0.3];
-/// Rows over which a speed is measured: the noise of a difference falls with them, and three are short against any motion.
+/// Rows over which a speed is measured: the noise of a difference falls with their number, and three rows are short against any motion.
 const SPAN: usize = 3;
 
-/// One more number for the model, where it is best.
+/// One more parameter for the model, at its best value.
 struct Candidate {
     unknown: Unknown,
     value: f64,
     gain: f64,
-    /// Greatest speed at which the joint was measured, rad/s: a limit of speed shows where it is reached.
+    /// Greatest measured speed of the joint, rad/s: a limit of speed shows where it is reached.
     fastest: f64,
 }
 
-/// Adds limits and dead bands to `fitted` as long as the fit part gains by them and the choice part does, too. The unknowns grow with them.
+/// Adds limits and dead bands to `fitted` as long as both the fit part and the choice part gain. The unknowns grow with them.
 pub fn add_limits(
     [fit, choice]: [&Problem; 2],
     sights: &[Sight],
@@ -29,7 +30,7 @@ pub fn add_limits(
     progress: &mut dyn FnMut(&str),
 ) -> Fitted {
     let price = STRONG + (3.0 * sights.len() as f64).ln();
-    // More than one limit a joint would leave nothing of its servo to fit.
+    // More than one limit per joint would leave no rows for fitting its servo.
     for _ in 0..sights.len() {
         let best = best(fit, sights, unknowns, &fitted);
         let Some(best) = best.filter(|best| best.gain >= price) else { break };
@@ -52,12 +53,12 @@ pub fn add_limits(
     fitted
 }
 
-/// Log-likelihood that `model` loses in `problem` under `noise`.
+/// Loss of log-likelihood of `model` in `problem` under `noise`.
 pub fn lost(problem: &Problem, model: &ServoArm, noise: &Noise) -> f64 {
     problem.losses(&problem.residuals(model), noise).iter().sum()
 }
 
-/// The limit that gains most where it is tried; all other numbers stand.
+/// The limit with the largest gain at its initial values; all other parameters stay fixed.
 fn best(problem: &Problem, sights: &[Sight], unknowns: &[Unknown], fitted: &Fitted) -> Option<Candidate> {
     let before = lost(problem, &fitted.model, &fitted.noise);
     let is_new = |limit: &&Limit| !unknowns.iter().any(|one| one.is_same(&limit.unknown));
@@ -74,17 +75,17 @@ fn best(problem: &Problem, sights: &[Sight], unknowns: &[Unknown], fitted: &Fitt
     candidates.max_by(|a, b| a.gain.total_cmp(&b.gain))
 }
 
-/// A limit or dead band that a joint may have.
+/// A possible limit or dead band of a joint.
 pub struct Limit {
-    /// Its number.
+    /// Its parameter.
     pub unknown: Unknown,
-    /// Where it may be.
+    /// Its initial values.
     pub places: Vec<f64>,
-    /// Greatest speed at which the joint was measured, rad/s (m/s).
+    /// Greatest measured speed of the joint, rad/s (m/s).
     pub fastest: f64,
 }
 
-/// All limits and dead bands that the joints of `model` may have.
+/// All possible limits and dead bands of the joints of `model`.
 pub fn limits(problem: &Problem, sights: &[Sight], model: &ServoArm) -> Vec<Limit> {
     let most = greatest(problem, model);
     let of_joint = |(joint, sight): (usize, &Sight)| {
@@ -111,7 +112,7 @@ pub fn limits(problem: &Problem, sights: &[Sight], model: &ServoArm) -> Vec<Limi
     sights.iter().enumerate().flat_map(of_joint).collect()
 }
 
-/// Greatest torque of each servo over its stiffness, rad, in the simulation, and greatest speed that was measured, rad/s.
+/// Greatest torque of each servo over its stiffness in the simulation, rad, and greatest measured speed, rad/s.
 fn greatest(problem: &Problem, model: &ServoArm) -> Vec<[f64; 2]> {
     let mut most = vec![[0.0_f64; 2]; model.joints.len()];
     let residuals = problem.residuals(model);

@@ -1,4 +1,4 @@
-//! What was recorded of an arm on servos, what of it fits and chooses, and what happened in it that no servo explains.
+//! The recordings of an arm with servos, their fit and choice parts, and the events in them that no servo explains.
 
 use std::collections::BTreeSet;
 
@@ -18,44 +18,45 @@ pub struct Recorded<'a> {
     pub file: &'a ArmFile,
     /// The recordings.
     pub tracks: &'a [Track],
-    /// Which rows fit, choose and judge.
+    /// The rows of the fit, the choice and the test.
     pub parts: &'a Parts,
-    /// What the recordings say of each joint.
+    /// Prior information from the recordings on each joint.
     pub sights: &'a [Sight],
-    /// Whether each joint is commanded to move.
+    /// True for each joint whose command moves.
     pub moves: &'a [bool],
-    /// How far a machine may be off its model.
+    /// Tolerances of the machine about its model.
     pub tolerances: &'a Tolerances,
 }
 
-/// What was found of the servos.
+/// The findings on the servos.
 pub struct Found {
     /// The fit.
     pub fitted: Fitted,
-    /// Its numbers.
+    /// Its unknowns.
     pub unknowns: Vec<Unknown>,
-    /// What the arm carries, or how it stands, beside what its model says.
+    /// Burdens of the arm beyond its model: payload or inclination.
     pub burdened: Vec<Burdened>,
-    /// What of the given model is changed; `None` where no servos were given.
+    /// The changes of the given model; `None` if no servos were given.
     pub changes: Option<Vec<Change>>,
-    /// The recordings without what happened in them.
+    /// The recordings without the rows of events.
     pub undisturbed: Vec<Track>,
 }
 
 impl Recorded<'_> {
-    /// `model` as the one that was given.
+    /// `model` as the given model.
     pub fn given<'g>(&'g self, model: &'g ServoArm) -> Given<'g> {
         let Recorded { file, sights, moves, tolerances, .. } = *self;
         Given { file, model, sights, moves, tolerances }
     }
 
-    /// The problems of the fit and of the choice part of `tracks`, with the rows that under `model` say nothing of how their windows began.
+    /// The problems of the fit and of the choice part of `tracks`, with those rows whose prediction under `model` no longer depends on the start of their
+    /// window.
     pub fn fit_and_choice<'t>(&self, tracks: &'t [Track], model: &ServoArm) -> [Problem<'t>; 2] {
         [&self.parts.fit, &self.parts.choice]
             .map(|part| problem(tracks, part, self.sights, WINDOW).forgetting(model))
     }
 
-    /// The recordings without the `events` of those that fit or choose.
+    /// The recordings without the rows of `events`, where a recording has fit or choice rows.
     pub fn undisturbed(&self, events: Vec<Event>) -> Vec<Track> {
         let seen: BTreeSet<usize> =
             self.parts.fit.iter().chain(&self.parts.choice).map(|(index, _)| *index).collect();
@@ -79,7 +80,8 @@ impl Recorded<'_> {
         windows.flat_map(|((index, rows), residual)| judging.events(*index, rows, residual)).collect()
     }
 
-    /// The events of all recordings under the fitted model where its joints end at the stops that are found: what a known stop explains is no other event. `known` are those that were given.
+    /// The events of all recordings under the fitted model, with its joints ending at the detected stops: a known stop is not a second event. `known` holds the
+    /// unknowns of the given model.
     pub fn events_beside_stops(
         &self,
         fitted: &Fitted,
@@ -102,7 +104,7 @@ impl Recorded<'_> {
     }
 }
 
-/// Ends a joint of `model` where `event` found it to rest; whether that is a stop that the model has not had.
+/// Sets the end stop of a joint of `model` that `event` detected, and returns true if the model lacked this stop.
 pub fn stop(model: &mut ServoArm, event: &Event) -> bool {
     let What::Stop { joint, position, is_above } = event.what else { return false };
     let end = &mut model.joints[joint].stops[usize::from(is_above)];
@@ -113,7 +115,7 @@ pub fn stop(model: &mut ServoArm, event: &Event) -> bool {
     is_new
 }
 
-/// Whether the same rows of all tracks were measured.
+/// Returns true if `a` and `b` have measurements in the same rows.
 pub fn is_same(a: &[Track], b: &[Track]) -> bool {
     let rows = |tracks: &[Track]| {
         let all = tracks.iter().flat_map(|track| track.measured.iter().flatten());
@@ -122,7 +124,7 @@ pub fn is_same(a: &[Track], b: &[Track]) -> bool {
     rows(a) == rows(b)
 }
 
-/// `tracks` without what was measured during `events`.
+/// `tracks` without the measurements during `events`.
 fn without(tracks: &[Track], events: &[Event]) -> Vec<Track> {
     let mut tracks = tracks.to_vec();
     for event in events {

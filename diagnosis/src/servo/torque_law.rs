@@ -1,4 +1,4 @@
-//! The law of a joint's servo where its torque was measured, too: a straight line in all but the delay of its commands.
+//! The law of a joint's servo with measured torque: linear in all parameters but the delay of the commands.
 
 use std::ops::Range;
 
@@ -11,10 +11,10 @@ use super::tracks::FOR_LAGS;
 use crate::signals::motion::Treatment;
 use crate::statistics::Moments;
 
-/// Steps of the delays that are tried, s, before the best is looked for between its neighbours: a quarter of the shortest lag of a servo.
+/// Step of the trial delays, s, before a line search between the neighbours of the best: a quarter of the shortest lag of a servo.
 const APART: f64 = 0.005;
 
-/// A recording as the law of a joint sees it, on the kept points of the treatment.
+/// The columns of a recording for the law of one joint, on the kept points of the treatment.
 pub struct Sheet<'a> {
     recording: &'a Recording,
     treatment: &'a Treatment,
@@ -23,13 +23,13 @@ pub struct Sheet<'a> {
     v: Vec<f64>,
     a: Vec<f64>,
     torque: Vec<f64>,
-    /// Groups of rows before the cut, which the law is fitted to, and after it.
+    /// Groups of rows before the cut, for the fit, and after the cut.
     fit: Vec<Range<usize>>,
     test: Vec<Range<usize>>,
 }
 
 impl<'a> Sheet<'a> {
-    /// The sheet of `joint` of `recording`, cut at the time `cut`, s; `None` where a column is missing or has samples that are.
+    /// The sheet of `joint` of `recording`, cut at the time `cut`, s; `None` if a column or a sample is missing.
     pub fn of(recording: &'a Recording, treatment: &'a Treatment, joint: usize, cut: f64) -> Option<Self> {
         let commanded = recording.q_ref.as_ref()?.get(joint)?;
         let torque = recording.tau.as_ref()?.get(joint)?;
@@ -44,7 +44,7 @@ impl<'a> Sheet<'a> {
             let long = ((BLOCK / step.max(f64::EPSILON)) as usize).max(1);
             rows.clone().step_by(long).map(move |begin| begin..rows.end.min(begin + long))
         });
-        // The low-pass smears rows over the cut: rows so near to it belong to neither part.
+        // The low-pass smears rows across the cut: rows near the cut belong to neither part.
         let guard = treatment.filter().settling_time();
         let (mut fit, mut test) = (Vec::new(), Vec::new());
         for group in groups {
@@ -59,8 +59,8 @@ impl<'a> Sheet<'a> {
         Some(Self { recording, treatment, commands, q, v, a, torque, fit, test })
     }
 
-    /// The command `delay` s late, treated as all columns are. A row stands for the time around it, halfway to its neighbours, over which the held command is
-    /// averaged, so that it changes smoothly with the delay.
+    /// The command with a delay of `delay` s, filtered like all columns. Each row is the mean of the held command from halfway to the row before to halfway to
+    /// the next, so that it changes smoothly with the delay.
     fn command(&self, delay: f64) -> Vec<f64> {
         let t = &self.recording.t;
         let servo = JointServo { delay, ..JointServo::stiff(1.0) };
@@ -74,8 +74,8 @@ impl<'a> Sheet<'a> {
         self.treatment.smooth(self.recording, &column)
     }
 
-    /// Position and velocity in `row` as they were when its torque acted, for encoders that are `late` s behind the torques: to second order in a time that is
-    /// short against a motion that passed the low-pass.
+    /// Position and velocity in `row` at the time of its torque, for encoders with a delay of `late` s behind the torques: a second-order expansion, since the
+    /// delay is short against a filtered motion.
     fn motion(&self, row: usize, late: f64) -> (f64, f64) {
         let (q, v, a) = (self.q[row], self.v[row], self.a[row]);
         (q + late * v + 0.5 * late * late * a, v + late * a)
@@ -89,19 +89,19 @@ pub struct TorqueLaw {
     pub stiffness: (f64, f64),
     pub damping: (f64, f64),
     pub delay: (f64, f64),
-    /// Root of the mean square that it leaves of the torques before the cut, and of those after it.
+    /// Root mean square residual of the torques before the cut, and of those after it.
     pub left: f64,
     pub left_in_test: f64,
-    /// Root of the mean square of the torques after the cut about their mean.
+    /// Standard deviation of the torques after the cut.
     pub size_in_test: f64,
 }
 
 impl TorqueLaw {
-    /// The law of least squares on the rows of `sheets` before the cut, whose delay is not beyond `lag`, s, by much; encoders are `late` s behind the torques. `None` where nothing moves
-    /// or nothing is left to judge.
+    /// The least-squares law on the rows of `sheets` before the cut. Trial delays end a little beyond `lag`, s; the encoders have a delay of `late` s behind
+    /// the torques. `None` if nothing moves or no rows remain for the test.
     pub fn fit(sheets: &[Sheet], lag: f64, late: f64) -> Option<Self> {
         let loss = |delay: f64| Line::fit(sheets, delay, late).map_or(f64::INFINITY, |line| line.left);
-        // The lag was measured on rows so far apart; the least at an end of the range would be no minimum.
+        // The lag has the resolution of these steps; a minimum at an end of the range would be no minimum.
         let steps = ((lag + 2.0 * FOR_LAGS) / APART).ceil().max(2.0) as usize;
         let tried = (0..=steps).map(|step| step as f64 * APART - FOR_LAGS).map(|delay| (delay, loss(delay)));
         let (best, least) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -123,7 +123,7 @@ impl TorqueLaw {
     }
 }
 
-/// The line of least squares for one delay: stiffness, damping, constant, and the root of the mean square that it leaves.
+/// The least-squares line for one delay: stiffness, damping, constant, and the root mean square residual.
 struct Line {
     values: Vector3<f64>,
     left: f64,
@@ -149,14 +149,14 @@ impl Line {
         Some(Self { values, left: left.sqrt() })
     }
 
-    /// Torque that the line leaves in `row` of `sheet`, and its columns.
+    /// Residual torque in `row` of `sheet`, and the columns of the line.
     fn left_in(&self, sheet: &Sheet, command: &[f64], row: usize, late: f64) -> (f64, Vector3<f64>) {
         let (q, v) = sheet.motion(row, late);
         let columns = Vector3::new(command[row] - q, -v, 1.0);
         (sheet.torque[row] - self.values.dot(&columns), columns)
     }
 
-    /// Root of the mean square of what the line leaves after the cut, and of the torques there about their mean; `None` without rows there.
+    /// Root mean square residual after the cut, and standard deviation of the torques there; `None` without rows there.
     fn in_test(&self, sheets: &[Sheet], delay: f64, late: f64) -> Option<(f64, f64)> {
         let (mut left, mut torques) = (Vec::new(), Vec::new());
         for sheet in sheets {
@@ -169,7 +169,7 @@ impl Line {
         (!left.is_empty()).then(|| (Moments::of(&left).rms, Moments::of(&torques).std))
     }
 
-    /// Standard deviations of stiffness, damping and delay by the scatter of what groups of rows say (White 1982, Econometrica 50:1).
+    /// Standard deviations of stiffness, damping and delay from the scatter between groups of rows (White 1982, Econometrica 50:1).
     fn deviations(&self, sheets: &[Sheet], delay: f64, late: f64) -> Option<[f64; 3]> {
         let reach = 0.1 * APART;
         let (mut hessian, mut scatter, mut groups) = (Matrix4::zeros(), Matrix4::zeros(), 0.0);

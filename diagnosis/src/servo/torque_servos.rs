@@ -1,4 +1,4 @@
-//! What is said of servos beside what torques told: findings, errors in position, the model that holds them.
+//! The result for servos next to that from torques: findings, position errors, and the model that contains them.
 
 use std::collections::BTreeMap;
 
@@ -20,20 +20,20 @@ use crate::report::diagnosis::{Diagnosis, Effect, Evidence, Fit, Parameter, Pass
 use crate::report::settings::DiagnoseSettings;
 use crate::report::words::{odds, phrase, statement};
 
-/// An effect that laws say.
+/// An effect that the laws describe.
 pub struct Finding {
     kind: &'static str,
     joint: usize,
     parameters: BTreeMap<String, Parameter>,
     table: EffectTable,
     remark: String,
-    /// Standard deviations from what was known.
+    /// Standard deviations from the known value.
     distance: f64,
-    /// Whether that is beyond what a name needs; else it is a number of the model alone.
+    /// True if the distance suffices for a name; otherwise the effect only sets a parameter of the model.
     is_named: bool,
 }
 
-/// What `laws` say of the servos; named is what `file` does not say within its `tolerances`.
+/// The findings on the servos from `laws`; an effect that `file` lacks within its `tolerances` is named.
 pub fn findings(file: &ArmFile, laws: &Laws, tolerances: &Tolerances) -> Vec<Finding> {
     let least = (2.0 * named_from(laws.of_joint.len())).sqrt();
     let both = |(joint, law): (usize, &Option<TorqueLaw>)| {
@@ -67,11 +67,11 @@ fn servo(file: &ArmFile, joint: usize, law: &TorqueLaw, tolerances: &Tolerances)
     }
 }
 
-/// The delay of commands, beside encoders whose lateness makes it uncertain by `late` s.
+/// The delay of commands; the delay of the encoders makes it uncertain by `late` s.
 fn delay(file: &ArmFile, joint: usize, law: &TorqueLaw, late: f64, tolerances: &Tolerances) -> Finding {
     let (delay, deviation) = (law.delay.0, law.delay.1.hypot(late));
     let given = delay_of(file, joint);
-    // An effect does not come before its cause: less than none is how rows stand to stamps.
+    // An effect can't precede its cause: a negative delay only reflects the order of rows and stamps.
     let off = (delay.max(0.0) - given).abs();
     let numbers = [("delay", delay.max(0.0), around(delay, deviation))];
     Finding {
@@ -80,7 +80,7 @@ fn delay(file: &ArmFile, joint: usize, law: &TorqueLaw, late: f64, tolerances: &
     }
 }
 
-/// Delay of commands that `file` names at `joint`, s.
+/// Delay of commands in `file` at `joint`, s.
 pub fn delay_of(file: &ArmFile, joint: usize) -> f64 {
     let table = table_of(file, "command_delay", joint);
     table.and_then(|table| number(table, "delay")).unwrap_or(0.0)
@@ -97,7 +97,7 @@ fn finding(
         let unit = kind.unit(name, Some(at)).to_owned();
         (name.to_owned(), Parameter { value: Value::Float(value), unit, ci95: Some(ci95) })
     };
-    // A servo that was given keeps what the law does not say: limits, dead band, resolution.
+    // A given servo keeps its parameters that the law does not have: limits, dead band, resolution.
     let mut table = table_of(file, name, joint).cloned().unwrap_or_else(|| empty(file, name, joint));
     table
         .parameters
@@ -130,7 +130,8 @@ fn table_of<'f>(file: &'f ArmFile, kind: &str, joint: usize) -> Option<&'f Effec
     file.effects.iter().find(|table| table.kind == kind && table.joint.as_ref() == Some(name))
 }
 
-/// `model` with `findings`, each in the place of what it has of the same kind, if named; joints that rest get any servo, by `sights`, so that the arm can be simulated.
+/// `model` with the named `findings`, each replacing the model's effect of the same kind. Joints at rest get default servos, by `sights`, so that the arm can
+/// be simulated.
 pub fn with_servos(model: &ArmFile, findings: &[Finding], laws: &Laws, sights: &[Sight]) -> ArmFile {
     let mut model = model.clone();
     for finding in findings {
@@ -141,7 +142,7 @@ pub fn with_servos(model: &ArmFile, findings: &[Finding], laws: &Laws, sights: &
         model.effects.retain(|table| table.kind != finding.kind || table.joint != finding.table.joint);
         model.effects.push(finding.table.clone());
     }
-    // Where nothing tells delay from lag, each makes one half.
+    // If the data don't separate delay and lag, each gets one half.
     let any = servos(&model.arm, sights, &vec![0.5; sights.len()]);
     for (joint, servo) in any.iter().enumerate() {
         if laws.of_joint[joint].is_none() && table_of(&model, "servo", joint).is_none() {
@@ -154,7 +155,7 @@ pub fn with_servos(model: &ArmFile, findings: &[Finding], laws: &Laws, sights: &
     model
 }
 
-/// The servos and what they leave of the positions: measured minus the model as given, a plain lag, filters without a name, the servos found.
+/// The servos and their position residuals: measured minus the model as given, a plain lag, nameless filters, the identified servos.
 pub struct Simulated<'a> {
     pub file: &'a ArmFile,
     pub recordings: &'a [Recording],
@@ -162,7 +163,7 @@ pub struct Simulated<'a> {
     pub parts: &'a Parts,
     pub sights: &'a [Sight],
     pub settings: &'a DiagnoseSettings,
-    /// Joints that are commanded to move.
+    /// Joints whose command moves.
     pub joints: Vec<usize>,
     pub servos: ServoArm,
     pub before: Deviations,
@@ -172,7 +173,7 @@ pub struct Simulated<'a> {
 }
 
 impl Simulated<'_> {
-    /// Adds `findings` and the errors in position to `diagnosis`.
+    /// Adds `findings` and the position errors to `diagnosis`.
     pub fn add_to(&self, diagnosis: &mut Diagnosis, findings: &[Finding]) {
         let fit = self.fit();
         let mut effects: Vec<Effect> =
@@ -263,7 +264,7 @@ impl Simulated<'_> {
         format!("{torque} {named} {numbers}")
     }
 
-    /// Errors in position of the joints that are commanded to move.
+    /// Position errors of the joints whose command moves.
     fn fit(&self) -> Fit {
         let test = &self.parts.test;
         let of_moving = |deviations: &Deviations| -> BTreeMap<String, Rmse> {
@@ -293,7 +294,7 @@ impl Simulated<'_> {
         }
     }
 
-    /// Adds the positions to what is drawn of `passage`.
+    /// Adds the positions to the traces of `passage`.
     fn draw(&self, passage: &mut Passage) {
         let is_of = |recording: &Recording| {
             recording.origin.file_name().is_some_and(|name| name.to_string_lossy() == passage.recording)
@@ -321,7 +322,7 @@ impl Simulated<'_> {
     }
 }
 
-/// `column` at the time `t` along straight lines between `stamps`.
+/// `column` at the time `t` by linear interpolation between `stamps`.
 fn at(stamps: &[f64], column: &[f64], t: f64) -> f64 {
     let after = stamps.partition_point(|stamp| *stamp < t).clamp(1, stamps.len() - 1);
     let share = ((t - stamps[after - 1]) / (stamps[after] - stamps[after - 1])).clamp(0.0, 1.0);

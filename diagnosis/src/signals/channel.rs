@@ -1,4 +1,4 @@
-//! What a recording measures that a model can predict.
+//! The measured channels that a model can predict.
 
 use freeplay_laws::Prediction;
 use freeplay_recording::Recording;
@@ -6,7 +6,7 @@ use freeplay_recording::Recording;
 use crate::signals::missing::masked;
 use crate::statistics::difference;
 
-/// What a channel measures, and what the model says in its place.
+/// The measured quantity of a channel, and its model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// Torque of the joint with this index: measured, against inverse dynamics of the measured motion, nominal friction and effects.
@@ -15,12 +15,12 @@ pub enum Kind {
     Tool(usize),
     /// Link-side encoder of the joint with this index, against the motor-side position.
     Link(usize),
-    /// Position of the joint with this index: measured, against the one simulated from the commanded positions.
+    /// Position of the joint with this index: measured, against the position simulated from the commands.
     Position(usize),
 }
 
 impl Kind {
-    /// Its column of `prediction`; none for positions, which a prediction takes as given.
+    /// Its column of `prediction`; empty for positions, which a prediction takes as given.
     pub(crate) fn of(self, prediction: &Prediction) -> &[f64] {
         match self {
             Kind::Torque(joint) => &prediction.torque[joint],
@@ -41,32 +41,32 @@ impl Kind {
     }
 }
 
-/// One channel: what was measured and what the model says, point by point.
+/// One channel: measured and predicted values, point by point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
     /// Name of its column in the recording.
     pub name: String,
-    /// The channel measures this.
+    /// The measured quantity.
     pub kind: Kind,
-    /// Unit of all its numbers: `N*m` or `N`, `m`, `rad`.
+    /// Unit of all its values: `N*m` or `N`, `m`, `rad`.
     pub unit: &'static str,
-    /// Measured, treated.
+    /// Measured values, filtered.
     pub measured: Vec<f64>,
-    /// The model's answer to the measured motion, nominal friction included.
+    /// Prediction of the model for the measured motion, nominal friction included.
     pub model: Vec<f64>,
-    /// Whether it was measured, point by point: where it was not, `measured` bridges what is missing and counts for nothing. `None`: at all.
+    /// Points with a measurement. Elsewhere `measured` bridges the missing samples and has no weight. `None`: all points have one.
     pub present: Option<Vec<bool>>,
-    /// The nominal friction in it; torque channels of a joint for which the model names friction.
+    /// The nominal friction in it; only torque channels of a joint with friction in the model.
     pub friction: Option<Vec<f64>>,
 }
 
 impl Channel {
-    /// Measured minus model at every point; zero where nothing was measured.
+    /// Measured minus model at every point; zero without a measurement.
     pub fn residual(&self) -> Vec<f64> {
         masked(difference(&self.measured, &self.model), self.present.as_deref())
     }
 
-    /// Nothing of it was measured.
+    /// Returns true if no point has a measurement.
     pub fn is_missing(&self) -> bool {
         self.present.as_ref().is_some_and(|present| !present.contains(&true))
     }

@@ -1,9 +1,10 @@
-//! How far up a recorded motion says what the torque was: the cutoff of the low-pass.
+//! The cutoff of the low-pass: the highest frequency at which the recorded motion still predicts the torque.
 //!
-//! The torque of a rigid arm grows with the square of the frequency of its motion, and so does what the noise of positions makes of it. Two things tell that
-//! noise. Above the motions of an arm a recording of positions has nothing else: white noise as large as there is in every band. And where a motion asks for more torque
-//! than was measured, and for one that has nothing to do with the measured one, it is noise of whatever colour; a soft joint or a slow torque sensor takes torque away, too, but in proportion.
-//! The first is needed beside the second: a loop that is closed over noisy positions answers their noise as a slow sensor would answer a motion.
+//! The torque of a rigid arm grows with the square of the frequency of its motion, and so does the contribution of position noise. Two observations reveal this
+//! noise. First, above the frequencies of an arm's motions a recording of positions has noise only: white noise, equally large in every band. Second, where the
+//! motion requires more torque than was measured, and this torque is unrelated to the measured one, it is noise of any colour; a soft joint or a slow torque
+//! sensor also reduces the torque, but in proportion. The second observation needs the first: a control loop closed over noisy positions reacts to their noise
+//! as a slow sensor would react to a motion.
 //!
 //! Source: magnitude-squared coherence (Carter, Knapp & Nuttall 1973), here band by band in the time domain.
 
@@ -21,13 +22,13 @@ use crate::statistics::{Moments, Quantile, difference};
 
 /// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
 const BANDS: u8 = 6;
-/// Most of a torque's variance that the noise of the motion may make: 1 % is a tenth of its deviation, and adds half a per cent to what is left of a torque.
+/// Greatest share of a torque's variance that motion noise may cause: 1 % is a tenth of the deviation, and adds half a per cent to the torque's residual.
 const MOST_NOISE: f64 = 0.01;
-/// A band holds noise where the motion asks for this many times the power that was measured: a drive that clips takes less away.
+/// A band holds noise if the motion requires this many times the measured power: a clipping drive removes less.
 const FAR_MORE: f64 = 4.0;
 
-/// The cutoff of `treatment`, Hz, lowered where noise of the motion in `recording` would make too much torque along `arm`, or more than the motion itself: in the
-/// middle one of its joints, since a light wrist is no reason to blur the others.
+/// The cutoff of `treatment`, Hz. The function lowers it where the motion noise in `recording` would cause too much torque along `arm`, or more than the motion
+/// itself. The median joint decides, since a light wrist is no reason to blur the others.
 pub(crate) fn cutoff_for(arm: &Arm, recording: &Recording, treatment: &Treatment) -> f64 {
     let (rate_hz, top_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
     let Some(measured) = recording.tau.as_ref() else { return top_hz };
@@ -52,7 +53,7 @@ pub(crate) fn cutoff_for(arm: &Arm, recording: &Recording, treatment: &Treatment
         .collect();
     let is_worth = |band: &usize| {
         let of_joints = |of: fn(&Noise) -> f64| middle(joints.iter().map(|joint| of(&joint[band - 1])));
-        // Above the motions of an arm a band is kept for what it shows of friction and gaps alone.
+        // Above the motions of an arm, a band is only of use for what it shows of friction and gaps.
         let is_idle = passes[*band].cutoff_hz() > LEAST_CUTOFF && of_joints(|noise| noise.of_band) > 0.5;
         of_joints(|noise| noise.below) < MOST_NOISE && !is_idle
     };
@@ -60,7 +61,7 @@ pub(crate) fn cutoff_for(arm: &Arm, recording: &Recording, treatment: &Treatment
     passes.get(most).map_or(top_hz, LowPass::cutoff_hz)
 }
 
-/// White noise as large as that of the positions in the octave above the cutoff of `treatment`, by joint and grid point.
+/// White noise of the level of the positions in the octave above the cutoff of `treatment`, by joint and grid point.
 fn white_noise(recording: &Recording, treatment: &Treatment) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let of_joint = |q: &Vec<f64>| {
@@ -71,15 +72,16 @@ fn white_noise(recording: &Recording, treatment: &Treatment) -> Vec<Vec<f64>> {
     recording.q.iter().map(of_joint).collect()
 }
 
-/// The part of the model's torque that the noise of the recorded positions makes.
+/// The part of the model's torque that stems from noise of the recorded positions.
 struct Noise {
-    /// As a share of the torque's variance, below the upper end of a band.
+    /// Share of the torque's variance, below the upper end of a band.
     below: f64,
-    /// As a share of what the model has in that band.
+    /// Share of the model's power in that band.
     of_band: f64,
 }
 
-/// The noise in what `model` asks for, where `white` noise alone would ask for so much: below each of the cutoffs from the lowest on, and in the band up to each but that one.
+/// The noise in the torque of `model`, at least the torque of `white` noise alone. The columns are filtered at increasing cutoffs; the result has an entry for
+/// the band below each cutoff but the lowest.
 fn noise(model: &[Vec<f64>], white: &[Vec<f64>], measured: &[Vec<f64>]) -> Vec<Noise> {
     let variance = |column: Option<&Vec<f64>>| column.map_or(0.0, |column| Moments::of(column).std.powi(2));
     let whole = variance(model.first()).max(variance(measured.last()));
@@ -98,7 +100,7 @@ fn noise(model: &[Vec<f64>], white: &[Vec<f64>], measured: &[Vec<f64>]) -> Vec<N
         .collect()
 }
 
-/// The power that was `asked` for and exceeds what was `seen` by far, as far as it has nothing to do with it.
+/// The power of the `asked` torque that is incoherent with the `seen` one, if it exceeds that by far.
 fn incoherent(asked: &[f64], seen: &[f64]) -> f64 {
     let [of_asked, of_seen] = [asked, seen].map(|band| Moments::of(band).rms.powi(2));
     if of_asked > FAR_MORE * of_seen {
@@ -108,7 +110,7 @@ fn incoherent(asked: &[f64], seen: &[f64]) -> f64 {
     }
 }
 
-/// Share of the square of `y` that `x` says in whatever phase: regression on `x` and its derivative.
+/// Share of the square of `y` that `x` explains at any phase: regression on `x` and its derivative.
 fn coherence(x: &[f64], y: &[f64]) -> f64 {
     let (quadrature, _) = derivatives(x, 1.0);
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -122,7 +124,7 @@ fn coherence(x: &[f64], y: &[f64]) -> f64 {
     }
 }
 
-/// The middle one of `values`, the greater of two; 0 of none.
+/// The median of `values`, the greater of two; 0 if empty.
 fn middle(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
