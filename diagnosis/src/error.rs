@@ -101,7 +101,7 @@ pub enum ResidualError {
 }
 
 impl ResidualError {
-    /// Returns true if only a part of one of `recordings` is too small, not the whole recording.
+    /// Returns true if a part of one of `recordings` may be too small although the whole recording has enough samples.
     pub(crate) fn is_of_a_part(&self, recordings: &[Recording]) -> bool {
         match self {
             Self::TooShort { .. } => true,

@@ -89,7 +89,7 @@ pub fn of_arm(
     Ok(recording)
 }
 
-/// The error of a recording whose number of joints differs from the model in `file`, with the notes of that file.
+/// The error of a recording whose number of joints differs from the model in `file`, with the chain that the file's arm was taken from.
 fn other_number(recording: &Recording, model: &str, file: &ArmFile) -> RecordedError {
     let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
     let taken = file.ignored.first().filter(|note| note.starts_with("arm: "));

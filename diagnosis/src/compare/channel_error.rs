@@ -4,29 +4,29 @@ use serde::Serialize;
 
 use crate::signals::channel::Kind;
 
-/// The model misses one channel by this error. Numbers without a unit of their own are in the channel's unit.
+/// Error of a model in one channel. Values without a unit of their own are in the channel's unit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ChannelError {
     /// Name of the column.
     pub name: String,
-    /// The channel measures this.
+    /// The measured quantity.
     #[serde(skip)]
     pub kind: Kind,
     /// `N*m`, `N`, `m` or `rad`.
     pub unit: &'static str,
     /// Name of the joint in the model; `None` for the tool.
     pub joint: Option<String>,
-    /// Root of the mean square of measured minus model.
+    /// Root mean square of measured minus model.
     pub rmse: f64,
-    /// Root of the mean square of the measured signal.
+    /// Root mean square of the measured signal.
     pub rms_measured: f64,
-    /// `rmse / rms_measured`, a fraction: 1 is as bad as a model that says zero. `None` if nothing but zero was measured.
+    /// `rmse / rms_measured`, a fraction: 1 is as bad as a model that always predicts zero. `None` if all measured values are zero.
     pub nrmse: Option<f64>,
     /// Standard deviation of the measured signal.
     pub std_measured: f64,
-    /// `rmse / std_measured`, a fraction: 1 is as bad as a model that says the mean. `None` if the measured signal is constant.
+    /// `rmse / std_measured`, a fraction: 1 is as bad as a model that always predicts the mean. `None` if the measured signal is constant.
     pub nrmse_std: Option<f64>,
-    /// `rmse` of the model without its nominal friction; `None` if it names none for this joint.
+    /// `rmse` of the model without its nominal friction; `None` if the model has none for this joint.
     pub rmse_without_friction: Option<f64>,
     /// Mean of measured minus model.
     pub mean_error: f64,
@@ -34,15 +34,16 @@ pub struct ChannelError {
     pub std_error: f64,
     /// Largest amount of measured minus model.
     pub max_error: f64,
-    /// Standard deviation of the channel's own noise behind the low-pass, by what its samples have above it; `None` of positions compared with commanded ones, which no filter touches.
+    /// Standard deviation of the channel's own noise after the low-pass, estimated from its samples above the cutoff; `None` for positions compared with
+    /// commanded ones, which no filter touches.
     pub noise: Option<f64>,
-    /// Time by which the measured position follows the commanded one, s; of command channels.
+    /// Delay of the measured behind the commanded position, s; of command channels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lag_s: Option<f64>,
 }
 
 impl ChannelError {
-    /// How many times its noise the error is.
+    /// Ratio of the error to the noise.
     pub fn times_noise(&self) -> Option<f64> {
         self.noise.filter(|noise| *noise > 0.0).map(|noise| self.rmse / noise)
     }

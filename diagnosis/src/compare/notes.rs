@@ -1,4 +1,4 @@
-//! What a person should know beside the numbers.
+//! Remarks for the reader of the numbers.
 
 use freeplay_arm::{Arm, JointKind};
 use freeplay_recording::Recording;
@@ -9,13 +9,13 @@ use crate::signals::missing::only;
 use crate::signals::motion::Treatment;
 use crate::statistics::{UNMOVED, difference, encoder_noise, extremes};
 
-/// Share of the movement of a joint above which it is said that the filter takes it away: below 1 % no law changes its numbers by more than their intervals.
+/// Least share of a joint's movement removed by the filter that is worth a note: below 1 % no law changes its parameters by more than their intervals.
 const REMOVED: f64 = 0.01;
-/// Share of a velocity by which a recorded one may differ from the derivative of the position, and of a range by which a joint may be outside of it, without a
-/// word: as small an error changes no verdict.
+/// Greatest deviation without a note, as a share: of a recorded velocity from the derivative of the position, and of a joint beyond its range. Such a small
+/// error changes no verdict.
 const WORTH_A_WORD: f64 = 0.05;
 
-/// The joints of `arm` that `recording` has beyond their limits, a sentence each.
+/// The joints of `arm` with positions beyond their limits in `recording`, one sentence each.
 pub fn beyond_limits(arm: &Arm, recording: &Recording) -> Vec<String> {
     let mut notes = Vec::new();
     for (index, (joint, q)) in arm.joints().iter().zip(&recording.q).enumerate() {
@@ -37,7 +37,7 @@ pub fn beyond_limits(arm: &Arm, recording: &Recording) -> Vec<String> {
     notes
 }
 
-/// What notes on the motion are made of, part by part of a recording.
+/// The data of notes on the motion, summed over the parts of a recording.
 pub(crate) struct MotionTally {
     joints: Vec<JointTally>,
 }
@@ -47,7 +47,7 @@ struct JointTally {
     /// Position, before the filter and after it.
     recorded: Tally,
     smooth: Tally,
-    /// Deviation of the encoder's noise, or its step: the most that any part shows.
+    /// Standard deviation of the encoder's noise, or its step: the largest of all parts.
     noise: f64,
     /// Derivative of the position, and recorded velocity minus it.
     derived: Tally,
@@ -55,12 +55,12 @@ struct JointTally {
 }
 
 impl MotionTally {
-    /// Nothing yet of `recording`.
+    /// An empty tally for `recording`.
     pub fn of(recording: &Recording) -> Self {
         Self { joints: vec![JointTally::default(); recording.joints()] }
     }
 
-    /// Takes the part of `recording` that `treatment` keeps.
+    /// Adds the part of `recording` that `treatment` keeps.
     pub fn add(&mut self, recording: &Recording, treatment: &Treatment) {
         for (index, (joint, q)) in self.joints.iter_mut().zip(&recording.q).enumerate() {
             let [smooth, derived, _] = treatment.smooth_with_derivatives(recording, q);
@@ -81,7 +81,7 @@ impl MotionTally {
         }
     }
 
-    /// Notes on joints that are fast for the filter, whose cutoff is `cutoff_hz`, and on velocities that don't fit.
+    /// Notes on joints that are fast for the filter, whose cutoff is `cutoff_hz`, and on inconsistent velocities.
     pub fn notes(&self, cutoff_hz: f64) -> Vec<String> {
         let moving = |joint: &JointTally| joint.recorded.moments.std > UNMOVED * joint.noise;
         let joints = self.joints.iter().enumerate().filter(|(_, joint)| moving(joint));
@@ -96,7 +96,7 @@ impl MotionTally {
         fast.chain(self.on_velocities()).collect()
     }
 
-    /// Recorded velocities that are not the derivative of the recorded positions.
+    /// A note on recorded velocities that differ from the derivative of the recorded positions.
     fn on_velocities(&self) -> Option<String> {
         let odd = self.joints.iter().enumerate().filter_map(|(index, joint)| {
             let (off, size) = (joint.off.moments.rms, joint.derived.moments.rms);
@@ -113,14 +113,14 @@ impl MotionTally {
     }
 }
 
-/// How much of the movement of a joint the filter takes away, if that is worth a word: (std before − std after)/std before.
+/// Share of a joint's movement that the filter removes, if it is worth a note: (std before − std after)/std before.
 fn removed(recorded: &Tally, smooth: &Tally) -> Option<f64> {
     let (before, after) = (recorded.moments.std, smooth.moments.std);
     let share = 1.0 - after / before;
     (before > 0.0 && share > REMOVED).then_some(share)
 }
 
-/// Notes on channels that can't be judged or are missing.
+/// Notes on channels that are missing or can't be judged.
 pub(crate) fn on_channels(recording: &Recording, channels: &[ChannelError]) -> Vec<String> {
     let mut notes = Vec::new();
     if recording.tau.is_none() {

@@ -1,4 +1,4 @@
-//! Sums over the parts of a recording, as if it had been one.
+//! Sums over the parts of a recording, equal to those of the whole.
 
 use freeplay_arm::Arm;
 
@@ -11,7 +11,7 @@ use crate::statistics::{FINEST, Moments};
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tally {
     count: usize,
-    /// Of all that has come.
+    /// The moments of all parts so far.
     pub moments: Moments,
 }
 
@@ -22,12 +22,12 @@ impl Default for Tally {
 }
 
 impl Tally {
-    /// Of one part.
+    /// The tally of one part.
     pub fn of(values: &[f64]) -> Self {
         Self { count: values.len(), moments: Moments::of(values) }
     }
 
-    /// Takes one part; the first leaves the moments that it has, to the last digit.
+    /// Adds one part; the first part sets the moments to exactly its own.
     ///
     /// Source: Chan, Golub & LeVeque 1979, "Updating formulae and a pairwise algorithm for computing sample variances", eq. 2.1.
     pub fn add(&mut self, values: &[f64]) {
@@ -52,28 +52,28 @@ impl Tally {
     }
 }
 
-/// What the error of one channel is made of.
+/// The sums behind the error of one channel.
 #[derive(Debug, Clone)]
 pub(crate) struct ChannelTally {
     /// Name of the column.
     pub name: String,
-    /// The channel measures this.
+    /// The measured quantity.
     pub kind: Kind,
     unit: &'static str,
     /// Measured.
     pub measured: Tally,
-    /// What the model says.
+    /// Values of the model.
     pub model: Tally,
     /// Measured minus model.
     pub error: Tally,
     without_friction: Option<Tally>,
     max_error: f64,
-    /// Sum over the values of the squares of the noise of each; `None` if that of a part is not known.
+    /// Sum of the squared noise over all values; `None` if the noise of a part is unknown.
     noise: Option<f64>,
 }
 
 impl ChannelTally {
-    /// Nothing yet of a channel like `channel`.
+    /// An empty tally for a channel like `channel`.
     pub fn like(channel: &Channel) -> Self {
         Self {
             name: channel.name.clone(),
@@ -88,7 +88,7 @@ impl ChannelTally {
         }
     }
 
-    /// Takes one part of the channel, in which it has noise of the deviation `noise`, if that is known.
+    /// Adds one part of the channel, in which it has noise of the deviation `noise`, if that is known.
     pub fn add(&mut self, part: &Channel, noise: Option<f64>) {
         let before = self.error.count;
         let present = part.present.as_deref();
@@ -106,12 +106,12 @@ impl ChannelTally {
         self.max_error = residual.iter().fold(self.max_error, |most, error| most.max(error.abs()));
     }
 
-    /// Nothing of the channel was measured.
+    /// Returns true if no point of the channel has a measurement.
     pub fn is_missing(&self) -> bool {
         self.error.count == 0
     }
 
-    /// How far `arm` is from the channel.
+    /// The error of `arm` in the channel.
     pub fn error(&self, arm: &Arm) -> ChannelError {
         let (error, measured) = (self.error.moments, self.measured.moments);
         let ratio = |scale: f64, least: f64| (scale > least).then(|| error.rms / scale);
@@ -145,7 +145,7 @@ mod tests {
     use super::Tally;
     use crate::statistics::Moments;
 
-    /// The same by the sums over all values at once, which know nothing of parts.
+    /// The same by sums over all values at once, without parts.
     #[test]
     fn parts_make_up_the_whole() {
         let values: Vec<f64> =

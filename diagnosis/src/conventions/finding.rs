@@ -1,54 +1,54 @@
-//! What is found of the set-up.
+//! Findings on the set-up.
 
 use serde::Serialize;
 
 use super::reading::Reading;
 
-/// How sure a finding is.
+/// Certainty of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Certainty {
-    /// The evidence is overwhelming, and the mended reading takes most of the residual away.
+    /// The evidence is overwhelming, and the corrected reading removes most of the residual.
     Sure,
-    /// Much of what was recorded stays unexplained by any reading: a question to the person.
+    /// No reading explains much of the recording: a question to the user.
     Likely,
 }
 
-/// One fault of the set-up: recording and model don't mean the same.
+/// One fault of the set-up: a convention on which recording and model disagree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SetupFinding {
     /// Its kind, such as `torque_unit`.
     pub kind: &'static str,
-    /// The joint's name in the model; `None` where the whole recording is meant.
+    /// The joint's name in the model; `None` for a fault of the whole recording.
     pub joint: Option<String>,
-    /// Its number: recorded over meant for units and signs, rad for zeros and for the angle of gravity, s for clocks.
+    /// Its value: ratio of recorded to intended values for units and signs, rad for zeros and for the angle of gravity, s for clocks.
     pub value: f64,
     /// The unit of `value`; `1` for a pure number.
     pub unit: &'static str,
-    /// How sure it is.
+    /// Certainty of the finding.
     pub certainty: Certainty,
-    /// What is wrong, in one or two sentences.
+    /// The fault, in one or two sentences.
     pub statement: String,
-    /// How to mend it.
+    /// The correction.
     pub remedy: String,
-    /// Gravity in the base frame that the recording shows, m/s².
+    /// Gravity in the base frame according to the recording, m/s².
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<[f64; 3]>,
 }
 
-/// What comes of the question whether recording and model mean the same.
+/// The result of the comparison of conventions between recording and model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
-    /// The faults, in the order in which a person would mend them.
+    /// The faults, in the order in which a person would correct them.
     pub findings: Vec<SetupFinding>,
-    /// The recording as it is to be read: with every sure fault mended.
+    /// The reading of the recording with every certain fault corrected.
     pub reading: Reading,
-    /// Why no reading makes recording and model meet, where a sure fault can't be mended.
+    /// Reason why no reading reconciles recording and model, if a certain fault can't be corrected.
     pub stop: Option<String>,
 }
 
 impl Setup {
-    /// Whether something is surely wrong.
+    /// Returns true if a fault is certain.
     pub fn is_sure(&self) -> bool {
         self.findings.iter().any(|finding| finding.certainty == Certainty::Sure)
     }

@@ -1,8 +1,8 @@
-//! Links of any inertia: what an arm with the model's joints, and other links, would make of a recording.
+//! Links of any inertia: the fit of an arm with the model's joints and other links.
 //!
-//! Torques are linear in the ten inertial parameters of each link (Atkeson, An & Hollerbach 1986), so the fit is one step of least squares under
-//! a Gaussian prior, and its evidence has a closed form (Laplace): what the fit leaves, minus ½ ln|I + S| of the information S in units of
-//! the prior, minus half the square of the parameters in these units.
+//! Torques are linear in the ten inertial parameters of each link (Atkeson, An & Hollerbach 1986), so the fit is one step of least squares under a Gaussian
+//! prior, and its evidence has a closed form (Laplace): the log-likelihood of the fit, minus ½ ln|I + S| of the information S in units of the prior, minus half
+//! the square of the parameters in these units.
 
 use freeplay_arm::Arm;
 use nalgebra::{DMatrix, DVector};
@@ -14,27 +14,27 @@ use super::normal::{Channel, Cleared, ROUNDS};
 /// A torque channel.
 pub(super) struct Target<'t> {
     pub joint: usize,
-    /// What is to be explained, row by row.
+    /// The target values, row by row.
     pub column: Vec<f64>,
-    /// Recorded unit over N·m.
+    /// Ratio of the recorded unit to N·m.
     pub scale: f64,
-    /// Columns of the joint's own, and whether their coefficients can't be below zero.
+    /// Columns of the joint alone; the flag is true for a coefficient that can't be negative.
     pub own: Vec<(&'t [f64], bool)>,
-    /// Square of the size below which what is left is not looked at, times the rows.
+    /// Floor of the squared residual times the number of rows: the fit ignores smaller residuals.
     pub floor: f64,
-    /// How many rows are independent.
+    /// Number of independent rows.
     pub independent: f64,
 }
 
 /// The fitted links.
 pub(super) struct FreeArm {
-    /// Sum of squares that is left of each channel.
+    /// Residual sum of squares of each channel.
     pub left: Vec<f64>,
-    /// What the parameters cost, a natural logarithm.
+    /// Price of the parameters, a natural logarithm.
     pub price: f64,
 }
 
-/// How large the inertial parameters of each link of `arm` are about: its mass, and that times its length once and twice.
+/// Approximate size of the inertial parameters of each link of `arm`: its mass, times its length to the powers zero, one and two.
 pub(super) fn sizes(arm: &Arm) -> Vec<f64> {
     let joints = arm.joints();
     let of = |k: usize| {
@@ -52,7 +52,7 @@ pub(super) fn sizes(arm: &Arm) -> Vec<f64> {
     (0..joints.len()).flat_map(of).collect()
 }
 
-/// What parameters of the standard deviations `prior` about zero make of `targets`; `None` where there is nothing to fit.
+/// Fit of parameters with the standard deviations `prior` about zero to `targets`; `None` if there is nothing to fit.
 pub(super) fn fitted(
     along: &Along,
     arm: &Arm,

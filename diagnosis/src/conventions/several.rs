@@ -9,24 +9,24 @@ use super::finding::{Certainty, Setup, SetupFinding};
 use super::kinds::clock_offset;
 use super::reading::Reading;
 
-/// What is found in recordings of one machine, and these as they are to be read.
+/// The faults in recordings of one machine, and the corrected recordings.
 pub struct Mended {
-    /// What is found, each kind and joint once; what one recording shows for sure holds for all.
+    /// The faults, each kind and joint once; a certain fault of one recording holds for all.
     pub findings: Vec<SetupFinding>,
-    /// Why no reading makes recordings and model meet.
+    /// Reason why no reading reconciles recordings and model.
     pub stop: Option<String>,
-    /// The recordings, every sure fault mended; empty where none is.
+    /// The recordings with every certain fault corrected; empty without such a fault.
     pub recordings: Vec<Recording>,
-    /// The model under the gravity that the recordings show.
+    /// The model under the gravity of the recordings.
     pub file: ArmFile,
-    /// The reading of the last recording that shows a fault, as a mapping file.
+    /// The reading of the last recording with a fault, as a mapping file.
     pub mapping: Option<String>,
-    /// How each recording is read; empty where none is mended.
+    /// The reading of each recording; empty if none is corrected.
     readings: Vec<Reading>,
 }
 
 impl Mended {
-    /// Asks each of `recordings` against the model `file`.
+    /// Examines each of `recordings` with the model `file`.
     pub fn of(file: &ArmFile, recordings: &[Recording]) -> Self {
         let setups: Vec<Setup> = recordings.iter().map(|recording| examine(&file.arm, recording)).collect();
         let mut mended = Self {
@@ -48,7 +48,7 @@ impl Mended {
         let Some(known) = setups.iter().rev().find(|setup| setup.is_sure()).filter(|_| is_sure) else {
             return mended;
         };
-        // A recording that shows nothing by itself is read as the others are.
+        // A recording without a fault of its own takes the reading of the others.
         let readings =
             setups.iter().map(|setup| if setup.is_sure() { &setup.reading } else { &known.reading });
         mended.readings = readings.cloned().collect();
@@ -58,7 +58,7 @@ impl Mended {
         mended
     }
 
-    /// Reads `recordings` of the machine of `file` anew.
+    /// Applies the readings to `recordings` of the machine of `file`.
     fn read(&mut self, file: &ArmFile, recordings: &[Recording]) {
         let each = recordings.iter().zip(&self.readings);
         self.recordings =
@@ -67,7 +67,7 @@ impl Mended {
         self.mapping = last.and_then(|(recording, reading)| super::mapping::mapping(reading, recording));
     }
 
-    /// Gives all recordings the mean of their delays where these differ by no more than the delay of one recording may be off.
+    /// Sets all delays to their mean if they differ by no more than the error of one delay.
     fn one_clock(&mut self) {
         let of_torques: fn(&mut Reading) -> &mut f64 = |reading| &mut reading.torque_delay;
         let of_tool: fn(&mut Reading) -> &mut f64 = |reading| &mut reading.tool_delay;
@@ -84,7 +84,7 @@ impl Mended {
         }
     }
 
-    /// Which channels are on another clock than the positions, if any are.
+    /// The channels on another clock than the positions, if there are any.
     pub(crate) fn late(&self) -> Option<Late> {
         let late = |reading: &Reading| match (reading.torque_delay != 0.0, reading.tool_delay != 0.0) {
             (true, true) => Some(Late::Both),
@@ -95,7 +95,7 @@ impl Mended {
         self.readings.iter().find_map(late)
     }
 
-    /// Takes the channels `late` for `later` seconds later than before, and reads `recordings` of the machine of `file` anew.
+    /// Increases the delay of the channels `late` by `later` seconds, and applies the readings to `recordings` of the machine of `file`.
     pub(crate) fn set_clock(&mut self, file: &ArmFile, recordings: &[Recording], late: Late, later: f64) {
         for reading in &mut self.readings {
             for delay in [&mut reading.torque_delay, &mut reading.tool_delay] {
@@ -114,7 +114,7 @@ impl Mended {
         self.read(file, recordings);
     }
 
-    /// Whether the recordings are to be read otherwise than they stand.
+    /// Returns true if the readings change the recordings.
     pub fn is_mended(&self) -> bool {
         !self.recordings.is_empty()
     }

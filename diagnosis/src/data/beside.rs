@@ -1,4 +1,4 @@
-//! What the terms of one law leave of some channels of a recording beside what the tolerances can say there.
+//! Residuals of one law in some channels of a recording, with the tolerances fitted beside its terms.
 
 use freeplay_laws::Term;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -10,20 +10,20 @@ use crate::signals::channel::{Channel, Kind};
 use crate::signals::initial_state::square;
 use crate::statistics;
 
-/// Least squares of some channels of a recording, with the tolerances' columns in.
+/// Least squares of some channels of a recording, tolerances included.
 pub(crate) struct Beside {
     channels: Vec<usize>,
-    /// Measured less model in all channels, and its square in those.
+    /// Measured minus model in all channels, and its square in the selected ones.
     target: Vec<Vec<f64>>,
     square: f64,
     tolerances: Vec<Column>,
-    /// Their inner products with each other, priors included, and with the target.
+    /// Inner products of the tolerances with each other, priors included, and with the target.
     products: DMatrix<f64>,
     against: DVector<f64>,
 }
 
 impl Beside {
-    /// The fit looks at those of `all` channels whose kind is `among` those asked for, beside the `nuisances` of the recording. The channels have these `noises`.
+    /// The fit uses those of `all` channels whose kind is `among` the given ones, and the `nuisances` of the recording. The channels have these `noises`.
     pub fn new(
         all: &[Channel],
         noises: &Noises,
@@ -35,7 +35,7 @@ impl Beside {
         let shows = |nuisance: &&Nuisance| channels.iter().any(|&c| nuisance.answer[c].is_some());
         let tolerances: Vec<Column> =
             nuisances.iter().filter(shows).map(|nuisance| nuisance.answer.clone()).collect();
-        // Each is one, give or take one, in units of the noise.
+        // Each tolerance has a standard deviation of one, in units of the noise.
         let noise = channels.iter().map(|&c| noises.channels[c].deviation.powi(2)).sum::<f64>()
             / channels.len().max(1) as f64;
         let n = tolerances.len();
@@ -55,7 +55,7 @@ impl Beside {
         all
     }
 
-    /// Squares that `terms` leave with the coefficients that leave least.
+    /// Residual squares of `terms` with their best coefficients.
     pub fn left(&self, terms: &[(Term, Answer)]) -> f64 {
         self.fit(&said(terms)).0
     }
@@ -74,7 +74,7 @@ impl Beside {
         Some([found[1] / found[0], found[2] / found[0]])
     }
 
-    /// Squares that `columns` leave with the coefficients that leave least, and these, if there are any.
+    /// Residual squares of `columns` with their best coefficients, and these coefficients, if there are any.
     fn fit(&self, columns: &[Column]) -> (f64, Option<Vec<f64>>) {
         let (n, more) = (self.tolerances.len(), columns.len());
         let (mut products, mut right) = (DMatrix::zeros(n + more, n + more), DVector::zeros(n + more));
@@ -106,7 +106,7 @@ fn said(terms: &[(Term, Answer)]) -> Vec<Column> {
     terms.iter().map(|(_, said)| said.clone()).collect()
 }
 
-/// What is `there` more than `here`.
+/// `there` minus `here`.
 fn difference(there: Option<Vec<f64>>, here: Option<&[f64]>) -> Option<Vec<f64>> {
     match (there, here) {
         (Some(there), Some(here)) => Some(statistics::difference(&there, here)),

@@ -39,7 +39,7 @@ pub(super) fn against(columns: &[Column], target: &[Vec<f64>], channel: usize) -
     })
 }
 
-/// Inner product in sixteen sums: a processor adds several at once, and begins new ones before the first have ended.
+/// Inner product with sixteen partial sums: a processor adds several at once, and starts new additions before the first have ended.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (chunks_a, rest_a) = a.as_chunks::<16>();
     let (chunks_b, rest_b) = b.as_chunks::<16>();
@@ -53,7 +53,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// `columns` times their coefficients, by channel, of which each has so many `rows`.
+/// The sum of `columns` times their coefficients, by channel; `rows` holds the length of each channel.
 pub(crate) fn sum_of<'c>(
     columns: impl IntoIterator<Item = (&'c Column, f64)>,
     rows: &[Vec<f64>],
@@ -77,7 +77,7 @@ pub(crate) fn add_all<'c>(rows: &mut [Vec<f64>], columns: impl IntoIterator<Item
     columns.into_iter().for_each(|(column, factor)| add(rows, column, factor));
 }
 
-/// `rows` less what was `said` of them.
+/// `rows` minus `said`.
 pub(crate) fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let pairs = rows.iter().zip(said);
     pairs.map(|(rows, said)| difference(rows, said)).collect()

@@ -1,4 +1,4 @@
-//! What the instruments alone leave: recordings of the very machine of the model, moved the same way and measured as badly.
+//! Errors due to the instruments alone: simulated recordings of the model's own machine on the same motion, with the same measurement noise.
 
 use freeplay_laws::{DriveFriction, Trajectory, rigid_torques, tool_positions};
 use rand::{Rng, SeedableRng};
@@ -11,7 +11,7 @@ use crate::signals::channel::Kind;
 use crate::signals::filter::derivatives;
 use crate::statistics::difference;
 
-/// Measured minus model of `stage`: the machine on the recorded motion, measured with noise, against the model on the motion that its encoders read.
+/// Measured minus model of `stage`: the machine on the recorded motion, measured with noise, against the model on the motion of its noisy encoders.
 pub(crate) fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     let motion = stage.motion();
     let (torque, tool) = (rigid_torques(stage.arm(), motion, None), tool_positions(stage.arm(), &motion.q));
@@ -45,7 +45,8 @@ pub(crate) fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     left
 }
 
-/// Noise and rounding leave these errors in the rows of `stage`, in the torque of `joint` beside its friction. The torque has this `noise`; `seed` sets the random numbers.
+/// Errors due to noise and rounding in the rows of `stage`, in the torque of `joint` without its friction. The torque has this `noise`; `seed` sets the random
+/// numbers.
 pub(crate) fn rigid_torque_error(stage: &Stage, joint: usize, noise: &Noise, seed: u64) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let (read, _) = misread(stage, &mut rng);
@@ -56,7 +57,7 @@ pub(crate) fn rigid_torque_error(stage: &Stage, joint: usize, noise: &Noise, see
     error
 }
 
-/// The motion as noisy encoders read it, and how much more dry friction the model then sees, by joint.
+/// The motion from noisy encoders, and the resulting error of the model's dry friction, by joint.
 fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (Trajectory, Vec<Option<Vec<f64>>>) {
     let (mut read, whole) = (stage.motion().clone(), stage.whole());
     let wrong = misread_whole(stage, rng);
@@ -80,7 +81,7 @@ fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (Trajectory, Vec<Option<Vec<f
     (read, jumps)
 }
 
-/// The motion on all grid points as noisy encoders read it.
+/// The motion from noisy encoders, on all grid points.
 pub(crate) fn misread_whole(stage: &Stage, rng: &mut ChaCha8Rng) -> Trajectory {
     let (mut read, whole) = (stage.whole().clone(), stage.whole());
     for (joint, noise) in stage.ground.noises.positions.iter().enumerate() {
@@ -99,7 +100,7 @@ pub(crate) fn misread_whole(stage: &Stage, rng: &mut ChaCha8Rng) -> Trajectory {
     read
 }
 
-/// What an encoder reads of `position` too much: its noise, and its rounding, which is no noise where the joint hardly moves.
+/// Error of an encoder at `position`: its noise, and its rounding, which is not random where the joint hardly moves.
 fn misreading(rng: &mut ChaCha8Rng, position: &[f64], noise: &Noise) -> Vec<f64> {
     let step = noise.step;
     if step <= 0.0 {

@@ -1,4 +1,4 @@
-//! The nuisances of a recording: each direction in which the machine may differ from its model, as the channels show it.
+//! The nuisances of a recording: each permitted difference between machine and model, as a column of the channels.
 
 use freeplay_arm::{Joint, JointKind};
 use freeplay_laws::{ArmParts, DriveFriction, Placed, Tolerance};
@@ -18,7 +18,7 @@ pub(crate) fn nuisances(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance>
     all.extend(of_zeros(stage, tolerances));
     all.extend(of_delays(stage, tolerances));
     all.extend(of_tracker(stage, tolerances));
-    // An arm that can't exist lets through what the arm of the model does.
+    // An arm that can't exist gets the sensor transmission of the model's arm.
     let let_through = stage.let_through().unwrap_or_default();
     for nuisance in &mut all {
         for (answer, share) in nuisance.answer.iter_mut().zip(&let_through) {
@@ -61,8 +61,8 @@ fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     varied.into_iter().zip(answers).map(one).collect()
 }
 
-/// Directions in which the centre of mass of the link of `joint` shows: along the axis, and where the joint slides, it is the link before that has
-/// it elsewhere.
+/// Directions in which the centre of mass of the link of `joint` affects the torque of that joint: the two across its axis; none for a prismatic joint, where
+/// an offset belongs to the link before.
 fn across(joint: &Joint) -> Vec<Vector3<f64>> {
     match joint.kind {
         JointKind::Prismatic => Vec::new(),
@@ -74,7 +74,7 @@ fn across(joint: &Joint) -> Vec<Vector3<f64>> {
     }
 }
 
-/// The friction that the model names.
+/// The friction of the model.
 fn of_friction(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let mut all = Vec::new();
     for (index, joint) in stage.arm().joints().iter().enumerate() {
@@ -103,18 +103,18 @@ fn on_torque(stage: &Stage, index: usize, name: String, column: &[f64], of: Of) 
     Nuisance { name, answer, free: false, of }
 }
 
-/// The strength of the laws that the arm file has; what they change of the arm is in its own numbers.
+/// The strength of the laws in the arm file; their changes of the arm are in the arm's own parameters.
 fn of_laws(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let tolerance = |placed: &Placed| match placed.kind.tolerance? {
         Tolerance::Friction => Some(tolerances.friction),
         Tolerance::Inertia => Some(tolerances.inertia),
-        // What these change of the arm is in its own numbers.
+        // The changes of the arm by these laws are in its own parameters.
         Tolerance::Mass | Tolerance::Zero | Tolerance::Length | Tolerance::Delay => None,
     };
     let mut all = Vec::new();
     for placed in stage.known() {
         let Some(tolerance) = tolerance(placed) else { continue };
-        // As much of it once more, but for the share.
+        // The law once more, times its relative tolerance.
         let Ok(mut answer) = stage.answer(placed) else { continue };
         answer.iter_mut().flatten().flatten().for_each(|x| *x *= even() * tolerance);
         all.push(Nuisance {
@@ -142,7 +142,7 @@ fn of_zeros(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         .collect()
 }
 
-/// Delays between the channels. A torque that is held from one sample to the next is half a sample late or early by itself.
+/// Delays between the channels. A torque that is held from one sample to the next is already late or early by half a sample.
 fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let held = 0.5 / stage.ground.treatment.rate_hz();
     let late = |kinds: fn(Kind) -> bool, seconds: f64, name: &str, of: Of| {
@@ -173,7 +173,7 @@ fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     ]
 }
 
-/// The tracker's frame, and the zeros of link encoders, which nobody sets against the motors'.
+/// The tracker's frame, and the zeros of link encoders, which nobody aligns with the motors'.
 fn of_tracker(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let tool = |kind| matches!(kind, Kind::Tool(_));
     let model: Vec<&Vec<f64>> = stage.channels.iter().filter(|c| tool(c.kind)).map(|c| &c.model).collect();

@@ -1,4 +1,4 @@
-//! A diagnosis that asks first whether recording and model mean the same.
+//! A diagnosis that first tests whether recording and model use the same conventions.
 
 use freeplay_arm::ArmFile;
 use freeplay_recording::Recording;
@@ -11,10 +11,10 @@ use crate::report::settings::{DiagnoseError, DiagnoseSettings};
 use crate::servo;
 use crate::servo::commands_alone;
 
-/// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on held-out data.
+/// Locates the differences between `recordings` and the model `file`, names the missing effects, fits them and measures the gain on held-out data.
 ///
-/// Before, it asks whether recordings and model mean the same: units, signs, order, zeros, gravity, clocks. What is surely wrong there makes the verdict
-/// [`Verdict::Setup`], and all else is said of the mended reading. A sure fault that can't be mended ends the diagnosis.
+/// First it tests whether recordings and model use the same conventions: units, signs, order, zeros, gravity, clocks. A certain fault makes the verdict
+/// [`Verdict::Setup`], and all other results hold for the corrected reading. A certain fault without a correction ends the diagnosis.
 ///
 /// # Errors
 /// See [`DiagnoseError`].
@@ -56,7 +56,8 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
-/// The correction of the delay of the channels `late`, s. The `mended` recordings use a delay that was found before the missing physics were known; this diagnosis fits both together.
+/// The correction of the delay of the channels `late`, s. The delay in the `mended` recordings was estimated before the missing physics were known; this
+/// diagnosis fits both together.
 fn later(
     mended: &Mended,
     late: Late,
@@ -67,7 +68,7 @@ fn later(
         Tolerances { delay: settings.tolerances.delay.max(clock_unsure()), ..settings.tolerances };
     let unsure = DiagnoseSettings { tolerances, ..*settings };
     let diagnosis = engine::diagnose(&mended.file, &mended.recordings, &unsure, progress)?;
-    // Of torques and tool on one clock the tool tells better: nothing is missing in a geometry.
+    // With torques and tool on one clock, the tool determines the delay better: geometry lacks no physics.
     let asked = if late == Late::Torque { Late::Torque } else { Late::Tool };
     let of = |tuned: &Tuned| match tuned.of {
         Of::Delay(late, seconds) if late == asked => Some(tuned.deviations * seconds),
@@ -77,8 +78,8 @@ fn later(
 }
 
 impl Diagnosis {
-    /// True if the model is the answer: recording and model were compared, or gravity was mended in the model. Else the model is as given, and nothing
-    /// speaks for it.
+    /// Returns true if the model is a result: the program compared recording and model, or corrected gravity in the model. Otherwise the model is the given
+    /// one, and nothing supports it.
     pub fn has_model(&self) -> bool {
         self.fit.is_some() || self.has_other_gravity()
     }
@@ -95,7 +96,7 @@ impl Diagnosis {
     }
 }
 
-/// By torques and poses, and by commanded positions beside them; where there are only commanded and measured positions, by these.
+/// Diagnoses torques and poses, and the commanded positions beside them; recordings with only commanded and measured positions by these.
 fn by_channels(
     file: &ArmFile,
     recordings: &[Recording],

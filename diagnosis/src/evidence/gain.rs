@@ -1,4 +1,4 @@
-//! How much of the error is gone, with its interval.
+//! The reduction of an error, with its interval.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::data::stacked::Data;
 use crate::statistics::{blocks as blocks_of, bootstrap};
 
-/// A gain with its interval: the share of the error that is gone, 1 − after/before.
+/// A gain with its interval: the removed share of the error, 1 − after/before.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Gain {
     /// The share.
@@ -16,18 +16,18 @@ pub struct Gain {
     pub ci95: [f64; 2],
 }
 
-/// Errors of the same rows before and after something.
+/// Errors of the same rows before and after a change of the model.
 pub(crate) struct Compared<'c> {
     /// Errors before, by channel.
     pub before: &'c [Vec<f64>],
     /// Errors after.
     pub after: &'c [Vec<f64>],
-    /// The weight of each row, by channel: zero of those that are not looked at.
+    /// The weight of each row, by channel: zero for rows without weight.
     pub weights: &'c [Vec<f64>],
 }
 
 impl Compared<'_> {
-    /// Weighed squares before and after, block by block.
+    /// Weighted squares before and after, block by block.
     fn blocks(&self, data: &Data, channels: &[usize]) -> Vec<[f64; 2]> {
         let mut blocks = Vec::new();
         for &channel in channels {
@@ -47,7 +47,7 @@ impl Compared<'_> {
         blocks
     }
 
-    /// 1 − |after|/|before| over `channels`, with the interval of a [`bootstrap`] of blocks; `None` where no row is looked at.
+    /// 1 − |after|/|before| over `channels`, with the interval of a [`bootstrap`] of blocks; `None` if no row has weight.
     pub fn gain(&self, data: &Data, channels: &[usize], seed: u64) -> Option<Gain> {
         let blocks = self.blocks(data, channels);
         let share = |sums: [f64; 2]| if sums[0] > 0.0 { 1.0 - (sums[1] / sums[0]).sqrt() } else { 0.0 };
@@ -64,7 +64,7 @@ impl Compared<'_> {
         Some(Gain { value, ci95: bootstrap(blocks.len(), seed, |picked| share(sum(picked))) })
     }
 
-    /// Squares that are gone over `channels`, and the names of these, most first.
+    /// Removed squares over `channels`, and the names of these channels, the largest reduction first.
     pub fn removed(&self, data: &Data, channels: &[usize]) -> (f64, Vec<String>) {
         let mut by_channel: BTreeMap<usize, f64> = BTreeMap::new();
         for &c in channels {

@@ -1,4 +1,4 @@
-//! What has no name: shapes of the motion that explain what the findings leave, asked for last.
+//! Nameless effects: shapes of the motion that explain the residual of the findings, tested last.
 
 use crate::data::columns::sum_of;
 use crate::data::parts::Part;
@@ -10,10 +10,10 @@ use crate::evidence::system::{Fit, System};
 use crate::signals::channel::Kind;
 use crate::statistics::{Moments, half_width, is_told};
 
-/// Whether more is missing than `fit` names in the rows that `weights` weigh: laws are off by a share of a torque that is unusual for this machine, or something
-/// is left of a pose in which no finding shows.
+/// Returns true if `fit` leaves unnamed effects in the rows with `weights`: the laws have a relative error that is unusual for this machine, or a pose without
+/// a finding has a residual.
 ///
-/// What was found holds to the usual share of what it says, too. Where parts come apart and meet again, the laws don't say what that does to the torques.
+/// The findings have the usual relative error, too. Where parts separate and meet again, the laws don't describe the torques of the impact.
 pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> bool {
     let data = system.data;
     let left = system.left(fit);
@@ -36,8 +36,8 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> b
     !shakes && torques.iter().any(is_unusual) || poses.iter().any(|pose| is_left(pose) && !shows(pose.0))
 }
 
-/// The most by which laws that show in one channel each can raise the log of the evidence where so much is `left`: half of the weighed squares that shapes without a name, which cost
-/// nothing here, take away in each channel.
+/// Upper bound of the gain in log evidence by laws with one channel each, for the residual `left`: half of the weighted squares that nameless shapes, without a
+/// price here, remove in each channel.
 pub(crate) fn most_in_single_channels(system: &System, left: &[Vec<f64>]) -> f64 {
     let data = system.data;
     let knots = data.stages.first().map(Knots::of).unwrap_or_default();
@@ -64,11 +64,11 @@ impl JointRange {
     }
 }
 
-/// Shapes without a name in all torques, on all rows that are heard.
+/// Nameless shapes in all torques, on the rows of the search.
 pub(crate) struct NamelessTorques(Vec<CommonShapes>);
 
 impl NamelessTorques {
-    /// Those of `data`. At each of `places`, if it is one, shapes of its own may act.
+    /// The shapes of `data`. Each of `places` that is not `None` has shapes of its own.
     pub fn new(data: &Data, places: &[Option<JointRange>]) -> Self {
         let mut knots = data.stages.first().map(Knots::of).unwrap_or_default();
         for (number, place) in places.iter().enumerate() {
@@ -79,13 +79,13 @@ impl NamelessTorques {
         Self(torques.map(|c| CommonShapes::new(data, data.alike(c), &masks, &knots)).collect())
     }
 
-    /// Log of the probability of what is `left` of the torques beside such shapes, those of `places` among them.
+    /// Log of the probability of the residual torques `left` under these shapes, including those of `places`.
     pub fn evidence(&self, left: &[Vec<f64>], places: &[usize]) -> f64 {
         self.0.iter().map(|shapes| shapes.evidence(left, places)).sum()
     }
 }
 
-/// What shapes without a name, fitted to the fit and the choice part of `residual`, say of every row.
+/// Prediction of nameless shapes, fitted to the fit and the choice part of `residual`, for every row.
 pub(crate) fn said(system: &System, residual: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let data = system.data;
     let knots = data.stages.first().map(Knots::of).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! From the laws that stand to what is said.
+//! From the confirmed laws to the diagnosis.
 
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ use crate::report::words;
 use crate::signals::channel::Kind as ChannelKind;
 use crate::statistics::SIGNIFICANT;
 
-/// Makes a diagnosis of what stands of the answer. The diagnosis carries the notes `quality` and lists what is `untestable`.
+/// Makes a diagnosis of the confirmed part of the answer. The diagnosis carries the notes `quality` and lists the effects that are `untestable`.
 ///
 /// # Errors
 /// See [`LawError`]; `None` if a fit is singular.
@@ -81,7 +81,7 @@ pub(crate) fn conclude(
     Ok(Some(diagnosis))
 }
 
-/// The laws of `fit`, which stand.
+/// The laws of `fit`, all of them confirmed.
 struct Conclusion<'s, 'c, 'd, 'a> {
     of: &'s Standing<'c, 'd, 'a>,
     fit: &'s Fit,
@@ -93,7 +93,7 @@ impl Conclusion<'_, '_, '_, '_> {
         let system = &self.of.search.system;
         match of {
             Cause::Event(number) => sum_of(self.of.events[*number].columns(), self.of.target),
-            // Rows of a joint that stands are not drawn.
+            // The pictures leave out rows of a joint at rest.
             Cause::Hold => sum_of(std::iter::empty(), self.of.target),
             Cause::Law(member) => {
                 let place = self.fit.members.iter().position(|other| other == member);
@@ -103,7 +103,7 @@ impl Conclusion<'_, '_, '_, '_> {
         }
     }
 
-    /// What remains of every row; `None` if a fit is singular.
+    /// Residuals of every row; `None` if a fit is singular.
     fn remains(&self) -> Result<Option<Remains>, LawError> {
         let system = &self.of.search.system;
         let Some(bare) = system.held_fit(&[]) else { return Ok(None) };
@@ -165,7 +165,7 @@ impl Conclusion<'_, '_, '_, '_> {
         }
     }
 
-    /// Maps of what the tuned model leaves, over the first recording.
+    /// Maps of the tuned model's residual, over the first recording.
     fn maps(&self, left: &[Vec<f64>]) -> Vec<Map> {
         let data = self.of.data();
         let mut all: Vec<Map> = (0..data.per_stage())
@@ -184,7 +184,7 @@ impl Conclusion<'_, '_, '_, '_> {
         all
     }
 
-    /// Where the tuned model and the machine differ: shares of what is left beyond the noise, in squares of each channel's own.
+    /// The locations where the tuned model and the machine differ: shares of the residual beyond the noise, in squares of each channel's own noise.
     fn location(&self, remains: &Remains, maps: &[Map]) -> Vec<Location> {
         let data = self.of.data();
         let masks: Vec<Vec<f64>> =
@@ -229,7 +229,7 @@ impl Conclusion<'_, '_, '_, '_> {
         location
     }
 
-    /// How far the tolerances are used, farthest first.
+    /// Use of the tolerances, the largest first.
     fn tuned(&self) -> Vec<Tuned> {
         let bound = self.of.bound(&self.of.search.system.tolerances_beside(self.fit));
         let one = |(nuisance, deviations): (&Nuisance, f64)| Tuned {
@@ -242,7 +242,7 @@ impl Conclusion<'_, '_, '_, '_> {
         tuned
     }
 
-    /// What the findings leave in each channel, for the design of the next motion.
+    /// Residual noise of each channel under the findings, for the design of the next motion.
     fn noise(&self, remains: &Remains) -> BTreeMap<String, ChannelNoise> {
         let system = &self.of.search.system;
         let data = system.data;
@@ -261,7 +261,7 @@ impl Conclusion<'_, '_, '_, '_> {
         rms.into_iter().enumerate().filter_map(of).collect()
     }
 
-    /// To what each channel follows its laws.
+    /// Relative accuracy of each channel's laws.
     fn discrepancy(&self) -> BTreeMap<String, Discrepancy> {
         let system = &self.of.search.system;
         let channels = system.data.stages[0].channels.iter().enumerate();
@@ -292,7 +292,7 @@ impl Conclusion<'_, '_, '_, '_> {
     }
 }
 
-/// Adds `tables` to `model`; each stands in the place of what the model has already of the same kind at the same place, but for what happens at a time.
+/// Adds `tables` to `model`; each replaces the model's effect of the same kind at the same place, except for transients.
 fn add_to(model: &mut ArmFile, tables: Vec<EffectTable>) {
     for table in tables {
         let happens = kind(&table.kind).is_some_and(Kind::happens);

@@ -1,7 +1,7 @@
-//! Joints that something holds: each was told to move and stands.
+//! Held joints: each stands although its command moves.
 //!
-//! No motion tells what holds such a joint, and its torque tells nothing of any other law. It tells how much dry friction there is at least: Coulomb's
-//! friction of a joint that stands is any torque between −F and F, so that F is no less than the greatest torque beyond what the rigid arm takes.
+//! No motion shows the cause that holds such a joint, and its torque says nothing about other laws. It gives a lower bound of dry friction: the Coulomb
+//! friction of a joint at rest is any torque between −F and F, so that F is at least the greatest torque beyond that of the rigid arm.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,8 @@ use crate::report::words;
 use crate::signals::channel::Kind;
 use crate::statistics::Moments;
 
-/// The dry friction of each joint that something holds in all recordings, beside the effects `found`: the effect and its table. The shares of these effects are squares over those of the noise.
+/// The dry friction of each joint that is held in all recordings, beside the effects `found`: the effect and its table. The shares of these effects are squares
+/// divided by those of the noise.
 ///
 /// # Errors
 /// See [`LawError`].
@@ -41,7 +42,7 @@ pub(crate) fn held(data: &Data, found: &[Placed], seed: u64) -> Result<Vec<(Effe
     Ok(of_joints.filter_map(|at| of_joint(data, at, &left, seed)).collect())
 }
 
-/// The dry friction of one such joint. Its torque is the channel number `of_stage` of each recording, and so much is `left` of every row.
+/// The dry friction of one such joint. Its torque is channel number `of_stage` of each recording, with the residuals `left`.
 fn of_joint(
     data: &Data,
     (joint, of_stage): (usize, usize),
@@ -61,7 +62,7 @@ fn of_joint(
         most = seen.fold(most, |most, (beyond, _)| most.max(beyond.abs()));
         misread.extend(rigid_torque_error(stage, joint, &stage.ground.noises.channels[of_stage], seed));
     }
-    // Of many rows, the one with the greatest torque is the one that was read most badly, too.
+    // Of many rows, the one with the greatest torque also has the greatest reading error.
     let worst = misread.iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
     let (least, noise) = (most - worst - nominal, Moments::of(&misread).rms);
     if least <= worst {
@@ -100,7 +101,7 @@ fn of_joint(
     Some((table, effect))
 }
 
-/// The rows `left` of the torque with the number `channel` of `stage`, as a model without friction of its joint leaves them.
+/// The residual `left` of torque channel number `channel` of `stage`, with the model's friction of the joint removed.
 fn without_friction(stage: &Stage, channel: usize, left: &[f64]) -> Vec<f64> {
     match &stage.channels[channel].friction {
         Some(friction) => left.iter().zip(friction).map(|(left, friction)| left + friction).collect(),
@@ -108,7 +109,7 @@ fn without_friction(stage: &Stage, channel: usize, left: &[f64]) -> Vec<f64> {
     }
 }
 
-/// The numbers of `table`, each the least that it can be.
+/// The parameters of `table`, each as a lower bound.
 fn at_least(
     kind: &'static EffectKind,
     table: &EffectTable,

@@ -1,8 +1,8 @@
-//! A finding of a kind that the given model has already at the same place: one effect in the place of both.
+//! A finding of a kind that the given model already has at the same place: one effect replaces both.
 //!
-//! What both say together is known: the model with the finding behind it. The one effect is that whose parameters say the same of the recorded motion, by Gauss
-//! and Newton's least squares over the coefficients of the law's terms, with the shape of either. Friction adds up, the masses of a link multiply, springs in
-//! series add their compliances: no law has to say which.
+//! The joint contribution of both is known: that of the model with the finding after it. The parameters of the one effect reproduce it in the recorded motion,
+//! by Gauss-Newton least squares over the coefficients of the law's terms, with the nonlinear parameters of either effect. Friction adds up, the masses of a
+//! link multiply, springs in series add their compliances: no law needs a rule of its own.
 
 use freeplay_arm::EffectTable;
 use freeplay_laws::{LawError, Placed};
@@ -14,12 +14,12 @@ use crate::data::columns::{dot, less};
 use crate::data::stacked::Data;
 use crate::statistics::{MOST_ROUNDS, difference};
 
-/// Share of a coefficient by which it is moved for a derivative, and the amount where it is zero, in the step of its term: laws are nearly linear in their coefficients,
-/// and what such a move changes stands far above rounding.
+/// Step of a coefficient for a derivative, as a share of it, or in steps of its term if it is zero: laws are nearly linear in their coefficients, and the
+/// change is far above rounding.
 const NUDGE: f64 = 1e-3;
 
-/// The table that says what `given` and `candidate` with `coefficients` of its shown terms say together; `None` if none says nine tenths of it, as where a machine
-/// can't have both.
+/// The table with the joint contribution of `given` and of `candidate` with the `coefficients` of its shown terms; `None` if no table reproduces nine tenths of
+/// it, for instance because a machine can't have both.
 pub(crate) fn joined(
     data: &Data,
     given: &EffectTable,
@@ -61,7 +61,7 @@ fn scales(candidate: &Candidate) -> Vec<f64> {
     scales
 }
 
-/// The coefficients with which `said` is nearest to `whole`, from `x` on.
+/// The coefficients, starting from `x`, whose contribution is nearest to `whole`.
 fn solved(
     said: &dyn Fn(&[f64]) -> Option<Vec<f64>>,
     whole: &[f64],
@@ -83,7 +83,7 @@ fn solved(
         let missing = difference(whole, &here);
         let n = x.len();
         let mut normal = DMatrix::from_fn(n, n, |i, j| dot(&columns[i], &columns[j]));
-        // A term that this motion does not show stays as it is.
+        // A term that does not act in this motion keeps its coefficient.
         (0..n).for_each(|k| normal[(k, k)] = normal[(k, k)] * (1.0 + 1e-12) + f64::MIN_POSITIVE);
         let right = DVector::from_fn(n, |k, _| dot(&columns[k], &missing));
         let step = normal.cholesky()?.solve(&right);
@@ -95,7 +95,7 @@ fn solved(
     Some(x)
 }
 
-/// Measured minus the model that has `instead` in the place of `given`.
+/// Measured minus the model that has `instead` in place of `given`.
 fn left_instead(
     data: &Data,
     given: &EffectTable,
@@ -113,7 +113,7 @@ fn left_instead(
     Ok(left)
 }
 
-/// All rows in one column, each channel by its own size, so that torques and poses count alike.
+/// All rows in one column, each channel divided by its own size, so that torques and poses have equal weight.
 fn weighed(data: &Data, rows: &[Vec<f64>]) -> Vec<f64> {
     let of_channel = |(c, rows): (usize, &Vec<f64>)| {
         let (stage, channel) = data.place(c);
@@ -124,7 +124,7 @@ fn weighed(data: &Data, rows: &[Vec<f64>]) -> Vec<f64> {
     rows.iter().enumerate().flat_map(of_channel).collect()
 }
 
-/// Square of the distance of two columns.
+/// Squared distance of two columns.
 fn off(one: &[f64], other: &[f64]) -> f64 {
     one.iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum()
 }

@@ -1,4 +1,4 @@
-//! Where the model and the machine differ: which channel, and in which part of the motion.
+//! Location of the difference between model and machine: the channel, and the part of the motion.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -9,7 +9,7 @@ use crate::report::diagnosis::{Map, Variable};
 
 /// Bins of a map over a variable: wide enough that each holds many rows of a short recording, narrow enough for the sign and the curvature of a law.
 pub(crate) const BINS: usize = 12;
-/// Circular shifts of the null: with 199 the least chance is 1/200 (Davison & Hinkley 1997, §4.2.5), a tenth of what is named.
+/// Circular shifts of the null distribution: with 199 the least p-value is 1/200 (Davison & Hinkley 1997, §4.2.5), a tenth of the threshold for a name.
 const SHIFTS: usize = 199;
 
 /// The maps of the residual `rows` of channel number `channel` of `stage`, with p-values not yet corrected.
@@ -25,7 +25,7 @@ pub(crate) fn maps(stage: &Stage, channel: usize, rows: &[f64], kept: &[f64], se
         let explained = bins.explained(&residual, 0);
         let shifted: Vec<f64> = (0..SHIFTS)
             .map(|_| {
-                // Neighbours are alike: a shift by less than a tenth is none.
+                // Neighbouring rows are similar: a shift by less than a tenth would be no null sample.
                 let n = residual.len();
                 let shift = n / 10 + rng.next_u64() as usize % (n - n / 5).max(1);
                 bins.explained(&residual, shift)
@@ -45,8 +45,8 @@ pub(crate) fn maps(stage: &Stage, channel: usize, rows: &[f64], kept: &[f64], se
     all.filter_map(map).collect()
 }
 
-/// Chance that a number like `shifted` is at least `explained`: counted, and beyond all of them by the tail of a gamma distribution of
-/// their mean and variance (Wilson & Hilferty 1931), 10⁻⁹ at the least.
+/// Probability that a value like `shifted` is at least `explained`: the counted share, and beyond all of them the tail of a gamma distribution with their mean
+/// and variance (Wilson & Hilferty 1931), at least 10⁻⁹.
 fn chance(shifted: &[f64], explained: f64) -> f64 {
     let count = shifted.len() as f64;
     let stronger = shifted.iter().filter(|x| **x >= explained).count();
@@ -84,7 +84,7 @@ struct Bins {
 }
 
 impl Bins {
-    /// Bins of `x`; `None` if it hardly varies or there is too little of it.
+    /// Bins of `x`; `None` if it hardly varies or has too few values.
     fn new(x: &[f64]) -> Option<Self> {
         let mut order: Vec<usize> = (0..x.len()).collect();
         order.sort_by(|&a, &b| x[a].total_cmp(&x[b]));
@@ -115,7 +115,7 @@ impl Bins {
         Some(Self { of, counts, at })
     }
 
-    /// Mean of `y`, shifted round by `shift`, in each bin.
+    /// Mean of `y`, shifted circularly by `shift`, in each bin.
     fn means(&self, y: &[f64], shift: usize) -> Vec<f64> {
         let mut sums = vec![0.0; self.counts.len()];
         for (k, &bin) in self.of.iter().enumerate() {

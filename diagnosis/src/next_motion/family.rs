@@ -1,20 +1,19 @@
 //! The family of motions that a search chooses from: a few harmonics for each joint, from rest to rest.
 //!
-//! qⱼ(t) = mⱼ + Σₖ aⱼₖ sin kθ + bⱼₖ (cos kθ − 1), θ = 2π n S(t/T), S(x) = 10x³ − 15x⁴ + 6x⁵: a Fourier series of `n` cycles (Swevers et al.
-//! 1997, IEEE Trans. Robot. Autom. 13:730), run through slowly at both ends, so that it begins and ends at rest in the posture m and
-//! every speed from zero up occurs.
+//! qⱼ(t) = mⱼ + Σₖ aⱼₖ sin kθ + bⱼₖ (cos kθ − 1), θ = 2π n S(t/T), S(x) = 10x³ − 15x⁴ + 6x⁵: a Fourier series of `n` cycles (Swevers et al. 1997, IEEE Trans.
+//! Robot. Autom. 13:730). The phase is slow at both ends, so that the motion starts and ends at rest in the posture m and includes every speed from zero up.
 
 use std::f64::consts::TAU;
 
 use freeplay_laws::Trajectory;
 
-/// Harmonics of each joint: fewer reach fewer combinations of position, speed and acceleration, and the five of Swevers et al. take more candidates to draw.
+/// Harmonics of each joint: fewer reach fewer combinations of position, speed and acceleration; the five of Swevers et al. need more candidates.
 pub(super) const HARMONICS: usize = 3;
 
 /// A motion of all joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fourier {
-    /// How long it takes, T, s.
+    /// Duration T, s.
     pub duration: f64,
     /// Cycles n of the slowest harmonic.
     pub cycles: f64,
@@ -87,7 +86,7 @@ mod tests {
         Fourier { duration: 5.0, cycles: 2.0, posture: vec![0.4, -1.0], waves }
     }
 
-    /// Velocity and acceleration against central differences, which are off by the square of the step.
+    /// Velocity and acceleration against central differences, whose error is of second order in the step.
     #[test]
     fn derivatives_are_those_of_the_position() {
         let (motion, h) = (motion(), 1e-4);

@@ -1,4 +1,4 @@
-//! How much better the model gets: held-out errors by channel, side by side, with intervals.
+//! Improvement of the model: held-out errors by channel, side by side, with intervals.
 
 use freeplay_report::units::people;
 use freeplay_report::{Block, Cell, Column, Section, Table};
@@ -9,8 +9,8 @@ use crate::{Diagnosis, Passage, Trace};
 
 type Pick = fn(&Trace) -> &[f64];
 
-/// The models that are compared, from the plainest to the one with the findings, then the noise floor. Each has the name of its error, which the screen, the report and
-/// Python share, and a meaning.
+/// The compared models, from the plainest to the one with the findings, then the noise floor. Each has the name of its error, which the terminal, the report
+/// and Python share, and a meaning.
 pub const MODELS: [(&str, &str); 5] = [
     ("as given", "the model as it is"),
     ("re-tuned", "its masses, lengths, frictions, zeros and delays moved inside their tolerances"),
@@ -18,7 +18,7 @@ pub const MODELS: [(&str, &str); 5] = [
     ("with findings", "re-tuned, with the findings: the model that is written"),
     ("noise floor", "what the instruments alone leave"),
 ];
-/// The meanings for positions that are simulated from the commanded ones.
+/// The meanings for positions that are simulated from the commands.
 const OF_POSITIONS: [&str; 5] = [
     "the servos of the model, or without any the command itself",
     "the command taken late",
@@ -37,7 +37,7 @@ pub fn meanings<'a>(mut channels: impl Iterator<Item = &'a str>) -> String {
     MODELS.iter().enumerate().map(of).collect::<Vec<_>>().join("; ")
 }
 
-/// The errors of each but the last in a trace.
+/// Accessors of the errors of all models but the last in a trace.
 const PICKS: [Pick; 4] =
     [|trace| &trace.before, |trace| &trace.retuned, |trace| &trace.unnamed, |trace| &trace.after];
 
@@ -99,7 +99,7 @@ struct Estimate {
     high: f64,
 }
 
-/// Root of the mean square over all `held` passages, with the interval of a [`bootstrap`] of blocks.
+/// Root mean square over all `held` passages, with the interval of a [`bootstrap`] of blocks.
 fn rms(held: &[(&Passage, &Trace)], pick: Pick, seed: u64) -> Estimate {
     let mut blocks: Vec<[f64; 2]> = Vec::new();
     for (passage, trace) in held {

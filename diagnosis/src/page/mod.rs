@@ -1,8 +1,7 @@
-//! `report.html` of a diagnosis: the verdict first, then what, where, how much better, what else it could be, and what to do next.
+//! `report.html` of a diagnosis: first the verdict, then the missing effects, their locations, the improvement, the alternatives and the next steps.
 //!
-//! Files in the order of the page: `findings` (each effect with its pictures, made by `picture` from `points`), `errors` (held-out
-//! errors with intervals), `over_time`, `rest` (what else, what can't be told, the model, how it was judged). `commands`
-//! words the commands that page and terminal print.
+//! Files in the order of the page: `findings` (each effect with its pictures, made by `picture` from `points`), `errors` (held-out errors with intervals),
+//! `over_time`, `rest` (alternatives, untestable effects, the model, the evidence). `commands` composes the commands that page and terminal print.
 
 mod commands;
 mod errors;
@@ -26,9 +25,9 @@ pub use findings::{kind_title, title};
 pub use picture::{of as pictures, strongest_map};
 pub use rest::{in_words, reasons};
 
-/// What a report is about.
+/// The content of a report.
 pub struct Subject<'a> {
-    /// The model as it was named.
+    /// The name of the model, as given.
     pub model: &'a str,
     /// The model's file.
     pub file: &'a ArmFile,
@@ -38,7 +37,7 @@ pub struct Subject<'a> {
     pub command: String,
     /// Commands that use the model of the diagnosis: see [`commands`].
     pub commands: [String; 2],
-    /// What was found.
+    /// The diagnosis.
     pub diagnosis: &'a Diagnosis,
     /// The folder of results.
     pub out: &'a Path,
@@ -109,7 +108,7 @@ fn overview(diagnosis: &Diagnosis) -> Vec<Block> {
     blocks
 }
 
-/// The channels that the findings are about: those in which effects show, else those that are located.
+/// The channels of the findings: those in which effects show, otherwise those of the locations.
 pub fn channels(diagnosis: &Diagnosis) -> Vec<&str> {
     let mut names: Vec<&str> =
         diagnosis.effects.iter().flat_map(|e| &e.evidence.channels).map(String::as_str).collect();
@@ -122,7 +121,7 @@ pub fn channels(diagnosis: &Diagnosis) -> Vec<&str> {
     names
 }
 
-/// The numbers that answer the question: parameters, and the held-out error before and after.
+/// The key numbers: parameters, and the held-out error before and after.
 fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
     let mut tiles = Vec::new();
     for effect in &diagnosis.effects {
@@ -154,7 +153,7 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
     tiles
 }
 
-/// The channel in which the findings take most off the error of the given model, in squares of the channel's noise.
+/// The channel in which the findings reduce the error of the given model most, in squares of the channel's noise.
 fn plainest<'a>(diagnosis: &'a Diagnosis, fit: &Fit) -> Option<&'a str> {
     let taken = |channel: &str| {
         let [before, after, floor] =
@@ -164,7 +163,7 @@ fn plainest<'a>(diagnosis: &'a Diagnosis, fit: &Fit) -> Option<&'a str> {
     channels(diagnosis).into_iter().max_by(|a, b| taken(a).total_cmp(&taken(b)))
 }
 
-/// Where model and machine differ.
+/// The locations where model and machine differ.
 fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
     let fit = diagnosis.fit.as_ref()?;
     let mut section = Section::new("Where");

@@ -1,4 +1,5 @@
-//! Each joint on its own: the others move as they were measured. What is wrong of one servo can't bend the others then, and many beginnings cost next to nothing.
+//! Each joint alone: the others follow their measured motion. An error of one servo then can't distort the others, and many initial values cost next to
+//! nothing.
 
 use freeplay_arm::Arm;
 use freeplay_servo::{Fitted, JointServo, ModelParameter, Noise, Problem, ServoArm, Track, Unknown, each};
@@ -8,22 +9,22 @@ use super::limits::{add_limits, lost};
 use super::parts::{WINDOW, problem};
 use super::recorded::Recorded;
 
-/// Shares of the lag that begin as delay: a quick servo behind a slow line, a slow one behind a quick line, and between.
+/// Initial delays as shares of the lag: a fast servo behind a slow line, a slow one behind a fast line, and one in between.
 const DELAYS: [f64; 3] = [0.1, 0.5, 0.9];
-/// Rotor inertias to begin with, over stiffness and square of the lag: none, some, and as much as the lag lets in.
+/// Initial rotor inertias over stiffness and squared lag: none, a medium one, and the largest that the lag permits.
 const ROTORS: [f64; 3] = [0.0, 0.3, 1.0];
-/// Stiffnesses to begin with, over the one that the load tells: a factor of two either way, as servos of one arm differ by.
+/// Initial stiffnesses, relative to the one that the load determines: a factor of two in each direction, as servos of one arm differ.
 const STIFFNESSES: [f64; 3] = [0.5, 1.0, 2.0];
 
-/// A servo fitted on its own.
+/// A servo, fitted alone.
 pub struct Alone {
     /// The servo.
     pub servo: JointServo,
-    /// Its numbers that the recordings tell.
+    /// Its identifiable parameters.
     pub unknowns: Vec<Unknown>,
 }
 
-/// Fits the servo of each joint on its own, beginning from `first`; `all` are the numbers that may be asked for. A joint without any keeps its servo.
+/// Fits the servo of each joint alone, starting from `first`; `all` holds the possible unknowns. A joint without any keeps its servo.
 pub fn alone(recorded: &Recorded, first: &ServoArm, all: &[Unknown]) -> Vec<Alone> {
     let tracks = by_joint(recorded.tracks, &first.arm);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -57,7 +58,7 @@ fn of_joint(recorded: &Recorded, joint: usize, tracks: &[Track], first: ServoArm
     let parts = [&recorded.parts.fit, &recorded.parts.choice];
     let [fit, choice] =
         parts.map(|part| Problem { threads: 1, ..problem(tracks, part, sights, WINDOW) }.forgetting(&first));
-    // A few windows tell which beginning leads where.
+    // A few windows suffice to compare the initial values.
     let few = fit.coarse().map(|few| few.forgetting(&first));
     let quick = few.as_ref().unwrap_or(&fit);
     let fits = beginnings(quick, &first, sights[0].lag).into_iter().map(|model| {
@@ -75,12 +76,12 @@ fn of_joint(recorded: &Recorded, joint: usize, tracks: &[Track], first: ServoArm
     Alone { servo: best.model.joints[0], unknowns: back.collect() }
 }
 
-/// Logarithm of the usual size of `noise`.
+/// Logarithm of the typical size of `noise`.
 fn usual(noise: &Noise) -> f64 {
     noise.size[0].ln()
 }
 
-/// Models to begin from: for each share of delay, the one that leaves least.
+/// Initial models: for each share of delay, the one with the smallest residual.
 fn beginnings(fit: &Problem, first: &ServoArm, lag: f64) -> Vec<ServoArm> {
     let of_share = |share: f64| {
         let rotors = ROTORS.into_iter().flat_map(|rotor| STIFFNESSES.map(|stiffness| (rotor, stiffness)));
@@ -99,7 +100,7 @@ fn beginnings(fit: &Problem, first: &ServoArm, lag: f64) -> Vec<ServoArm> {
     DELAYS.into_iter().filter_map(of_share).collect()
 }
 
-/// `fitted` without a rotor, unless fit and choice part lose by that as much as a name needs.
+/// `fitted` without a rotor, unless the loss of fit and choice part suffices for a name.
 fn without_rotor(
     [fit, choice]: [&Problem; 2],
     unknowns: &mut Vec<Unknown>,

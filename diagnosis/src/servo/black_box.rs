@@ -1,16 +1,16 @@
-//! A model without a name that the servos have to beat: each measured position as a weighted sum of the commands of the last moments.
+//! A nameless model as a baseline for the servos: each measured position is a weighted sum of the latest commands.
 
 use freeplay_servo::Track;
 use nalgebra::{DMatrix, DVector};
 
 use super::parts::Rows;
 
-/// Taps of the filter: four a lag, at which an answer without overshoot changes by a fifth from one to the next.
+/// Taps of the filter: four per lag, between which a response without overshoot changes by a fifth.
 const TAPS: usize = 16;
-/// Lags that the taps cover: a servo's answer is over after a few of its lags.
+/// Lags that the taps cover: a servo's response ends after a few of its lags.
 const LAGS: f64 = 4.0;
-/// Share of the columns' size that is added to the diagonal: where commands hardly differ from tap to tap, it keeps weights from running away, and elsewhere it
-/// is far below the noise.
+/// Ridge on the diagonal, as a share of the columns' size: where commands hardly differ from tap to tap, it bounds the weights, and elsewhere it is far below
+/// the noise.
 const RIDGE: f64 = 1e-6;
 
 /// A finite impulse response for each joint.
@@ -20,7 +20,7 @@ pub struct Filters {
 }
 
 impl Filters {
-    /// The filters of least squares on `parts` of `tracks`, whose joints follow their commands by `lags`, s.
+    /// The least-squares filters on `parts` of `tracks`, whose joints follow their commands with `lags`, s.
     pub fn fit(tracks: &[Track], parts: &[Rows], lags: &[f64]) -> Filters {
         let spacing: Vec<f64> = lags.iter().map(|lag| LAGS * lag.max(1e-3) / TAPS as f64).collect();
         let of_joint = |joint: usize| {
@@ -41,7 +41,7 @@ impl Filters {
         Filters { taps: (0..lags.len()).map(of_joint).collect(), spacing }
     }
 
-    /// The position of `joint` in `row` of `track`, rad (m).
+    /// Predicted position of `joint` in `row` of `track`, rad (m).
     pub fn position(&self, track: &Track, joint: usize, row: usize) -> f64 {
         self.taps[joint].dot(&column(track, joint, row, self.spacing[joint]))
     }

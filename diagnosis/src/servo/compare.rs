@@ -1,4 +1,4 @@
-//! Measured positions against those simulated from the commanded ones.
+//! Measured positions against positions simulated from the commands.
 
 use freeplay_arm::{ArmFile, JointKind};
 use freeplay_laws::Placed;
@@ -126,7 +126,7 @@ pub fn unit(kind: JointKind) -> &'static str {
     }
 }
 
-/// Position of `model` along `track`, `[joint][row]`; each stretch without gaps begins from what was measured, rows outside of any keep it.
+/// Position of `model` along `track`, `[joint][row]`; each stretch without gaps starts from the measured position, and rows outside all stretches keep it.
 pub fn simulated(model: &ServoArm, track: &Track) -> Vec<Vec<f64>> {
     let mut rollout = Rollout::new(model, rollout_step(track));
     let mut columns = track.measured.clone();
@@ -143,7 +143,7 @@ pub fn simulated(model: &ServoArm, track: &Track) -> Vec<Vec<f64>> {
     columns
 }
 
-/// The commands of `track` as late as `lags` say, `[joint][row]`.
+/// The commands of `track`, delayed by `lags`, `[joint][row]`.
 pub fn late(track: &Track, lags: &[f64]) -> Vec<Vec<f64>> {
     let column = |(commands, lag): (&freeplay_servo::Commands, &f64)| {
         track.stamps.iter().map(|t| commands.between(t - lag)).collect()

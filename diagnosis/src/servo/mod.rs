@@ -1,16 +1,18 @@
 //! Commanded against measured positions: the servos of an arm. The files in the order in which data passes through them:
 //!
-//! - `tracks`: recordings as rollouts take them.
-//! - `compare`: measured positions against those simulated from the commands.
-//! - `parts`: what is fitted, what chooses and what judges.
-//! - `limits`: limits and dead bands, weighed one by one; the fit itself is in the crate `freeplay-servo`.
-//! - `recorded`: what was recorded, and what happened in it; `servos`: servos of which nothing is known; `changes`, `search`: what a given model with servos lacks.
-//! - `burdens`, `rotors`: what the arm carries, how it stands, inertia of its motors, asked for when the servos are known.
-//! - `black_box`: filters without a name, to be beaten.
-//! - `scores`: errors on what no step has seen.
+//! - `tracks`: recordings as rollouts.
+//! - `compare`: measured positions against positions simulated from the commands.
+//! - `parts`: the fit, choice and test parts.
+//! - `limits`: limits and dead bands, tested one by one; the fit itself is in the crate `freeplay-servo`.
+//! - `recorded`: the recordings and their events; `servos`: servos without a given model; `changes`, `search`: the effects that a given model with servos
+//!   lacks.
+//! - `burdens`, `rotors`: payloads, inclinations and rotor inertias, tested when the servos are known.
+//! - `black_box`: nameless filters as a baseline.
+//! - `scores`: errors on the test part.
 //! - `events`: stops and contacts, which no servo explains.
-//! - `torque_law`, `beside_torque`, `torque_servos`: where torques were recorded, too, the law of each joint, whether it holds, what is said of it.
-//! - `findings`: the numbers as effects; `happenings`: events as effects; `passages`: rows for pictures; `conclude`: what is said; `diagnose`: all of it.
+//! - `torque_law`, `beside_torque`, `torque_servos`: for recordings with torques, the law of each joint, its validity, and its findings.
+//! - `findings`: the parameters as effects; `happenings`: events as effects; `passages`: rows for pictures; `conclude`: the result; `diagnose`: the whole
+//!   sequence.
 
 mod alone;
 mod beside_torque;

@@ -1,4 +1,4 @@
-//! Three parts of the data: one that the servos are fitted to, one that chooses what belongs to them, one that judges and that no step before has seen.
+//! Three parts of the data: the fit part for the servos, the choice part for deciding on their parameters, and the test part, which no earlier step uses.
 
 use std::ops::Range;
 
@@ -7,30 +7,29 @@ use freeplay_servo::{Problem, Sight, Track};
 
 use super::tracks::{longest_gap, rollout_step};
 
-/// Longest window of a rollout, s: many times the lag of a servo, so that little is lost to its beginning, and short enough that a window that goes
-/// wrong is one of many.
+/// Longest window of a rollout, s: many times the lag of a servo, so that its start costs little, and short enough that a diverging window is one of many.
 pub const WINDOW: f64 = 20.0;
-/// Shares of a single recording for fit and choice; the rest judges.
+/// Shares of a single recording for fit and choice; the rest is the test part.
 const SHARES: [f64; 2] = [0.6, 0.8];
 
 /// Rows of a recording.
 pub type Rows = (usize, Range<usize>);
 
-/// Which rows serve what.
+/// The rows of each part.
 pub struct Parts {
-    /// The servos are fitted to these.
+    /// Rows for the fit of the servos.
     pub fit: Vec<Rows>,
-    /// These choose.
+    /// Rows for the choice.
     pub choice: Vec<Rows>,
-    /// These judge.
+    /// Rows for the test.
     pub test: Vec<Rows>,
-    /// The part that judges, in words.
+    /// The test part, in words.
     pub words: String,
 }
 
 impl Parts {
-    /// Of three recordings or more the last judges and the one before chooses; of two the last judges and the end of the first chooses; a single one
-    /// is cut in three along the rows in which something moves.
+    /// Splits the recordings. Of three recordings or more the last is the test part and the one before the choice part. Of two the last is the test part and
+    /// the end of the first the choice part. A single one is cut in three by its rows with motion.
     pub fn of(recordings: &[Recording], tracks: &[Track]) -> Parts {
         let whole = |index: usize| (index, 0..tracks[index].stamps.len());
         let name = |index: usize| {
@@ -71,12 +70,12 @@ impl Parts {
     }
 }
 
-/// Rows by which the [`SHARES`] of a track's moving rows have passed.
+/// Rows at which the [`SHARES`] of a track's moving rows have passed.
 fn cuts(track: &Track) -> [usize; 2] {
     SHARES.map(|share| moving_cut(track, share))
 }
 
-/// The row by which `share` of a track's moving rows has passed.
+/// The row at which `share` of a track's moving rows has passed.
 pub fn moving_cut(track: &Track, share: f64) -> usize {
     let rows = track.stamps.len();
     let moves = |row: usize| track.measured.iter().any(|q| row > 0 && q[row] != q[row - 1]);
@@ -104,7 +103,7 @@ pub fn problem<'a>(tracks: &'a [Track], parts: &[Rows], sights: &[Sight], longes
     }
 }
 
-/// Standard deviation of rounding to a `tick`; where none shows, that of double precision.
+/// Standard deviation of rounding to a `tick`; for a tick of zero, that of double precision.
 pub fn rounding(tick: f64) -> f64 {
     (tick / 12.0_f64.sqrt()).max(f64::EPSILON)
 }

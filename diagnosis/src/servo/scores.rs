@@ -1,4 +1,4 @@
-//! Errors on the part that judges: of the model as given, of a plain lag, of filters without a name and of the servos found.
+//! Errors on the test part: of the model as given, of a plain lag, of nameless filters and of the identified servos.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::evidence::gain::Gain;
 use crate::report::diagnosis::Rmse;
 use crate::statistics::{bootstrap, difference};
 
-/// Length of a block of rows that is taken as independent of the others, s: many lags of a servo, which answers within 0.2 s.
+/// Length of a block of rows that counts as independent, s: many lags of a servo, whose response takes up to 0.2 s.
 pub const BLOCK: f64 = 2.0;
 
 /// Deviations of one model, `[recording][joint][row]`: measured minus model.
@@ -22,7 +22,7 @@ pub fn deviations(track: &Track, model: &[Vec<f64>]) -> Vec<Vec<f64>> {
     track.measured.iter().zip(model).map(|(q, model)| difference(q, model)).collect()
 }
 
-/// Root of the mean square of each joint's channel on `parts`, by the name of its column.
+/// Root mean square of each joint's channel on `parts`, by the name of its column.
 pub fn errors(of: &Deviations, parts: &[Rows]) -> BTreeMap<String, Rmse> {
     let joints = of.first().map_or(0, Vec::len);
     (0..joints)
@@ -30,7 +30,7 @@ pub fn errors(of: &Deviations, parts: &[Rows]) -> BTreeMap<String, Rmse> {
         .collect()
 }
 
-/// Root of the mean square of the channels of `joints` on `parts`.
+/// Root mean square of the channels of `joints` on `parts`.
 pub fn rms(of: &Deviations, parts: &[Rows], joints: &[usize]) -> f64 {
     let (square, count) = blocks(of, parts, joints, f64::INFINITY)
         .into_iter()
@@ -58,7 +58,7 @@ fn blocks(of: &Deviations, parts: &[Rows], joints: &[usize], rows: f64) -> Vec<(
     blocks
 }
 
-/// Share of the error of `before` that is gone in `after` on `parts`, over the channels of `joints`, with a 95 % interval by drawing blocks.
+/// Share of the error of `before` that `after` removes on `parts`, over the channels of `joints`, with a 95 % interval from resampled blocks.
 pub fn gain(
     [before, after]: [&Deviations; 2],
     parts: &[Rows],

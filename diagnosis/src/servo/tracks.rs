@@ -1,21 +1,20 @@
-//! Recordings as the rollouts of servos take them.
+//! Recordings in the form of servo rollouts.
 
 use freeplay_recording::Recording;
 use freeplay_servo::{Commands, Track};
 
 use crate::signals::grid::GAP_STEPS;
 
-/// Longest step of a rollout, s: a tenth of the time constants that servos of arms have (0.05 to 0.2 s), at which the midpoint rule
-/// is right to about a hundredth.
+/// Longest step of a rollout, s: a tenth of the time constants of arm servos (0.05 to 0.2 s), at which the error of the midpoint rule is about a hundredth.
 const LONGEST_STEP: f64 = 0.01;
 
-/// Whether commanded positions are all that `recording` has to compare the measured ones with.
+/// Returns true if `recording` has only commanded positions for a comparison with the measured ones.
 pub fn commands_alone(recording: &Recording) -> bool {
     let has_links = recording.q_link.iter().any(Option::is_some);
     recording.q_ref.is_some() && recording.tau.is_none() && recording.tool.is_none() && !has_links
 }
 
-/// `recording` as a track. A joint without commands is taken to follow itself.
+/// `recording` as a track. For a joint without commands the measured position stands in for the command.
 pub fn track(recording: &Recording) -> Track {
     let commands = recording.q.iter().enumerate().map(|(joint, q)| {
         let commanded = recording.q_ref.as_ref().map(|columns| &columns[joint]);
@@ -30,7 +29,7 @@ pub fn track(recording: &Recording) -> Track {
     }
 }
 
-/// Every so manieth row of `track`, so that they are at least `spacing` s apart, where it has so many; the commands stay whole.
+/// Thins `track` so that its rows are at least `spacing` s apart, if it has enough rows; the commands stay complete.
 pub fn thinned(track: &Track, spacing: f64) -> Track {
     let stride = ((spacing / median_step(track)) * (1.0 + 1e-6)).floor();
     if !(stride >= 2.0 && stride.is_finite()) {
@@ -55,18 +54,18 @@ pub fn median_step(track: &Track) -> f64 {
     *steps.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Way between rows that lags are measured on, s: lags are told between rows, as the commands are, and rows that are closer add time and nothing else.
+/// Distance between rows for the measurement of lags, s: lags are resolved between rows, as the commands are, and closer rows only cost time.
 pub(super) const FOR_LAGS: f64 = 0.02;
 
-/// `track` with as many rows as lags need.
+/// `track`, thinned for the measurement of lags.
 pub fn for_lags(track: &Track) -> Track {
     thinned(track, FOR_LAGS)
 }
 
-/// Rows a lag that a fit needs: what a servo does to a motion is over after a few lags, and rows between add next to nothing.
+/// Rows per lag that a fit needs: the response of a servo ends after a few lags, and rows in between add hardly any information.
 const ROWS: f64 = 3.0;
 
-/// `track` with as many rows as a fit of servos needs whose positions follow by `lag` s or more.
+/// `track`, thinned for a fit of servos with lags of `lag` s or more.
 pub fn for_fit(track: &Track, lag: f64) -> Track {
     thinned(track, (lag / ROWS).min(FOR_LAGS))
 }

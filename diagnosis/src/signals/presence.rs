@@ -1,7 +1,7 @@
-//! Columns with samples missing for a while: bridged where they pass filters, and not counted where they are missing.
+//! Columns with missing samples: bridged before filters, and masked where they are missing.
 //!
-//! A run of missing samples that is no longer than a step between two stamps may be without making a gap ([`Grid`]) is interpolated across, as
-//! such a step is. A longer one is missing, with as much on either side as the filter remembers of the bridge.
+//! A run of missing samples is interpolated if it is no longer than the longest step between two stamps that makes no gap ([`Grid`]). A longer run is missing,
+//! together with the settling time of the filter on either side.
 
 use freeplay_recording::Recording;
 
@@ -10,8 +10,8 @@ use crate::signals::missing::runs;
 use crate::signals::motion::Treatment;
 
 impl Grid {
-    /// Whether `column` of `recording` is there at each grid point of `stretch`, with `around` s on either side of what is missing; `None` if
-    /// nothing is missing.
+    /// True for each grid point of `stretch` at which `column` of `recording` has samples; false also within `around` s of missing ones. `None` if nothing is
+    /// missing.
     pub(crate) fn present(
         &self,
         stretch: &Stretch,
@@ -40,7 +40,7 @@ impl Grid {
 }
 
 impl Treatment {
-    /// Whether `column` of `recording` is there, at each kept point; `None` if it is at all of them.
+    /// True for each kept point at which `column` of `recording` has samples; `None` if it has all of them.
     pub fn present(&self, recording: &Recording, column: &[f64]) -> Option<Vec<bool>> {
         let around = self.filter.settling_time();
         self.presence(recording, column, around, |stretch, present| {
@@ -53,7 +53,7 @@ impl Treatment {
         })
     }
 
-    /// The same at each grid point, with nothing around what is missing.
+    /// The same at each grid point, without a margin around missing samples.
     pub(crate) fn whole_present(&self, recording: &Recording, column: &[f64]) -> Option<Vec<bool>> {
         self.presence(recording, column, 0.0, |stretch, present| match present {
             Some(present) => present.to_vec(),

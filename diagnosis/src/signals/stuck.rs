@@ -1,4 +1,4 @@
-//! Torques that are stuck at one value while their joint moves: no measurement, whatever the model says of them.
+//! Torques with a constant value while their joint moves: no measurement, whatever the model predicts.
 
 use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
@@ -7,14 +7,14 @@ use crate::signals::missing::only;
 use crate::signals::motion::Treatment;
 use crate::statistics::FEWEST_ROWS;
 
-/// A joint moves, and drives its load, where speed and acceleration are above this share of their greatest: 2 % is the noise of a differentiated encoder at the least
-/// cutoff of the low-pass.
+/// Thresholds of motion: a joint moves and drives its load where speed and acceleration exceed this share of their maxima. At the lowest cutoff of the
+/// low-pass, 2 % is the noise of a differentiated encoder.
 pub(crate) const MOVES: f64 = 0.02;
-/// Share of the rows in motion, forwards and backwards, at one value from which a torque is stuck: clearly more than a half, which dry friction with a coarse
-/// step can make.
+/// Least share of the rows in motion, forwards and backwards, with the same value for a stuck torque: clearly more than a half, which dry friction with a
+/// coarse step can cause.
 const SHARE: f64 = 0.7;
 
-/// The value at which a torque is stuck.
+/// A stuck torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stuck {
     /// The value, unit of the torque.
@@ -24,7 +24,7 @@ pub(crate) struct Stuck {
 }
 
 impl Stuck {
-    /// By joint, along the motion `whole` of all grid points; `None` where the torque answers, or there is none.
+    /// The stuck torques by joint, along the motion `whole` of all grid points; `None` for a torque that varies, or without one.
     pub fn of(recording: &Recording, treatment: &Treatment, whole: &Trajectory) -> Vec<Option<Self>> {
         let Some(torques) = &recording.tau else { return vec![None; recording.joints()] };
         let of_joint = |(joint, torque): (usize, &Vec<f64>)| {
@@ -39,8 +39,8 @@ impl Stuck {
         torques.iter().enumerate().map(of_joint).collect()
     }
 
-    /// Of a torque whose joint has the velocities `v` and accelerations `a`. A drive in a steady motion may well have a steady torque, and dry friction
-    /// another one each way: neither is stuck.
+    /// The stuck value of `torque`, whose joint has the velocities `v` and accelerations `a`. A drive in steady motion may have a steady torque, and dry
+    /// friction makes a different one in each direction: neither is stuck.
     pub fn along(torque: &[f64], v: &[f64], a: &[f64]) -> Option<Self> {
         let least = |x: &[f64]| MOVES * x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let (slow, steady) = (least(v), least(a));
@@ -52,7 +52,7 @@ impl Stuck {
             let first = *torque.first()? + 0.0;
             return torque.iter().all(|x| *x == first).then_some(Self { at: first, share: 1.0 });
         }
-        // Plus zero, of two zeros.
+        // Adding zero turns −0 into +0.
         let at = most_common(both.iter().map(|&k| torque[k])) + 0.0;
         let share = |rows: &[usize]| {
             rows.iter().filter(|&&k| torque[k] == at).count() as f64 / rows.len().max(1) as f64
@@ -64,7 +64,7 @@ impl Stuck {
     }
 }
 
-/// The value that most of `x` have, by Boyer and Moore's vote (1991); any where none has more than half.
+/// The majority value of `x`, by Boyer and Moore's vote (1991); without a majority, an arbitrary value.
 fn most_common(x: impl Iterator<Item = f64>) -> f64 {
     let vote = |(value, count): (f64, usize), x: f64| match count {
         0 => (x, 1),
@@ -96,7 +96,7 @@ mod tests {
         assert!(along(|_| 3.5).is_some_and(|stuck| stuck.at == 3.5 && stuck.share == 1.0));
     }
 
-    /// Fewer than twenty rows each way, thirty together.
+    /// Fewer than twenty rows in each direction, thirty together.
     #[test]
     fn a_torque_of_a_short_motion_is_not_stuck_for_want_of_rows() {
         let at = |k: usize| 0.2 * k as f64;

@@ -1,7 +1,7 @@
 //! `angle_unit`: positions in degrees (slides in millimetres).
 //!
-//! It asks whether all positions are 180/π (1000) times too large. By torques or the tool where there are some; else by the
-//! speeds and limits of the joints. The hypothesis divides them.
+//! Tested: all positions are 180/π (1000) times too large. Torques or the tool decide if the recording has them; otherwise the speeds and limits of the joints.
+//! The hypothesis divides the positions.
 
 use std::f64::consts::PI;
 
@@ -12,13 +12,13 @@ use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told};
 use crate::statistics::variance;
 
-/// A joint goes beyond its limits by this factor: no overshoot, another unit. Limits of speed are placeholders in many files.
+/// Factor by which a joint may exceed its limits: beyond it the cause is no overshoot but another unit. Limits of speed are placeholders in many files.
 const BEYOND: f64 = 2.0;
-/// Root mean square of a speed that no arm has, rad/s (m/s): joints of the fastest arms turn at 20 rad/s at most; where no limits are known it stands in for
-/// them.
+/// Root mean square of a speed that no arm reaches, rad/s (m/s): joints of the fastest arms turn at 20 rad/s at most; it replaces unknown limits.
 const FASTEST: f64 = 30.0;
 
-/// What it asks. Where all turning joints stay within half a turn in rad, degrees would be an arm that moves by less than 3 of them.
+/// The tested changes. If all revolute joints stay within half a turn when read in rad, the unit degrees would mean a motion below about 3 degrees, and is not
+/// tested.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let wide = ask.arm.joints().iter().zip(ask.positions).any(|(joint, q)| {
         let least = q.iter().copied().fold(f64::INFINITY, f64::min);
@@ -51,8 +51,8 @@ fn finding(arm: &Arm, certainty: Certainty) -> SetupFinding {
     }
 }
 
-/// By the motion alone: positions and velocities, `[joint][row]`, that no arm has in rad (m); but those of joints whose position `jumps`, and may
-/// be off by turns.
+/// By the motion alone: positions and velocities, `[joint][row]`, that no arm reaches in rad (m); without joints whose position `jumps`, since it may be wrong
+/// by whole turns.
 pub(crate) fn by_motion(arm: &Arm, motion: &[Vec<Vec<f64>>; 3], jumps: &[bool]) -> Option<SetupFinding> {
     let [q, v, _] = motion;
     let most = |column: &[f64]| column.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -65,7 +65,7 @@ pub(crate) fn by_motion(arm: &Arm, motion: &[Vec<Vec<f64>>; 3], jumps: &[bool]) 
         known += usize::from(farthest.is_finite() || limits.velocity.is_finite());
         let turn = if joint.kind == JointKind::Revolute { PI } else { 0.0 };
         let is_far = most(&q[k]) > BEYOND * farthest.max(turn);
-        // In degrees (millimetres) it has to be possible.
+        // The motion must be possible in degrees (millimetres).
         let unit = read[k].unit;
         let fits = most(&q[k]) * unit <= farthest && most(&v[k]) * unit <= limits.velocity;
         beyond += usize::from(is_far && fits);

@@ -1,17 +1,17 @@
-//! `another_arm`: no reading makes recording and model meet.
+//! `another_arm`: no reading reconciles recording and model.
 //!
-//! It asks, when every other question is answered, whether most channels still have most of their variance unexplained, and whether links of
-//! any inertia explain more than the reading that was found, with the model's links as they stand on a data sheet.
+//! Tested after all other hypotheses: most channels still have most of their variance unexplained; or links of any inertia explain more than the best reading
+//! with the model's links within the error of a data sheet.
 
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::outcome::{Outcome, SPOKEN};
 
-/// Share of a channel's variance beyond which the channel is not explained: more than half of its deviation is left then, √0.3.
+/// Share of a channel's variance beyond which the channel counts as unexplained: the residual is then more than half of its deviation, √0.3.
 pub(crate) const UNEXPLAINED: f64 = 0.3;
 /// The same share where a tool is tracked: its position is geometry, which no friction blurs.
 const AWAY: f64 = 0.02;
 
-/// Words and remedy; `joints` torques come first in what is left, unless they are silent: without gravity.
+/// Words and remedy; the first `joints` residuals are torques, unless they are silent: without gravity.
 pub(crate) fn found(best: &Outcome, joints: usize, is_silent: bool, has_tool: bool) -> Option<SetupFinding> {
     let (torques, tool) = best.left.split_at(if best.left.len() >= joints { joints } else { 0 });
     let speaks =
@@ -30,7 +30,7 @@ pub(crate) fn found(best: &Outcome, joints: usize, is_silent: bool, has_tool: bo
     Some(finding(left.min(100.0) / 100.0, certainty))
 }
 
-/// Where another arm explains more than any reading of this one.
+/// The finding that another arm explains more than any reading of this one.
 pub(crate) fn by_evidence() -> SetupFinding {
     finding(0.0, Certainty::Sure)
 }

@@ -1,27 +1,27 @@
 //! `clock_offset`: groups of channels from two logs whose clocks don't agree.
 //!
-//! It asks by how much the torques, the tool, or both are late against the positions, up to half a second. The hypothesis shifts
-//! them. What a position loop could live with is the catalogue's `time_delay`.
+//! Tested: the delay of the torques, the tool, or both behind the positions, up to half a second. The hypothesis shifts them. A delay that a position loop
+//! could tolerate is the catalogue's `time_delay`.
 
 use super::super::change::{Change, Late, groups};
 use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told};
 
-/// Delays up to here are the catalogue's, s: with more, no position loop of 3.5 Hz would hold (60 degrees of its phase).
+/// Greatest delay of the catalogue, s: with a larger one, no position loop of 3.5 Hz would be stable (60 degrees of its phase).
 pub(crate) const LEAST: f64 = 0.048;
-/// Delays that are asked for each way: they reach half a second, and the rows at the ends that each of them takes away are lost to all.
+/// Number of tested delays in each direction: they reach half a second, and all tests lose the rows at the ends that the longest shift removes.
 const COUNT: i8 = 16;
-/// Way between two delays that are asked for, s: a fit begins within half of it, a small part of the period of the quickest motions, 0.7 s.
+/// Distance between two tested delays, s: a fit starts within half of it, a small part of the period of the fastest motions, 0.7 s.
 pub(crate) const APART: f64 = 0.03;
 /// The name of this kind of finding.
 pub(crate) const KIND: &str = "clock_offset";
 
-/// Half of the way between two delays that are asked for, s. The search may find a delay that is wrong by so much, as long as it does not know the missing physics.
+/// Half the distance between two tested delays, s. The search may find a delay with this error, as long as it does not know the missing physics.
 pub(crate) fn unsure() -> f64 {
     0.5 * APART
 }
 
-/// What it asks.
+/// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let large = || (-COUNT..=COUNT).filter(|k| *k != 0).map(|k| f64::from(k) * APART);
     let delays = || large().chain([unsure(), -unsure()]);
@@ -39,7 +39,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     found.into_iter().filter_map(one).collect()
 }
 
-/// The finding that the channels `late` lag the joint positions by `delay`, s.
+/// The finding that the channels `late` are `delay` s behind the joint positions.
 pub(crate) fn finding(late: Late, delay: f64, certainty: Certainty) -> SetupFinding {
     let group = match late {
         Late::Torque => "torques are",

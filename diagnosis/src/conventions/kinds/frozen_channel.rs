@@ -1,7 +1,7 @@
-//! `frozen_channel`: a torque or a position that reports one value while its joint moves.
+//! `frozen_channel`: a torque or a position with a constant value while its joint moves.
 //!
-//! It asks whether a channel has the same value in every row, although the joint moves: by its own position for a torque; by its
-//! command, its velocity or its link encoder for a position. Nothing can mend it.
+//! Tested: a channel has the same value in every row, although the joint moves: by its own position for a torque; by its command, its velocity or its link
+//! encoder for a position. There is no correction.
 
 use freeplay_arm::Arm;
 use freeplay_recording::Recording;
@@ -9,14 +9,14 @@ use freeplay_recording::Recording;
 use super::super::finding::{Certainty, SetupFinding};
 use crate::statistics::span;
 
-/// Range from which on a joint moves for sure, rad (m), or its speed, rad/s (m/s): about a degree, above the noise of a velocity at rest.
+/// Least range of a joint that certainly moves, rad (m), or its least speed, rad/s (m/s): about a degree, above the noise of a velocity at rest.
 const MOVES: f64 = 0.02;
 
 fn is_still(column: &[f64]) -> bool {
     column.first().is_some_and(|first| first.is_finite() && column.iter().all(|x| x == first))
 }
 
-/// Words and remedy, for each channel that is still; with whether it is a position, without which nothing can be compared.
+/// Words and remedy for each frozen channel; true for a position, without which no comparison is possible.
 pub(crate) fn found(arm: &Arm, recording: &Recording) -> Vec<(SetupFinding, bool)> {
     let mut all = Vec::new();
     for (joint, q) in recording.q.iter().enumerate().take(arm.dof()) {
@@ -40,7 +40,7 @@ pub(crate) fn found(arm: &Arm, recording: &Recording) -> Vec<(SetupFinding, bool
     all
 }
 
-/// A position that stands still while everything else says that its joint moves, found by what no reading explains.
+/// A constant position while all other channels show that its joint moves, detected by the residual of every reading.
 pub(crate) fn suspected(arm: &Arm, recording: &Recording) -> Option<SetupFinding> {
     let joint = (0..arm.dof()).find(|&joint| is_still(&recording.q[joint]))?;
     Some(finding(arm, joint, "position", recording.q[joint][0], "what else was recorded shows that it moves"))

@@ -1,7 +1,7 @@
-//! The kinds of set-up faults, one file each with the same sections: what it asks, what the hypothesis changes, words, remedy.
+//! The kinds of set-up faults, one file each with the same sections: the tested hypotheses, their change, words, remedy.
 //!
-//! What a hypothesis changes stands in its [`Change`]; what a kind asks are changes that the search tries; what it says is a
-//! [`SetupFinding`] for each change that was found sure or likely.
+//! A [`Change`] holds the change of a hypothesis. Each kind lists the changes that the search tries, and returns a [`SetupFinding`] for each certain or likely
+//! change.
 
 pub(crate) mod angle_unit;
 pub(crate) mod angle_wrap;
@@ -24,7 +24,7 @@ use super::change::{Change, physics};
 use super::finding::SetupFinding;
 use super::outcome::Outcome;
 
-/// What a kind may look at before it asks.
+/// Input of a kind for listing its hypotheses.
 pub(crate) struct Ask<'a> {
     pub arm: &'a Arm,
     pub has_torques: bool,
@@ -35,14 +35,14 @@ pub(crate) struct Ask<'a> {
     pub best: &'a Outcome,
 }
 
-/// What a kind may look at before it speaks.
+/// Input of a kind for its findings.
 pub(crate) struct Told<'a> {
     pub arm: &'a Arm,
     /// The best set.
     pub best: &'a Outcome,
-    /// What of it is certain, all kinds.
+    /// The certain changes of the best set, of all kinds.
     pub certain: &'a [Change],
-    /// What else would explain the same as a change, in words.
+    /// Alternatives that explain the same as a change, in words.
     pub rivals: &'a [(Change, String)],
 }
 
@@ -52,25 +52,25 @@ impl Told<'_> {
         self.arm.joints()[joint].name.clone()
     }
 
-    /// The certain changes that `is` picks.
+    /// The certain changes for which `is` returns true.
     pub fn of(&self, is: impl Fn(&Change) -> bool) -> Vec<Change> {
         self.certain.iter().copied().filter(is).collect()
     }
 
-    /// What else would explain the same as `change`, as a sentence; empty where nothing does.
+    /// The alternative that explains the same as `change`, as a sentence; empty if there is none.
     pub fn rival(&self, change: &Change) -> String {
         let rival = self.rivals.iter().find(|(of, _)| of == change);
         rival.map_or_else(String::new, |(_, words)| format!(" Or {words}: this recording can't tell."))
     }
 }
 
-/// A kind that the search asks for.
+/// A kind that the search tests.
 struct Kind {
     asks: fn(&Ask) -> Vec<Change>,
     says: fn(&Told) -> Vec<SetupFinding>,
 }
 
-/// In the order in which a person would mend them.
+/// In the order in which a person would correct them.
 const KINDS: [Kind; 10] = [
     Kind { asks: angle_unit::asks, says: angle_unit::says },
     Kind { asks: joint_order::asks, says: joint_order::says },
@@ -84,7 +84,7 @@ const KINDS: [Kind; 10] = [
     Kind { asks: clock_offset::asks, says: clock_offset::says },
 ];
 
-/// All that can be asked, physics beside the reading included.
+/// All hypotheses, physics beside the reading included.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let mut all: Vec<Change> = KINDS.iter().flat_map(|kind| (kind.asks)(ask)).collect();
     if ask.has_torques {
@@ -93,12 +93,12 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     all
 }
 
-/// What is said of the certain changes.
+/// The findings of the certain changes.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     KINDS.iter().flat_map(|kind| (kind.says)(told)).collect()
 }
 
-/// Whether a change is so small that it belongs to the catalogue of effects, whose law says it better.
+/// Returns true if a change is so small that it belongs to the catalogue of effects, whose law describes it better.
 pub(crate) fn is_small(arm: &Arm, outcome: &Outcome, change: &Change) -> bool {
     match *change {
         Change::Zero { offset, .. } => offset.abs() <= joint_zero::LEAST,
@@ -111,7 +111,7 @@ pub(crate) fn is_small(arm: &Arm, outcome: &Outcome, change: &Change) -> bool {
     }
 }
 
-/// A change in a few words, as what else could be.
+/// A change in a few words, as an alternative.
 pub(crate) fn briefly(arm: &Arm, change: &Change) -> String {
     let name = |joint: usize| arm.joints()[joint].name.as_str();
     match *change {
@@ -143,7 +143,7 @@ pub(crate) fn listed(names: &[String]) -> String {
     }
 }
 
-/// About three digits.
+/// A number with about three digits.
 pub(crate) fn brief(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

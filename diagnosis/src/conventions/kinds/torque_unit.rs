@@ -1,7 +1,7 @@
 //! `torque_unit`: torques in another unit, of all joints or of single ones: N·mm, amperes, the motor's side of the gear, counts.
 //!
-//! It asks for every joint whether its torque is the model's times a constant, for joints together where they share one. The
-//! hypothesis divides by it. A constant near one is the catalogue's `torque_gain`.
+//! Tested for every joint: its torque is the model's times a constant; for joints together where they share one. The hypothesis divides by the constant. A
+//! constant near one is the catalogue's `torque_gain`.
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
@@ -10,17 +10,17 @@ use super::{Ask, Told, brief, listed};
 
 /// Between a half and two, a wrong gain or mass explains a scale; no unit does.
 const NEAR: f64 = 2.0;
-/// Ratios within this are the same: torque constants are given to two figures.
+/// Relative tolerance within which two ratios are the same: torque constants are given to two figures.
 const SAME: f64 = 0.02;
 /// A kilogram-force in N: standard gravity (3rd CGPM 1901).
 const KILOGRAM_FORCE: f64 = 9.806_65;
 
-/// Whether a scale is none of a unit.
+/// Returns true for a scale too near one for a unit.
 pub(crate) fn is_small(scale: f64) -> bool {
     scale > 1.0 / NEAR && scale < NEAR
 }
 
-/// Round factors near `scale` that are no accident: whole numbers and their inverses, kilograms.
+/// Round factors near `scale` that are unlikely by chance: whole numbers and their inverses, kilograms.
 pub(crate) fn rounded(scale: f64) -> Vec<f64> {
     let mut near = Vec::new();
     if scale >= NEAR / 1.2 {
@@ -34,7 +34,7 @@ pub(crate) fn rounded(scale: f64) -> Vec<f64> {
     near
 }
 
-/// Whether `change` gives a joint the torque unit that one of `others` gives another joint.
+/// Returns true if `change` gives a joint the torque unit that one of `others` gives another joint.
 pub(crate) fn is_shared(outcome: &Outcome, change: &Change, others: &[Change]) -> bool {
     let Change::SameScale(joint, _) = *change else { return false };
     let is_scale = |other: &&Change| matches!(other, Change::Scale(_) | Change::SameScale(..));
@@ -42,7 +42,7 @@ pub(crate) fn is_shared(outcome: &Outcome, change: &Change, others: &[Change]) -
     scales.into_iter().any(|other| (outcome.scale[other] / outcome.scale[joint] - 1.0).abs() < SAME)
 }
 
-/// What it asks.
+/// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     if !ask.has_torques {
         return Vec::new();
@@ -58,7 +58,7 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     all
 }
 
-/// Words and remedy: joints that share a constant in one statement.
+/// Words and remedy; one statement for all joints that share a constant.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found =
         told.of(|change| matches!(change, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale));
@@ -146,12 +146,12 @@ fn times(scale: f64, count: usize) -> String {
     }
 }
 
-/// The scale itself, or that of newton millimetres where it is theirs: a unit has no tolerance.
+/// The scale itself, or that of newton millimetres if it is near: a unit has no tolerance.
 pub(crate) fn exact(scale: f64) -> f64 {
     if (scale.abs() / 1e3 - 1.0).abs() < SAME { 1e3_f64.copysign(scale) } else { scale }
 }
 
-/// A guess of what makes a torque `scale` times as large.
+/// A guess of the cause of a torque that is `scale` times as large.
 fn guess(scale: f64, count: usize) -> String {
     let is = |value: f64| (scale / value - 1.0).abs() < SAME;
     let (they, drives) = if count > 1 { ("they", "these drives") } else { ("it", "this drive") };
@@ -182,7 +182,7 @@ mod tests {
     use crate::conventions::change::Change;
     use crate::conventions::outcome::Outcome;
 
-    /// A unit that no other joint has is a number of its own, however it was found.
+    /// A unit that no other joint has is a parameter of its own, in whatever way the search found it.
     #[test]
     fn a_unit_is_shared_with_another_joint() {
         let outcome = |scale: [f64; 2]| Outcome {
