@@ -1,7 +1,7 @@
-//! How often a diagnosis of commanded and measured positions alone is right: machines with servos drawn at random, concealed from it.
+//! Success rate of a diagnosis of commanded and measured positions alone: machines with random servos, hidden from the diagnosis.
 //!
-//! `cargo run --release -p freeplay-diagnosis --example servo_cases -- COUNT [SEED]`. Each case is diagnosed twice: with the bare arm, and with the machine's own model, in which
-//! nothing is missing. The machine moves in steps of 1 ms; the law is that of the crate `servo`.
+//! `cargo run --release -p freeplay-diagnosis --example servo_cases -- COUNT [SEED]`. Each case has two diagnoses: with the bare arm, and with the machine's
+//! own model, which lacks nothing. The machine moves in steps of 1 ms; the law is that of the crate `servo`.
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! Diagnoses recordings of commanded and measured positions and prints what was found.
+//! Diagnoses recordings of commanded and measured positions and prints the findings.
 //!
 //! `cargo run --release -p freeplay-diagnosis --example servos -- ARM RECORDING...`
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]

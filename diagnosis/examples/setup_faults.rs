@@ -1,10 +1,10 @@
-//! Set-up faults put into recordings of concealed and of real machines, and what is found of them:
+//! Diagnoses of set-up faults that the example inserts into recordings of concealed and of real machines:
 //! `cargo run --release -p freeplay-diagnosis --example setup_faults -- single|two|clean|real|physics ROUNDS SEED [KIND]`.
-//! `real` reads the folder that `FREEPLAY_RECORDINGS` names. `physics` diagnoses the same machine, effect and noise without a fault and with one, ROUNDS
-//! pairs a kind of fault, and compares what is named beside the fault with the twin's and with the truth.
+//! `real` reads the folder in `FREEPLAY_RECORDINGS`. `physics` diagnoses the same machine, effect and noise without a fault and with one, ROUNDS pairs for each
+//! kind of fault, and compares the named effects with those of the pair without a fault and with the truth.
 //!
-//! Prints each case that is not answered right, and a table at the end: right kind and joint, missed, wrong, time. Of the missed ones of real
-//! machines, `hidden` counts those that add less to the error of every channel than the model has there anyway: no reader could tell.
+//! The example prints each case with a wrong answer, and a table at the end: right kind and joint, missed, wrong, time. Among the missed faults of real
+//! machines, `hidden` counts those that increase the error of every channel by less than the model's error without the fault: no method could detect them.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -18,7 +18,7 @@ use freeplay_concealed::{
 use freeplay_diagnosis::{Certainty, DiagnoseSettings, Diagnosis, Settings, compare, diagnose, examine};
 use freeplay_recording::Recording;
 
-/// What is missing from the model beside the fault.
+/// Effects that the model lacks in addition to the fault.
 const BESIDE: [&str; 4] = ["", "coulomb_friction", "payload", "joint_coupling"];
 
 #[derive(Default)]
@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Faults in recordings of machines of the generator.
+/// Faults in recordings of machines from the generator.
 fn concealed(
     mode: &str,
     rounds: u64,
@@ -89,23 +89,23 @@ fn concealed(
     Ok(())
 }
 
-/// What is named beside a fault, against what is named without it.
+/// The effects named with a fault, against those named without it.
 #[derive(Default)]
 struct Beside {
     pairs: usize,
     unmended: usize,
     same: usize,
-    /// Without the fault and with it: pairs in which all that is missing is named, pairs with an effect that is not there.
+    /// Without the fault and with it: pairs in which the diagnosis names all missing effects, and pairs with a false effect.
     found: [usize; 2],
     invented: [usize; 2],
-    /// Without the fault and with it: error of each parameter over its true value.
+    /// Without the fault and with it: relative error of each parameter.
     errors: [Vec<f64>; 2],
 }
 
-/// An effect that is named: kind and joint.
+/// A named effect: kind and joint.
 type Named = (String, Option<String>);
 
-/// The physics beside single faults: the same recordings are diagnosed as they are and with a fault in them.
+/// The physics next to single faults: diagnoses of the same recordings without and with a fault.
 fn physics(rounds: u64, seed: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> {
     let mut count = Beside::default();
     let kinds: Vec<&str> = SETUP
@@ -159,7 +159,7 @@ impl Beside {
         let same = named[0].len() == named[1].len() && named[0].iter().all(|one| named[1].contains(one));
         self.same += usize::from(same);
         for (k, named) in named.iter().enumerate() {
-            // One by its name, or all of an equivalent.
+            // One effect by its name, or all effects of an equivalent.
             let ways: Vec<Vec<Vec<Named>>> = missing
                 .iter()
                 .map(|effect| {
@@ -207,7 +207,7 @@ impl Beside {
     }
 }
 
-/// How far each numeric parameter of a true effect is off where it is named, over the true value.
+/// Relative error of each numeric parameter of a true effect that the diagnosis names.
 fn errors_of(effect: &TruthEffect, diagnosis: &Diagnosis) -> Vec<f64> {
     let named = diagnosis.effects.iter().find(|one| one.kind == effect.kind && one.joint == effect.joint);
     let (Some(named), Some(parameters)) = (named, effect.parameters.as_object()) else { return Vec::new() };
@@ -220,7 +220,7 @@ fn errors_of(effect: &TruthEffect, diagnosis: &Diagnosis) -> Vec<f64> {
         .collect()
 }
 
-/// Sets of real machines with their models, and the recording of each into which faults are put.
+/// Sets of recordings of real machines with their models, and the recording of each that receives the faults.
 const REAL: [(&str, &str, &str); 7] = [
     ("kuka_kr300", "kr300_r2500_payload150.urdf", "train_A.csv"),
     ("kuka_kr300", "kr300_r2500_payload150.urdf", "test_B.csv"),
@@ -231,7 +231,8 @@ const REAL: [(&str, &str, &str); 7] = [
     ("dfki_double_pendulum", "double_pendulum_C1.urdf", "test_2.csv"),
 ];
 
-/// Faults in recordings of real machines. No true reading is known of their clocks' last milliseconds, so only what is put in is asked for.
+/// Faults in recordings of real machines. The true reading of their clocks is not known to the last milliseconds, so the example only checks the inserted
+/// faults.
 fn real(
     rounds: u64,
     seed: u64,
@@ -277,7 +278,7 @@ fn real(
     Ok(())
 }
 
-/// Variance of each torque's error over that of the torque, as recorded.
+/// Error variance of each torque relative to the variance of the recorded torque.
 fn errors(made: &Made) -> Result<Vec<f64>, Box<dyn Error>> {
     let arm = freeplay_arm::parse_toml(&made.model, Path::new("model.toml"))?.arm;
     let (comparison, _) = compare(&arm, &[], &recording(&made.recording)?, &Settings::default())?;
@@ -285,12 +286,12 @@ fn errors(made: &Made) -> Result<Vec<f64>, Box<dyn Error>> {
     Ok(comparison.channels.iter().map(|channel| share(channel.std_error, channel.std_measured)).collect())
 }
 
-/// Whether a fault adds less to the errors of all channels than there is without it.
+/// Returns true if a fault increases the errors of all channels by less than they are without it.
 fn is_hidden(plain: &[f64], faulty: &[f64]) -> bool {
     plain.len() == faulty.len() && plain.iter().zip(faulty).all(|(plain, faulty)| *faulty < 2.0 * plain)
 }
 
-/// A recording in the generator's form.
+/// A recording in the form of the generator.
 fn samples(recording: &Recording) -> Samples {
     let (mut names, mut columns) = (Vec::new(), Vec::new());
     for (name, column) in recording.named().filter(|(name, _)| name != "t") {
@@ -320,7 +321,7 @@ fn print_table(rows: &BTreeMap<String, Row>) {
     }
 }
 
-/// The sets of faults that are tried on one recording.
+/// The sets of faults for one recording.
 fn sets(mode: &str, draw: usize, only: Option<&str>) -> Vec<Vec<&'static str>> {
     let wanted = SETUP.into_iter().filter(|kind| only.is_none_or(|only| only == *kind));
     match mode {

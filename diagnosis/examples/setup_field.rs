@@ -1,4 +1,4 @@
-//! What is found of the set-up of a model and recordings: `… --example setup_field -- ARM RECORDING…`.
+//! Set-up findings for a model and recordings: `… --example setup_field -- ARM RECORDING…`.
 
 use std::error::Error;
 use std::path::Path;

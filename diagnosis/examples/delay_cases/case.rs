@@ -1,4 +1,4 @@
-//! Machines on servos whose commands or encoders are late, and their recordings of commands, positions and torques.
+//! Machines on servos with delayed commands or encoders, and their recordings of commands, positions and torques.
 
 use std::path::Path;
 
@@ -10,26 +10,26 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::drawn::{JOINTS, link, servo};
 
-/// Delays that are drawn, s: the catalogue believes an encoder to be 15 ms late at most.
+/// Range of random delays, s: the catalogue permits encoder delays up to 15 ms.
 const DELAYS: [f64; 2] = [0.004, 0.014];
-/// Steps of the machine, rows of a recording, s.
+/// Steps of the machine and of the recording, s.
 const STEP: f64 = 0.001;
 const ROW: usize = 5;
 /// Rows of a recording.
 const ROWS: usize = 5000;
 
-/// The part of a machine that is late.
+/// The delayed part of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Late {
     /// The commands reach the servos late.
     Commands,
-    /// The recording has the encoders late; the servos read them in time.
+    /// The recording delays the encoders; the servos use them without delay.
     Encoders,
-    /// Nothing.
+    /// No part.
     Nothing,
 }
 
-/// A machine, and how it is recorded.
+/// A machine and its recordings.
 pub struct Case {
     pub arm: String,
     pub effects: String,
@@ -116,7 +116,7 @@ impl Case {
             };
             let torques: Vec<f64> = steps.iter().map(mean).collect();
             let size = (torques.iter().map(|x| x * x).sum::<f64>() / torques.len() as f64).sqrt();
-            // Twelve uniform numbers less six: normal to what matters here.
+            // Twelve uniform numbers minus six: close enough to a normal distribution here.
             let mut noise = || (0..12).map(|_| self.rng.random_range(0.0..1.0)).sum::<f64>() - 6.0;
             all.push((
                 format!("tau{}", joint + 1),

@@ -1,6 +1,7 @@
-//! How often a diagnosis tells late commands from late encoders where torques were recorded beside commanded and measured positions.
+//! Success rate of a diagnosis in separating delayed commands from delayed encoders, with torques recorded next to commanded and measured positions.
 //!
-//! `cargo run --release -p freeplay-diagnosis --example delay_cases -- COUNT [SEED]`. A case is right if what is late is named, and nothing else is said to be late.
+//! `cargo run --release -p freeplay-diagnosis --example delay_cases -- COUNT [SEED]`. A case is right if the diagnosis names the delayed part, and no other
+//! delay.
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 
 mod case;
@@ -39,7 +40,7 @@ fn main() {
 struct Score {
     right: u64,
     missing: usize,
-    /// How many intervals hold, and how many there are, by kind and name.
+    /// Number of intervals that include the truth, and of all intervals, by kind and name.
     intervals: BTreeMap<String, [usize; 2]>,
 }
 

@@ -1,4 +1,4 @@
-//! Arms of three links on servos, drawn at random, as more than one example needs them.
+//! Random arms of three links on servos, shared by several examples.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

@@ -1,5 +1,5 @@
-//! Recordings made here: a machine inside the tolerances of its model, moved along sines at random, with noise and rounding. Its
-//! laws are those of the catalogue, so that what is measured on them is the method alone, not what another law would do to it.
+//! Simulated recordings: a machine within the tolerances of its model, on random sines, with noise and rounding. Its laws are those of the catalogue, so that
+//! the study measures the method alone, without errors of the laws.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -14,13 +14,13 @@ use rand_chacha::ChaCha8Rng;
 const RATE: f64 = 250.0;
 const SECONDS: f64 = 16.0;
 
-/// A made case.
+/// A simulated case.
 pub struct Made {
-    /// The model that is given.
+    /// The given model.
     pub model: ArmFile,
     /// The recording.
     pub recording: Recording,
-    /// What the machine has beyond the model.
+    /// The effect of the machine that the model lacks.
     pub truth: Option<EffectTable>,
 }
 
@@ -39,7 +39,7 @@ pub fn arm(number: usize) -> Arm {
     parts.into_arm("made").expect("an arm")
 }
 
-/// The case of `seed`; with an effect if `concealed`.
+/// The case of `seed`; with a missing effect if `concealed`.
 pub fn make(seed: u64, concealed: bool) -> Made {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let nominal = arm(seed as usize);
@@ -71,7 +71,7 @@ fn even(rng: &mut ChaCha8Rng) -> f64 {
     rng.random_range(-1.0..1.0)
 }
 
-/// A machine inside the tolerances.
+/// A machine within the tolerances.
 fn drawn(nominal: &Arm, rng: &mut ChaCha8Rng) -> Arm {
     let mut parts = ArmParts::of(nominal);
     for joint in &mut parts.joints {
@@ -113,7 +113,7 @@ fn sines(arm: &Arm, t: &[f64], rng: &mut ChaCha8Rng) -> Trajectory {
     motion
 }
 
-/// An effect at random, of a size that can be seen.
+/// A random effect of visible size.
 fn effect(arm: &Arm, motion: &Trajectory, rng: &mut ChaCha8Rng) -> EffectTable {
     let scene = Scene::new(arm.clone(), motion);
     loop {
@@ -138,7 +138,7 @@ fn effect(arm: &Arm, motion: &Trajectory, rng: &mut ChaCha8Rng) -> EffectTable {
             (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / x.len() as f64).sqrt()
         };
         let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
-        // Each coefficient makes a trace of this share of what a channel measures, or of 1 mm.
+        // Each coefficient contributes this share of a channel's measured size, or of 1 mm.
         let beta: Vec<f64> = columns
             .iter()
             .map(|(_, column)| {
@@ -169,9 +169,9 @@ fn effect(arm: &Arm, motion: &Trajectory, rng: &mut ChaCha8Rng) -> EffectTable {
     }
 }
 
-/// `x` with noise of `deviation`, rounded to `step`.
+/// `x` plus noise of `deviation`, rounded to `step`.
 fn rounded(x: &[f64], deviation: f64, step: f64, rng: &mut ChaCha8Rng) -> Vec<f64> {
-    // The sum of twelve even numbers is normal enough, of deviation one.
+    // The sum of twelve uniform numbers is close to a normal distribution of standard deviation one.
     let mut noise = || (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>() * deviation;
     x.iter().map(|x| ((x + noise()) / step).round() * step).collect()
 }

@@ -1,4 +1,4 @@
-//! How often a diagnosis is right: the confusion matrix over made or concealed cases.
+//! Success rate of a diagnosis: the confusion matrix over simulated or concealed cases.
 //!
 //! ```text
 //! study perfect COUNT [FIRST_SEED]     recordings in which nothing is missing, made here

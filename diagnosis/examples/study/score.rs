@@ -1,4 +1,4 @@
-//! Right, wrong, refused: the count.
+//! The score of a study: right, wrong and refused answers.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use freeplay_diagnosis::{Diagnosis, Effect, Verdict};
 use serde::Deserialize;
 use serde_json::Value;
 
-/// What was missing.
+/// A missing effect.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Truth {
     pub kind: String,
@@ -18,13 +18,13 @@ pub struct Truth {
     pub catalogued: bool,
 }
 
-/// What was answered.
+/// The answer of the diagnosis.
 pub struct Answer {
     pub diagnosis: Result<Diagnosis, String>,
     pub seconds: f64,
 }
 
-/// The count.
+/// The sums of a study.
 #[derive(Default)]
 pub struct Score {
     by_kind: BTreeMap<String, BTreeMap<&'static str, usize>>,
@@ -61,7 +61,7 @@ impl Score {
         *self.by_kind.entry(label).or_default().entry(outcome).or_default() += 1;
     }
 
-    /// Parameter errors, coverage and the share of the error closed.
+    /// Adds parameter errors, interval coverage and the removed share of the error.
     fn measure(&mut self, truth: &Truth, diagnosis: &Diagnosis) {
         let Some(effect) = diagnosis.effects.iter().find(|effect| same(truth, effect)) else { return };
         for (name, parameter) in &effect.parameters {
@@ -123,7 +123,7 @@ impl Score {
     }
 }
 
-/// How far above the floor the tuned model is on held-out data where it is worst, without and with what was named.
+/// Largest held-out error of the tuned model over all channels, relative to the noise floor, without and with the named effects.
 fn above_the_floor(diagnosis: &Diagnosis) -> Option<String> {
     let fit = diagnosis.fit.as_ref()?;
     let worst = |table: &BTreeMap<String, freeplay_diagnosis::Rmse>| {
@@ -140,12 +140,12 @@ fn median(values: &mut [f64]) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// `torque_offset` and the offset in `asymmetric_friction` are one class while moving; the like is not made up for here.
+/// Returns true if the effect is the truth. The score ignores equivalences, such as that of `torque_offset` and the offset in `asymmetric_friction` while moving.
 fn same(truth: &Truth, effect: &Effect) -> bool {
     truth.kind == effect.kind && (truth.joint == effect.joint || is_partner(truth, effect))
 }
 
-/// A shaft that two joints share is the same seen from either.
+/// Returns true for a shaft between two joints, named at its other joint.
 fn is_partner(truth: &Truth, effect: &Effect) -> bool {
     let with = effect.parameters.get("with").and_then(|with| with.value.as_str());
     with.is_some()
@@ -153,8 +153,8 @@ fn is_partner(truth: &Truth, effect: &Effect) -> bool {
         && truth.parameters["with"].as_str() == effect.joint.as_deref()
 }
 
-/// right: all that was missing and nothing else; extra: all, and more; refused: a verdict without a name, or one of several with the
-/// truth among them; missed: nothing found; wrong: the rest.
+/// Verdict on a case. right: all missing effects and no others; extra: all of them, and more; refused: a verdict without a name, or one of several effects with
+/// the truth among them; missed: no finding; wrong: the rest.
 fn judged(truth: &[Truth], diagnosis: &Diagnosis) -> &'static str {
     let unnamed = truth.iter().any(|truth| !truth.catalogued);
     match diagnosis.verdict {

@@ -1,11 +1,11 @@
-//! The choice between the few answers that the evidence leaves: by how well each predicts the choice part of the data.
+//! The choice between the best few answers by evidence: the likelihood of the choice part decides.
 
 use crate::data::parts::Part;
 use crate::search::moves::{Answer, Search};
 use crate::statistics::STRONG;
 
-/// Of the answers that are as good as the best by their evidence, the one under which the choice part is most probable; the system is left with its shares of
-/// discrepancy. `None` if the system is singular.
+/// Among the answers whose log evidence is within [`STRONG`] of the best, the one under which the choice part is most probable; the function leaves the system
+/// with that answer's discrepancies. `None` if the system is singular.
 pub(crate) fn choose(search: &mut Search) -> Option<Answer> {
     let best = search.met.first()?.evidence;
     let as_good: Vec<Answer> =
@@ -23,7 +23,7 @@ pub(crate) fn choose(search: &mut Search) -> Option<Answer> {
     Some(answer)
 }
 
-/// Log of the likelihood of the choice part under `answer`, and of its evidence: what both parts say.
+/// Log of the likelihood of the choice part under `answer`, plus the log of its evidence.
 fn score(search: &Search, answer: &Answer) -> Option<f64> {
     let fit = search.system.fit(&answer.members)?;
     let left = search.system.left(&fit);

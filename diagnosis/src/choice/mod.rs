@@ -1,4 +1,4 @@
-//! Choice: what more of the data leaves of the best answers of the search.
+//! Choice: the confirmation of the best answers of the search by more of the data.
 
 pub(crate) mod choose;
 pub(crate) mod confirm;

@@ -1,26 +1,27 @@
-//! The curves of a recording that comes part by part, in bounded memory.
+//! The curves of a recording that is processed in parts, in bounded memory.
 
 use std::ops::Range;
 
 use crate::signals::channel::Channel;
 use crate::signals::residual::Residuals;
 
-/// Points that the curves of a long recording keep, about: a chart has some thousand pixels, and so stays sharp when it is enlarged a hundredfold.
+/// Approximate number of points that the curves of a long recording keep: a chart has about a thousand pixels, and so stays sharp when it is enlarged a
+/// hundredfold.
 const MOST_POINTS: usize = 200_000;
 
 /// The curves so far.
 pub(crate) struct Curves {
     whole: Residuals,
-    /// Points of which those are kept where a channel is farthest from its model; none are left out for 1.
+    /// Length of a run of points. Of each run the curves keep the points where a channel is farthest from its model; a run of 1 keeps all points.
     run: usize,
     /// Two points farther apart have a gap between them, s.
     gap_s: f64,
-    /// Time of the last point that came, s.
+    /// Time of the latest point, s.
     last: f64,
 }
 
 impl Curves {
-    /// Curves of `points` points every `step_s`; thinned if they belong to a recording that `is_long`.
+    /// Curves of `points` points with a distance of `step_s`; thinned if they belong to a recording that `is_long`.
     pub fn new(points: usize, step_s: f64, is_long: bool) -> Self {
         let run = if is_long { points.div_ceil(MOST_POINTS) } else { 1 };
         let whole = Residuals { t: Vec::new(), stretches: Vec::new(), channels: Vec::new() };
@@ -42,7 +43,7 @@ impl Curves {
         }
     }
 
-    /// All of them.
+    /// The complete curves.
     pub fn finish(self) -> Residuals {
         self.whole
     }
@@ -51,7 +52,7 @@ impl Curves {
         let goes_on = part.t[stretch.start] - self.last < self.gap_s;
         self.last = part.t[stretch.end - 1];
         let begin = self.whole.t.len();
-        // A channel has a lowest and a highest point in a run.
+        // Each channel has a lowest and a highest point in a run.
         let run = self.run * if self.run > 1 { 2 * part.channels.len() } else { 1 };
         for start in stretch.clone().step_by(run) {
             let range = start..stretch.end.min(start + run);
@@ -69,7 +70,7 @@ impl Curves {
     }
 }
 
-/// The points of `range` where a channel's difference to its model is lowest or highest, in order.
+/// The points of `range` where a channel minus its model is lowest or highest, in order.
 fn extremes(channels: &[Channel], range: Range<usize>) -> Vec<usize> {
     let mut kept = Vec::with_capacity(2 * channels.len());
     for channel in channels {

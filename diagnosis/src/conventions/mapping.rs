@@ -1,11 +1,10 @@
-//! A reading as a mapping file of the file that was read: what `--mapping` takes.
+//! A reading as a mapping file for the recorded file: the format of `--mapping`.
 
 use freeplay_recording::{Quantity, Recording, Sources};
 
 use super::reading::Reading;
 
-/// `reading` as a mapping of the columns that `recording` was made of, under the names that they have in their file; `None` for a reading that
-/// changes nothing.
+/// `reading` as a mapping of the columns of `recording`, under their names in the file; `None` for a reading that changes nothing.
 pub(crate) fn mapping(reading: &Reading, recording: &Recording) -> Option<String> {
     if reading.is_plain() {
         return None;
@@ -32,12 +31,12 @@ pub(crate) fn mapping(reading: &Reading, recording: &Recording) -> Option<String
     Some(format!("{head}{}", sources.to_toml(&recording.joint_names)))
 }
 
-/// Positions and velocities: order, signs, units, zeros, jumps, and what they hold of other joints.
+/// Positions and velocities: order, signs, units, zeros, jumps, and their dependence on other joints.
 fn correct_positions(reading: &Reading, sources: &mut Sources) {
     let order: Vec<usize> = reading.positions.iter().map(|position| position.source).collect();
     let place = |joint: usize| order.iter().position(|&old| old == joint).unwrap_or(joint);
     let factor = |joint: usize| reading.positions[joint].sign * reading.positions[joint].unit;
-    // A position that held another one's in the file still does, in the new signs and places.
+    // A position that included another one in the file still does, with the new signs and places.
     for (joint, other, k) in &mut sources.relative {
         (*joint, *other) = (place(*joint), place(*other));
         *k *= factor(*joint) / factor(*other);

@@ -1,14 +1,14 @@
-//! Do recording and model speak of the same arm, in the same units, signs, order and on the same clock?
+//! Tests that recording and model describe the same arm, in the same units, signs, order and on the same clock.
 //!
 //! The files in the order in which data passes through them:
 //!
-//! - `reading`: how columns are read; what a recording is with that reading.
+//! - `reading`: the reading of columns, and its application to a recording.
 //! - `samples`: a recording as few, effectively independent rows.
-//! - `change`: what a hypothesis changes, and its prior odds.
-//! - `bodies`, `along`: the arm along a motion; `normal`, `torques`: its fit to what was recorded; `problem`: the evidence of a set of changes.
+//! - `change`: the changes of a hypothesis, and their prior odds.
+//! - `bodies`, `along`: the arm along a motion; `normal`, `torques`: its fit to the recorded torques; `problem`: the evidence of a set of changes.
 //! - `search`: the best set, from several starts.
-//! - `kinds`: what each kind of fault asks and says, one file each.
-//! - `examine`: all of it; `finding`: what comes of it; `several`: of several recordings; `mapping`: as a mapping file.
+//! - `kinds`: the hypotheses and findings of each kind of fault, one file each.
+//! - `examine`: the whole test; `finding`: its result; `several`: for several recordings; `mapping`: as a mapping file.
 
 mod along;
 mod bodies;

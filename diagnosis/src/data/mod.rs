@@ -1,4 +1,4 @@
-//! Data: the rows of all recordings, the part of the data to which each belongs, how far a machine may be from its model, and how much each row counts.
+//! Data: the rows of all recordings, the part to which each row belongs, the tolerances of the machine, and the weights of the rows.
 
 pub(crate) mod beside;
 pub(crate) mod columns;

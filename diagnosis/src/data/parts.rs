@@ -1,5 +1,5 @@
-//! The three parts of the data: the search sees the fit part, the choice between the few best answers the choice part too, and the report alone
-//! sees the test part.
+//! The three parts of the data: the search uses the fit part, the choice between the best few answers also uses the choice part, and only the report uses the
+//! test part.
 
 use crate::data::stage::Stage;
 use crate::statistics::SHARES;
@@ -7,13 +7,13 @@ use crate::statistics::SHARES;
 /// A part of the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
-    /// What the search sees.
+    /// The part for the search.
     Fit,
-    /// What decides between the few best answers.
+    /// The part for the choice between the best few answers.
     Choice,
-    /// What the report alone sees.
+    /// The part for the report alone.
     Test,
-    /// A guard between two parts: what the low-pass smears from one into the other.
+    /// A guard between two parts: rows that the low-pass smears from one into the other.
     Guard,
 }
 
@@ -22,8 +22,8 @@ impl Part {
     pub const ALL: [Self; 4] = [Self::Fit, Self::Choice, Self::Test, Self::Guard];
 }
 
-/// The part of each row of `stages`, and how they were parted, in words: each recording is cut in time, by rows in which anything moves, since what one motion
-/// shows another need not show.
+/// The part of each row of `stages`, and the division in words. Each recording is cut in time, by its rows with motion, since one motion need not show the same
+/// effects as another.
 pub(crate) fn parts_of(stages: &[Stage], counts: &[Vec<f64>]) -> (Vec<Vec<Part>>, String) {
     let per_stage = stages.first().map_or(0, |stage| stage.channels.len());
     let cut_at = |index: usize| cut(&stages[index], &counts[index * per_stage..(index + 1) * per_stage]);
@@ -56,7 +56,7 @@ fn cut(stage: &Stage, counts: &[Vec<f64>]) -> Vec<Part> {
             }
         })
         .collect();
-    // Rows on either side of a cut share what the low-pass smears.
+    // Rows on both sides of a cut share smeared data.
     let span = stage.ground.treatment.filter().settling_time();
     let cuts: Vec<f64> =
         (1..parts.len()).filter(|&row| parts[row] != parts[row - 1]).map(|row| motion.t[row]).collect();

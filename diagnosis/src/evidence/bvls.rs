@@ -1,13 +1,13 @@
-//! Least squares inside bounds: the active set of Stark & Parker 1995, Computational Statistics 10:129 (BVLS), on normal equations.
+//! Bounded least squares: the active set of Stark & Parker 1995, Computational Statistics 10:129 (BVLS), on normal equations.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::statistics::MOST_ROUNDS;
 
-/// The x inside `limits` with the least ½xᵀAx − bᵀx, A positive definite; `None` if A is singular.
+/// The x within `limits` that minimises ½xᵀAx − bᵀx, A positive definite; `None` if A is singular.
 pub(crate) fn bounded(a: &DMatrix<f64>, b: &DVector<f64>, limits: &[[f64; 2]]) -> Option<DVector<f64>> {
     let n = limits.len();
-    // Start from what lies inside of the free solution: most often that is the answer.
+    // Start from the free solution, clamped to the limits: most often that is the answer.
     let mut x = Cholesky::new(a.clone())?.solve(b);
     if (0..n).all(|k| inside(x[k], limits[k])) {
         return Some(x);
@@ -17,7 +17,7 @@ pub(crate) fn bounded(a: &DMatrix<f64>, b: &DVector<f64>, limits: &[[f64; 2]]) -
         return Some(found);
     }
     let mut free: Vec<bool> = (0..n).map(|k| limits[k][0] < x[k] && x[k] < limits[k][1]).collect();
-    // Each pass frees one variable or ends; an active set never comes twice, since the objective falls.
+    // Each pass frees one variable or ends; an active set never returns, since the objective falls.
     for _ in 0..10 * n + 10 {
         descend(a, b, limits, &mut x, &mut free)?;
         let gradient = b - a * &x;
@@ -35,8 +35,8 @@ pub(crate) fn bounded(a: &DMatrix<f64>, b: &DVector<f64>, limits: &[[f64; 2]]) -
     Some(x)
 }
 
-/// The same by exchanging all variables at once that are on the wrong side (Portugal, Júdice & Vicente 1994, Math. Comput. 63:625), from those of `start` that are
-/// inside; `None` if that does not come to an end soon, as it need not.
+/// The same by exchanging all variables on the wrong side at once (Portugal, Júdice & Vicente 1994, Math. Comput. 63:625), starting with those of `start` free
+/// that lie within the limits; `None` if the method does not converge soon, since convergence is not guaranteed.
 fn pivoted(
     a: &DMatrix<f64>,
     b: &DVector<f64>,
@@ -79,7 +79,7 @@ fn inside(x: f64, [least, most]: [f64; 2]) -> bool {
     x >= least && x <= most
 }
 
-/// Moves the `free` variables to their best, stopping at each bound that is met on the way.
+/// Moves the `free` variables to their optimum, stopping at each bound on the way.
 fn descend(
     a: &DMatrix<f64>,
     b: &DVector<f64>,
@@ -96,7 +96,7 @@ fn descend(
         let held = |i: usize| -> f64 { (0..x.len()).filter(|&k| !free[k]).map(|k| a[(i, k)] * x[k]).sum() };
         let right = DVector::from_fn(open.len(), |i, _| b[open[i]] - held(open[i]));
         let best = Cholesky::new(part)?.solve(&right);
-        // The longest step towards it that stays inside.
+        // The longest step that stays within the limits.
         let reach = |(i, &k): (usize, &usize)| {
             let [least, most] = limits[k];
             let step = best[i] - x[k];
@@ -123,7 +123,7 @@ mod tests {
 
     use super::bounded;
 
-    /// Every choice of free, lower and upper: the best that is inside.
+    /// Every combination of free, lower and upper: the best within the limits.
     fn brute_force(a: &DMatrix<f64>, b: &DVector<f64>, limits: &[[f64; 2]]) -> f64 {
         let n = limits.len();
         let value = |x: &DVector<f64>| 0.5 * x.dot(&(a * x)) - b.dot(x);

@@ -1,4 +1,4 @@
-//! Evidence: the linear model, its bounded least squares, and how probable the data are under it.
+//! Evidence: the linear model, its bounded least squares, and the probability of the data under it.
 
 pub(crate) mod block;
 pub(crate) mod bvls;

@@ -1,4 +1,4 @@
-//! What was tried in the place of each finding, and how much less probable it is.
+//! Other effects in the place of each finding, and how much less probable they are.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use crate::search::moves::Search;
 use crate::search::tried::{Tried, tried};
 use crate::statistics::is_told;
 
-/// The report lists these other effects in the places of the members of `fit`.
+/// The alternatives to the members of `fit` for the report.
 pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
     tried(search, fit).iter().map(|tried| alternative(search, fit, tried)).collect()
 }
@@ -23,7 +23,7 @@ fn alternative(search: &Search, fit: &Fit, &Tried { place, index, against }: &Tr
     instead(system.data.arm(), named, other, against)
 }
 
-/// That `other` in the place of what is `named` makes the log of the evidence fall by `against`.
+/// The alternative `other` to the `named` effect; with it the log of the evidence falls by `against`.
 pub(crate) fn instead(arm: &Arm, named: &Candidate, other: &Candidate, against: f64) -> Alternative {
     let separates = named.kind.confounders.iter().find(|(kind, _)| *kind == other.kind.name);
     let back = other.kind.confounders.iter().find(|(kind, _)| *kind == named.kind.name);
@@ -39,10 +39,10 @@ pub(crate) fn instead(arm: &Arm, named: &Candidate, other: &Candidate, against: 
     }
 }
 
-/// The most probable form of every kind at every place, alone and beside the members of `fit`.
+/// The most probable form of every kind at every place, alone and given the members of `fit`.
 pub(crate) fn rows_of_evidence(search: &mut Search, bare: &Fit, fit: &Fit) -> Vec<EvidenceRow> {
     let [alone, beside] = [bare, fit].map(|fit| {
-        // Tolerances that another fit holds at an edge would pass for what a law explains.
+        // Tolerances that another fit holds at an edge would look like an explanation by a law.
         if search.system.pin(fit).is_some() { search.system.gains(fit, &search.laid) } else { Vec::new() }
     });
     let system = &search.system;
@@ -66,7 +66,7 @@ pub(crate) fn rows_of_evidence(search: &mut Search, bare: &Fit, fit: &Fit) -> Ve
     rows
 }
 
-/// The name of a candidate's kind and place, as alternatives have it.
+/// The name of a candidate's kind and place, as in alternatives.
 pub(crate) fn called(arm: &Arm, candidate: &Candidate) -> String {
     let joint = candidate.joint.map(|joint| arm.joints()[joint].name.as_str());
     format!("{} {}", candidate.kind.name, words::site(joint))

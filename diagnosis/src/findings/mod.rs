@@ -1,4 +1,4 @@
-//! Findings: what the test part of the data bears out, with its intervals, its alternatives and its errors.
+//! Findings: the laws that the test part of the data confirms, with intervals, alternatives and errors.
 
 pub(crate) mod alternatives;
 pub(crate) mod conclude;

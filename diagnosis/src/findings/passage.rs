@@ -1,4 +1,4 @@
-//! What pictures are drawn from: every recording, point by point, those parts that the fit rests on and those that it does not.
+//! The data of the pictures: every recording, point by point, inside and outside the fit.
 
 use freeplay_laws::Trajectory;
 
@@ -7,25 +7,25 @@ use crate::data::stacked::Data;
 use crate::findings::variables::{of_joint, time};
 use crate::report::diagnosis::{Passage, Trace};
 
-/// What remains of every row under the model as it is at different stages.
+/// Residuals of every row under the model at different stages.
 pub(crate) struct Remains {
     /// The model as given.
     pub before: Vec<Vec<f64>>,
-    /// Its parameters tuned inside their tolerances.
+    /// The model with its parameters tuned within their tolerances.
     pub retuned: Vec<Vec<f64>>,
-    /// The model as given with the findings, all of them at once, as an arm file has them.
+    /// The model as given with all findings together, as an arm file has them.
     pub as_given: Vec<Vec<f64>>,
-    /// The same, tuned.
+    /// The tuned model with all findings.
     pub after: Vec<Vec<f64>>,
-    /// Tuned, with shapes without a name in the place of the findings.
+    /// The tuned model with nameless shapes in place of the findings.
     pub nameless: Vec<Vec<f64>>,
 }
 
-/// What is drawn of every row, by channel.
+/// The drawn values of every row, by channel.
 pub(crate) struct Columns<'c> {
-    /// What remains under the model at its stages.
+    /// Residuals under the model at its stages.
     pub remains: &'c Remains,
-    /// What each finding says, `[finding][channel]`.
+    /// Contribution of each finding, `[finding][channel]`.
     pub laws: Vec<Vec<Vec<f64>>>,
 }
 
@@ -45,7 +45,7 @@ pub(crate) fn passages(data: &Data, columns: &Columns) -> Vec<Passage> {
     all
 }
 
-/// The `rows` of the recording number `index`.
+/// The `rows` of recording number `index`.
 fn passage(data: &Data, columns: &Columns, index: usize, rows: &[usize], held_out: bool) -> Passage {
     let stage = &data.stages[index];
     let picked = |column: &[f64]| -> Vec<f64> { rows.iter().map(|&row| column[row]).collect() };
@@ -83,7 +83,7 @@ fn passage(data: &Data, columns: &Columns, index: usize, rows: &[usize], held_ou
     }
 }
 
-/// The `rows` of `motion`, with a stretch for each run of neighbours.
+/// The `rows` of `motion`, with one stretch for each run of adjacent rows.
 fn part_of(motion: &Trajectory, rows: &[usize]) -> Trajectory {
     let picked = |column: &Vec<f64>| -> Vec<f64> { rows.iter().map(|&row| column[row]).collect() };
     let columns = |all: &[Vec<f64>]| all.iter().map(picked).collect();

@@ -1,4 +1,4 @@
-//! The quality of a recording, before any fit: what it suffices for.
+//! The quality of a recording before any fit: the findings for which it suffices.
 
 use crate::data::noise::Noise;
 use crate::data::parts::{Part, file_name};
@@ -12,10 +12,10 @@ use crate::signals::rest::STILL;
 use crate::signals::stuck::Stuck;
 use crate::statistics::{Moments, SHARES, UNMOVED, span};
 
-/// Least length of what a fit rests on, s: one motion of an arm takes about a second, and a fit needs one each way.
+/// Least length of the data for a fit, s: one motion of an arm takes about a second, and a fit needs one in each direction.
 const LEAST_S: f64 = 2.0;
 
-/// What makes these recordings useless for any finding: one sentence and what to do; `None` if they are not.
+/// The defect that makes these recordings useless for any finding, with the remedy, in one sentence each; `None` without such a defect.
 pub(crate) fn lack(data: &Data) -> Option<String> {
     let lasts = |part: Part| -> f64 {
         let of_stage = |(index, parts): (usize, &Vec<Part>)| -> f64 {
@@ -58,13 +58,14 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
     None
 }
 
-/// Length of a recording whose fit part lasts [`LEAST_S`] under the low-pass of `data`, s: the low-pass takes its settling time at both ends and around both cuts.
+/// Length of a recording whose fit part lasts [`LEAST_S`] under the low-pass of `data`, s: the low-pass loses its settling time at both ends and around both
+/// cuts.
 fn needed(data: &Data) -> f64 {
     let settles = data.stages.iter().map(|stage| stage.ground.treatment.filter().settling_time());
     (LEAST_S / SHARES[0] + 4.0 * settles.fold(0.0, f64::max)).max(ENOUGH_S).ceil()
 }
 
-/// What a reader should know of the recordings: noise, rounding, standing joints, torques that are stuck.
+/// Notes on the recordings: noise, rounding, joints at rest, stuck torques.
 pub(crate) fn notes(data: &Data) -> Vec<String> {
     let mut notes = Vec::new();
     for (number, stage) in data.stages.iter().enumerate() {
@@ -110,7 +111,7 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
     notes
 }
 
-/// Where a `channel` of `stage` that is no measurement is stuck; `None` of one that is a measurement.
+/// The constant value of a `channel` of `stage` that is stuck; `None` for a real measurement.
 fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
     let Stuck { at, share } = stage.ground.stuck[joint]?;
@@ -134,7 +135,8 @@ fn told_to_move(stage: &Stage, channel: &Channel) -> Option<String> {
     })
 }
 
-/// A torque changes beyond what the model needs to hold its joint, and the joint stands throughout: the note says how much must hold it at least.
+/// A note on a held joint: its torque changes beyond the model's holding torque, and the joint stands throughout. The note gives the least torque that must
+/// hold it.
 fn rest(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
     let residual = channel.residual();
@@ -151,7 +153,7 @@ fn rest(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
     })
 }
 
-/// Rounding that is a tenth of the signal's spread.
+/// Returns true if the rounding is at least a tenth of the signal's spread.
 fn is_coarse(noise: &Noise, spread: f64) -> bool {
     noise.step > 0.1 * spread && spread > 0.0
 }

@@ -1,4 +1,4 @@
-//! What a residual may depend on: the quantities of the motion that residuals are looked at over.
+//! Variables of residuals: the quantities of the motion on which a residual may depend.
 
 use freeplay_arm::JointKind;
 use freeplay_laws::torque_unit;

@@ -1,10 +1,11 @@
-//! Commands that are printed, in a form that can be pasted into a shell.
+//! Printed commands, in a form that can be pasted into a shell.
 
 use std::path::{Path, PathBuf};
 
 use freeplay_report::paste::{pasted, quoted};
 
-/// The command that diagnoses `recordings`, read by `mapping`, against the `model`, of which the arm ends at the link `tip`, behind a low-pass at `lowpass` Hz.
+/// The command that diagnoses `recordings`, read with `mapping`, against the `model`; its arm ends at the link `tip`, and the low-pass has its cutoff at
+/// `lowpass` Hz.
 pub fn diagnose_command(
     model: &str,
     tip: Option<&str>,
@@ -23,8 +24,8 @@ pub fn diagnose_command(
     )
 }
 
-/// The commands that use `model`: one that compares it with `recording`, read by `mapping`, and one that moves the arm with it. Where the recording is one of a
-/// `scenario`, a controller plays that scenario again with this model in the place of the one it had.
+/// The commands that use `model`: one compares it with `recording`, read with `mapping`, and one moves the arm with it. If the recording belongs to a
+/// `scenario`, a controller repeats that scenario with this model in place of the original one.
 pub fn commands(
     model: &Path,
     recording: &Path,
@@ -39,7 +40,7 @@ pub fn commands(
     );
     let run = match scenario {
         Some(scenario) => {
-            // A scenario's paths are those seen from its own folder.
+            // The paths in a scenario are relative to its own folder.
             let absolute = std::path::absolute(model).unwrap_or_else(|_| model.to_owned());
             let key = quoted(&format!("controller.model={}", absolute.display()));
             format!("freeplay run {} --controller narx-qp --set {key}", pasted(scenario))

@@ -1,4 +1,4 @@
-//! What was found: each effect in words, with its picture, its parameters and the evidence for it.
+//! The findings: each effect in words, with its picture, its parameters and its evidence.
 
 use freeplay_report::units::{people, written};
 use freeplay_report::{Block, Cell, Column, Section, Table};
@@ -6,7 +6,7 @@ use freeplay_report::{Block, Cell, Column, Section, Table};
 use super::{Subject, picture};
 use crate::{Diagnosis, Effect, Parameter};
 
-/// The section; none where nothing was found.
+/// The section; `None` without a finding.
 pub fn section(subject: &Subject) -> Option<Section> {
     let diagnosis = subject.diagnosis;
     if diagnosis.effects.is_empty() {
@@ -24,12 +24,12 @@ pub fn section(subject: &Subject) -> Option<Section> {
     Some(section)
 }
 
-/// What people call a kind.
+/// The common name of a kind.
 pub fn kind_title(kind: &str) -> &str {
     freeplay_laws::kind(kind).map_or(kind, |kind| kind.title)
 }
 
-/// Kind and place, for headings: `Coulomb friction at elbow`. Many kinds have an "of" of their own: "coupling of two joints".
+/// Kind and place, for headings: `Coulomb friction at elbow`. Many kinds contain an "of": "coupling of two joints".
 pub fn title(kind: &str, joint: Option<&str>) -> String {
     let name = kind_title(kind);
     match joint {
@@ -71,7 +71,7 @@ fn finding(diagnosis: &Diagnosis, subject: &Subject, index: usize, effect: &Effe
         text.push_str(&format!("\n\nWhat gives it away: {}.", kind.signature));
     }
     blocks.push(text.into());
-    // Of a joint that stands there is nothing to draw: no row of its torque counts.
+    // There is no picture of a joint at rest: no row of its torque has weight.
     if !effect.is_bound() {
         blocks.extend(picture::of(diagnosis, &subject.file.arm, index).into_iter().map(Block::from));
     }
@@ -119,7 +119,7 @@ fn parameters(effect: &Effect) -> Table {
     table
 }
 
-/// The interval of 95 % of `parameter` in units of 1/`scale`, in words.
+/// The 95 % interval of `parameter` in units of 1/`scale`, in words.
 pub fn interval(parameter: &Parameter, scale: f64) -> Option<String> {
     let [low, high] = parameter.ci95?.map(|end| written(end * scale));
     Some(if parameter.is_least() { format!("{low} or more") } else { format!("{low} to {high}") })

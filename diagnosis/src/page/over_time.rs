@@ -1,4 +1,4 @@
-//! What was measured and what the models say, over time, the held-out part shaded.
+//! Measured and modelled values over time, with the held-out part shaded.
 
 use freeplay_report::units::people;
 use freeplay_report::{Axis, Block, Chart, Mark, Section, Series};
@@ -30,7 +30,7 @@ pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
     Some(section)
 }
 
-/// Values and errors of a channel: of the recording of the fit with its held-out end, or of the first and of the held-out one.
+/// Values and errors of a channel: for one recording, the whole of it with its held-out end; for several, the first and the held-out one.
 fn charts(diagnosis: &Diagnosis, channel: &str) -> Vec<Chart> {
     let all: Vec<(&Passage, &Trace)> = traces(diagnosis, channel).collect();
     let (Some(first), Some(held)) = (all.first(), all.iter().find(|(passage, _)| passage.held_out)) else {
@@ -47,7 +47,7 @@ fn charts(diagnosis: &Diagnosis, channel: &str) -> Vec<Chart> {
 fn pair(channel: &str, part: &[(&Passage, &Trace)]) -> [Chart; 2] {
     let recording = part.first().map_or("", |(passage, _)| passage.recording.as_str());
     let unit = part.first().map_or("", |(_, trace)| trace.unit);
-    // Times stay in order, values break off.
+    // Times continue across a gap, values break off.
     let t = joined(part, |last| last, |passage, _| passage.motion.t.clone());
     let values =
         |column: fn(&Trace) -> &Vec<f64>| joined(part, |_| f64::NAN, |_, trace| column(trace).clone());

@@ -1,4 +1,4 @@
-//! The end of the page: what else it could be, what can't be told here, the model, what to do next, and how it was judged.
+//! The end of the page: alternatives, untestable effects, the model, next steps, and the evidence.
 
 use freeplay_arm::to_toml;
 use freeplay_report::units::power_of_ten;
@@ -8,7 +8,7 @@ use super::Subject;
 use super::findings::{kind_title, title};
 use crate::Diagnosis;
 
-/// What else was weighed; none where nothing was.
+/// The alternatives; `None` without any.
 pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
     if diagnosis.alternatives.is_empty() {
         return None;
@@ -38,14 +38,14 @@ pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
     Some(Section::new("What else it could be").with(table))
 }
 
-/// `coulomb_friction of elbow` as [`title`] has it.
+/// `coulomb_friction of elbow` in the form of [`title`].
 pub fn in_words(effect: &str) -> String {
     let (kind, place) = effect.split_once(' ').unwrap_or((effect, ""));
     let place = place.strip_prefix("of ").unwrap_or(place);
     if place == "the whole arm" || place.is_empty() { title(kind, None) } else { title(kind, Some(place)) }
 }
 
-/// What these recordings can't show, with the reason.
+/// The effects that these recordings can't show, with the reason.
 pub fn untestable(diagnosis: &Diagnosis) -> Option<Section> {
     if diagnosis.untestable.is_empty() && diagnosis.quality.is_empty() {
         return None;
@@ -67,7 +67,7 @@ pub fn untestable(diagnosis: &Diagnosis) -> Option<Section> {
     Some(section.with(table))
 }
 
-/// Why kinds can't be told, each reason once, with the kinds that share it.
+/// The reasons why kinds are untestable, each once, with the kinds that share it.
 pub fn reasons(diagnosis: &Diagnosis) -> Vec<(&str, Vec<&str>)> {
     let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
     for one in &diagnosis.untestable {
@@ -81,7 +81,7 @@ pub fn reasons(diagnosis: &Diagnosis) -> Vec<(&str, Vec<&str>)> {
     reasons
 }
 
-/// The model with what was found, and what to do with it; `None` where nothing was compared with it.
+/// The model with the findings, and its use; `None` if the program compared nothing with it.
 pub fn model(subject: &Subject) -> Option<Section> {
     if !subject.diagnosis.has_model() {
         return None;
@@ -108,13 +108,13 @@ pub fn model(subject: &Subject) -> Option<Section> {
     )
 }
 
-/// What to do next; none where there is nothing.
+/// The next steps; `None` without any.
 pub fn next(diagnosis: &Diagnosis) -> Option<Section> {
     (!diagnosis.next.is_empty())
         .then(|| Section::new("What to do next").with(Block::List(diagnosis.next.clone())))
 }
 
-/// How it was judged: every kind at every place, and the tolerances that were used.
+/// The evidence: every kind at every place, and the tolerances that the fit used.
 pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
     diagnosis.fit.as_ref()?;
     let mut evidence = Table::new("Every kind at every place, by what it explains")

@@ -1,4 +1,4 @@
-//! The report: what a diagnosis says, as types and as sentences.
+//! The report: the result of a diagnosis, as types and as sentences.
 
 pub(crate) mod diagnosis;
 pub(crate) mod settings;

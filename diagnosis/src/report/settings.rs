@@ -1,4 +1,4 @@
-//! What a diagnosis is asked, and why it has no answer.
+//! The options of a diagnosis, and the reasons of its failure.
 
 use freeplay_laws::LawError;
 use thiserror::Error;
@@ -7,12 +7,12 @@ use crate::data::tolerance::Tolerances;
 use crate::error::ResidualError;
 use crate::signals::motion::Settings;
 
-/// What a user may choose of a diagnosis.
+/// The options of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiagnoseSettings {
     /// The treatment of recordings.
     pub treatment: Settings,
-    /// The machine may differ from its model by this much without a finding.
+    /// Permitted differences between machine and model: within them there is no finding.
     pub tolerances: Tolerances,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -24,14 +24,14 @@ impl Default for DiagnoseSettings {
     }
 }
 
-/// Why there is no diagnosis.
+/// Reason why there is no diagnosis.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum DiagnoseError {
     /// No recording.
     #[error("no recording: give at least one")]
     NoRecording,
-    /// The recordings don't hold the same columns.
+    /// The recordings have different columns.
     #[error("{first} and {other} hold different columns; diagnose them one by one, or record the same")]
     DifferentColumns {
         /// The first recording.
@@ -42,10 +42,10 @@ pub enum DiagnoseError {
     /// Model and recording can't be compared.
     #[error(transparent)]
     Residual(#[from] ResidualError),
-    /// The effects of the model can't be taken.
+    /// The effects of the model are invalid.
     #[error("the model's effects: {0}")]
     Law(#[from] LawError),
-    /// The numbers of this recording are beyond double precision.
+    /// The equations of this recording are singular in double precision.
     #[error(
         "the fit of the model's tolerances to this recording is singular; are q in rad (or m), tau in N*m and t in s?"
     )]

@@ -1,4 +1,4 @@
-//! Search: which effects together make the data most probable.
+//! Search: the set of effects under which the data are most probable.
 
 pub(crate) mod moves;
 pub(crate) mod tried;

@@ -1,29 +1,29 @@
-//! What is tried in the place of each finding.
+//! Trials of other effects in the place of each finding.
 
 use std::collections::BTreeMap;
 
 use crate::evidence::system::{Fit, all_but};
 use crate::search::moves::Search;
 
-/// Most things of a kind that are listed at once, as alternatives of a finding, findings in a sentence, or channels of a picture: a reader keeps so many in
-/// mind, and tables hold the rest.
+/// Longest list of one kind in a text: alternatives of a finding, findings in a sentence, or channels of a picture. A reader remembers so many; tables hold the
+/// rest.
 pub(crate) const LISTED: usize = 3;
 
 /// Another effect in the place of a finding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tried {
-    /// The finding's place among the members.
+    /// Index of the finding among the members.
     pub place: usize,
-    /// The number of the block that was put in its place.
+    /// The number of the block that replaces it.
     pub index: usize,
-    /// The log of the evidence falls by this much; negative: it rises.
+    /// Decrease of the log of the evidence; negative: the evidence increases.
     pub against: f64,
 }
 
-/// The most probable others in the place of each member of `fit`: each was put there, in the form that explains most, beside the other members.
+/// The most probable other effects for each member of `fit`: each replaces the member, in its best form, with the other members refitted.
 pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
     let mut all = Vec::new();
-    // The search may have come to rest with other tolerances at an edge.
+    // The search may have ended with other tolerances at an edge.
     if search.system.pin(fit).is_none() {
         return all;
     }
@@ -43,7 +43,7 @@ pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
     all
 }
 
-/// The best forms of other effects that show where `member` does, most probable first.
+/// The best forms of other effects in the channels of `member`, most probable first.
 fn nearest(search: &Search, without: &Fit, member: usize) -> Vec<usize> {
     let system = &search.system;
     let named = system.candidate(member);

@@ -35,7 +35,7 @@ pub struct Laws {
 /// of the encoder's rounding and of the tolerance together. The positions simulated with it are nearer to the measured ones than the commands with any delay.
 ///
 /// # Errors
-/// [`DiagnoseError::Law`]: the effects of a model can't be taken.
+/// [`DiagnoseError::Law`]: the effects of a model are invalid.
 pub fn add_servos(
     file: &ArmFile,
     recordings: &[Recording],

@@ -18,10 +18,10 @@ use crate::report::diagnosis::Diagnosis;
 use crate::report::settings::{DiagnoseError, DiagnoseSettings};
 use crate::statistics::FEWEST_ROWS;
 
-/// Finds the servos of the arm of `file` in `recordings` of commanded and measured positions.
+/// Identifies the servos of the arm of `file` in `recordings` of commanded and measured positions.
 ///
 /// # Errors
-/// [`DiagnoseError::Law`]: the effects of `file` can't be taken.
+/// [`DiagnoseError::Law`]: the effects of `file` are invalid.
 pub fn diagnose(
     file: &ArmFile,
     recordings: &[Recording],
@@ -83,13 +83,13 @@ pub fn diagnose(
     Ok(conclusion.diagnosis())
 }
 
-/// The least lag of a joint that follows later than its encoder's rounding hides, s.
+/// The least lag of a joint, without lags that the encoder's rounding hides, s.
 pub fn quickest(sights: &[Sight]) -> f64 {
     let late = sights.iter().filter(|sight| sight.error > sight.tick && sight.lag > 0.0);
     late.map(|sight| sight.lag).fold(f64::INFINITY, f64::min)
 }
 
-/// Whether the command of `joint` moves in `parts`.
+/// Returns true if the command of `joint` moves in `parts`.
 pub fn moves(tracks: &[Track], parts: &[Rows], joint: usize) -> bool {
     parts.iter().any(|(index, rows)| {
         let track = &tracks[*index];
@@ -106,7 +106,7 @@ pub fn deviations_of(model: &ServoArm, tracks: &[Track]) -> Deviations {
     })
 }
 
-/// What plain lags and filters without a name leave.
+/// Residuals of plain lags and of nameless filters.
 pub fn rivals(fit: &[Rows], tracks: &[Track], sights: &[Sight]) -> (Deviations, Deviations) {
     let lags: Vec<f64> = sights.iter().map(|sight| sight.lag).collect();
     let filters = Filters::fit(tracks, fit, &lags);

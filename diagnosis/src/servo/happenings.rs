@@ -1,4 +1,4 @@
-//! Stops and contacts in words: what happened, when, where, at which joints.
+//! Stops and contacts in words: kind, time, place and joints.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,7 +16,7 @@ use crate::report::words::{odds, phrase};
 use crate::statistics::STRONG as NAMED_FROM;
 
 impl Conclusion<'_> {
-    /// Stops and contacts as effects; tables of the stops. A stop that is met several times is one.
+    /// Stops and contacts as effects, and tables of the stops. Several contacts with the same stop count as one.
     pub(super) fn happenings(&self) -> (Vec<Effect>, Vec<EffectTable>) {
         let (mut effects, mut tables) = (Vec::new(), Vec::<EffectTable>::new());
         let mut met: BTreeSet<(usize, bool)> = BTreeSet::new();

@@ -1,12 +1,12 @@
-//! Inertia of rotors: asked for when all else is known, as what stiffness, damping and delay miss of each other while they are off looks like inertia.
+//! Inertia of rotors, tested when all other parameters are fitted: while stiffness, damping and delay are wrong, their errors look like inertia.
 
 use freeplay_servo::{Fitted, Problem, Unknown};
 
 use super::findings::named_from;
 use super::limits::lost;
 
-/// Adds to `fitted` those of `rotors` that the fit part gains by as much as a name needs, if the choice part gains, too: one after the other, first the one that the fit part would
-/// gain most by. The `unknowns` grow with them.
+/// Adds those of `rotors` to `fitted` from which the fit part gains enough for a name, if the choice part gains, too: one after the other, the most promising
+/// for the fit part first. The function appends their `unknowns`.
 pub fn add_rotors(
     [fit, choice]: [&Problem; 2],
     rotors: &[Unknown],

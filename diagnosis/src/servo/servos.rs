@@ -1,4 +1,4 @@
-//! Servos of which nothing is known before.
+//! Servos without a given model.
 
 use freeplay_servo::{Fitted, Problem, ServoArm, Track, Unknown, servos as begin_with, unknowns};
 
@@ -8,7 +8,7 @@ use super::limits::add_limits;
 use super::recorded::{Found, Recorded, is_same};
 use super::rotors::add_rotors;
 
-/// Fits the servos of all joints that move, and all else that the recordings tell.
+/// Fits the servos of all moving joints, and all other identifiable parameters.
 pub fn servos(recorded: &Recorded, progress: &mut dyn FnMut(&str)) -> Found {
     let Recorded { file, sights, moves, tolerances, .. } = *recorded;
     let first = ServoArm::new(file.arm.clone(), begin_with(&file.arm, sights, &vec![0.0; moves.len()]));
@@ -25,7 +25,7 @@ pub fn servos(recorded: &Recorded, progress: &mut dyn FnMut(&str)) -> Found {
     let (fitted, burdened) =
         add_burden([&fit, &choice], file, tolerances, &mut joints.believed, fitted, progress);
     drop((fit, choice));
-    // While the burden was not known, it may have looked like contacts and stops.
+    // While the burden was unknown, it may have looked like contacts and stops.
     let (fitted, undisturbed) = match burdened {
         Some(_) => joints.fit(&fitted.model, progress),
         None => (fitted, undisturbed),
@@ -37,16 +37,16 @@ pub fn servos(recorded: &Recorded, progress: &mut dyn FnMut(&str)) -> Found {
 /// The fit of all joints together.
 struct Joints<'a> {
     recorded: &'a Recorded<'a>,
-    /// Numbers that may be asked for.
+    /// Possible unknowns.
     all: Vec<Unknown>,
-    /// Numbers that are fitted.
+    /// Fitted unknowns.
     believed: Vec<Unknown>,
 }
 
 impl Joints<'_> {
-    /// Fits the model from `begun` onwards, and the recordings without what happened to the arm: that is no servo's.
+    /// Fits the model, starting from `begun`, to the recordings without the rows of events: no servo explains these. Also returns these recordings.
     fn fit(&mut self, begun: &ServoArm, progress: &mut dyn FnMut(&str)) -> (Fitted, Vec<Track>) {
-        // Rotors and limits come first: without them, their deviations would be taken for contacts.
+        // Rotors and limits come first: without them, the search would take their deviations for contacts.
         let fitted = self.fit_to(self.recorded.tracks, begun, progress);
         progress("looking for contacts and stops");
         let undisturbed = self.recorded.undisturbed(self.recorded.events(&fitted, &self.believed));
@@ -56,7 +56,7 @@ impl Joints<'_> {
         (self.fit_to(&undisturbed, &fitted.model, progress), undisturbed)
     }
 
-    /// Fits the model to `tracks`, and the rotors and limits that they ask for.
+    /// Fits the model to `tracks`, with the rotors and limits for which there is evidence.
     fn fit_to(&mut self, tracks: &[Track], begun: &ServoArm, progress: &mut dyn FnMut(&str)) -> Fitted {
         let [fit, choice]: [Problem; 2] = self.recorded.fit_and_choice(tracks, begun);
         let fitted = fit.fit(begun, &self.believed, &mut |step, _| {

@@ -1,8 +1,8 @@
-//! Columns with samples missing for a while, as columns: bridged, masked, or without them.
+//! Columns with missing samples: bridged, masked, or shortened.
 
 use std::borrow::Cow;
 
-/// `column`, sampled at `t`, with straight lines across what is missing; level at its ends, zero where all is missing.
+/// `column`, sampled at `t`, with linear interpolation across missing samples; constant at its ends, zero if all samples are missing.
 pub(crate) fn bridged<'c>(t: &[f64], column: &'c [f64]) -> Cow<'c, [f64]> {
     if !column.iter().any(|value| value.is_nan()) {
         return Cow::Borrowed(column);

@@ -1,4 +1,4 @@
-//! Signals: a recording on a uniform grid, behind a filter without phase, and what its channels measure beyond the model.
+//! Signals: a recording on a uniform grid after the zero-phase filter, and the parts of its channels beyond the model.
 
 pub(crate) mod channel;
 pub(crate) mod cutoff;

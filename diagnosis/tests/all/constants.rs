@@ -1,8 +1,8 @@
-//! A threshold is a debt: every numeric constant of this crate says why it has its value, and there are no more of them than there were.
+//! A threshold is a debt: every numeric constant of this crate states the reason for its value, and their number does not grow.
 
 use std::path::Path;
 
-/// Numeric constants of this crate. A change that makes one unnecessary lowers this number; none raises it.
+/// Largest number of numeric constants of this crate. A change that makes one unnecessary lowers this number; no change raises it.
 const MOST: usize = 190;
 
 /// A `const` item with a numeric value.
@@ -15,14 +15,14 @@ struct Constant {
 }
 
 impl Constant {
-    /// Whether its doc comment goes on after it has said what the constant is.
+    /// Returns true if its doc comment continues after the definition of the constant.
     fn has_reason(&self) -> bool {
         let doc = self.doc.trim_end_matches('.');
         [": ", "; ", ". ", " because ", " since ", " so that "].iter().any(|joint| doc.contains(joint))
     }
 }
 
-/// The constants of a source `text` without its unit tests, those inside functions, too.
+/// The constants of a source `text` without its unit tests, including those inside functions.
 fn constants(text: &str) -> Vec<Constant> {
     let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
     let lines: Vec<&str> = code.lines().map(str::trim).collect();

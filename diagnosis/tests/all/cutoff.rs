@@ -1,4 +1,4 @@
-//! The cutoff is lowered for noise of the motion, and for nothing else.
+//! Noise of the motion lowers the cutoff; nothing else does.
 
 use std::f64::consts::{PI, TAU};
 
@@ -12,7 +12,7 @@ use rand_distr::{Distribution, StandardNormal};
 use crate::common::{arm, columns, columns_along, even, link, nothing, recording, sines};
 
 const RATE_HZ: f64 = 500.0;
-/// Where the motion shakes, Hz.
+/// Frequency of the shaking, Hz.
 const SHAKES_HZ: f64 = 9.7;
 const SHAKE: f64 = 2e-3;
 
@@ -34,13 +34,13 @@ fn shaken(arm: &Arm, t: f64) -> [Vec<f64>; 3] {
     motion
 }
 
-/// Does `work` to every torque.
+/// Applies `work` to every torque.
 fn torques(mut columns: Columns, work: impl Fn(&mut [f64])) -> Columns {
     columns.iter_mut().filter(|(name, _)| name.starts_with("tau")).for_each(|(_, column)| work(column));
     columns
 }
 
-/// The cutoff for these columns, Hz, and whether a note says that it was lowered.
+/// The cutoff for these columns, Hz, and true if a note says that the program lowered it.
 fn cutoff_hz(arm: &Arm, columns: Columns, settings: Settings) -> (f64, bool) {
     let (comparison, _) = compare(arm, &[], &recording(columns), &settings).expect("a comparison");
     (comparison.lowpass_hz, comparison.notes.iter().any(|note| note.contains("low-pass at")))
@@ -90,7 +90,7 @@ fn what_takes_torque_away_in_proportion_does_not() {
     }
 }
 
-/// At a kilohertz the low-pass lets 30 Hz through, where 10⁻⁵ rad of noise are more torque than any that was measured, if not much of all of it.
+/// At a kilohertz the low-pass passes 30 Hz, where 10⁻⁵ rad of noise cause more torque than was measured there, although little of the whole torque.
 #[test]
 fn bands_above_a_motion_that_hold_noise_alone_are_left_out() {
     const FAST_HZ: f64 = 1000.0;

@@ -1,4 +1,4 @@
-//! Diagnoses of made recordings of which it is known what is missing.
+//! Diagnoses of simulated recordings with known missing effects.
 
 use freeplay_arm::{Arm, ArmFile, EffectTable, JointFriction, JointKind};
 use freeplay_diagnosis::{
@@ -23,7 +23,7 @@ fn nominal_friction(_: usize, v: f64) -> f64 {
     2.0 * v + 1.5 * v.signum()
 }
 
-/// 0.8 N·m more dry friction of the elbow than its file says.
+/// 0.8 N·m more dry friction of the elbow than in its file.
 fn dry_elbow(joint: usize, v: f64) -> f64 {
     nominal_friction(joint, v) + if joint == 1 { 0.8 * v.signum() } else { 0.0 }
 }
@@ -58,13 +58,13 @@ fn diagnosed(model: &Arm, recordings: &[Recording]) -> Diagnosis {
     diagnose(&file(model.clone()), recordings, &settings, &mut |_| {}).expect("a diagnosis")
 }
 
-/// The value and the interval of 95 % of the parameter `name` of `effect`.
+/// The value and the 95 % interval of the parameter `name` of `effect`.
 fn with_interval(effect: &Effect, name: &str) -> (f64, [f64; 2]) {
     let parameter = &effect.parameters[name];
     (parameter.value.as_float().expect("a number"), parameter.ci95.expect("an interval"))
 }
 
-/// A machine inside the tolerances of its model.
+/// A machine within the tolerances of its model.
 fn inside(model: &Arm, seed: u64) -> Arm {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut parts = ArmParts::of(model);
@@ -96,7 +96,7 @@ fn coulomb_friction_is_named_at_its_joint_with_its_size() {
     assert_eq!((effect.kind, effect.joint.as_deref()), ("coulomb_friction", Some("elbow")));
     let (value, [low, high]) = with_interval(effect, "coulomb");
     println!("coulomb {value:.4} N*m ({low:.4} to {high:.4}) for 0.8");
-    // The nominal 1.5 N·m may be off by 5 %.
+    // The nominal 1.5 N·m has a tolerance of 5 %.
     assert!((value - 0.8).abs() < 0.1 && low < 0.8 && 0.8 < high);
     let fit = diagnosis.fit.expect("a fit");
     println!("held out: {:.4} before, {:.4} after", fit.before["tau2"].rmse, fit.after["tau2"].rmse);
@@ -104,8 +104,8 @@ fn coulomb_friction_is_named_at_its_joint_with_its_size() {
     assert_eq!(diagnosis.model.effects.len(), 1);
 }
 
-/// The elbow is told to swing, its drive pushes with up to 2.5 N·m more than the arm takes, and it stands: dry friction of no less holds it, of which the file names a
-/// part or none. With the finding the comparison has nothing left.
+/// The command of the elbow swings, its drive pushes with up to 2.5 N·m more than the arm takes, and the elbow stands: dry friction of at least that holds it,
+/// and the file has a part of it or none. With the finding the comparison has no residual.
 #[test]
 fn a_joint_that_stands_although_it_was_told_to_move_is_held() {
     for nominal in [0.0, 1.5] {
@@ -140,8 +140,8 @@ fn a_joint_that_stands_although_it_was_told_to_move_is_held() {
     }
 }
 
-/// A torque that a drive does not report is none of 0 N·m: nothing is found in it, and what the other joint lacks is.
-/// A part of what the machine has stands in the model: one effect with the sum comes of it, and with that nothing is missing.
+/// A torque that a drive does not report is not a torque of 0 N·m: it has no finding, and the diagnosis finds the missing effect of the other joint. The model
+/// has a part of the machine's effect: the diagnosis names one effect with the sum, and with that effect nothing is missing.
 #[test]
 fn what_the_model_has_a_part_of_is_changed_and_not_written_twice() {
     let model = two_joints();
@@ -195,7 +195,7 @@ fn a_torque_that_is_stuck_is_no_measurement() {
     assert_eq!(nothing.verdict, Verdict::InsufficientData);
 }
 
-/// While the elbow rests its friction is not seen: the recording in which it moves takes part in the fit wherever it stands.
+/// While the elbow rests its friction does not show: the recording in which it moves takes part in the fit at any position in the list.
 #[test]
 fn what_the_last_recording_alone_shows_is_named() {
     let (model, machine) = (two_joints(), inside(&two_joints(), 9));
@@ -211,8 +211,8 @@ fn what_the_last_recording_alone_shows_is_named() {
     }
 }
 
-/// A twentieth of the time something shakes the elbow, always to the same side: the offset that is there all the time keeps its size.
-/// By least squares it is 0.45 N·m.
+/// For a twentieth of the time a disturbance shakes the elbow, always to the same side: the estimate of the constant offset keeps its size. Least squares would
+/// give 0.45 N·m.
 #[test]
 fn what_shakes_at_times_does_not_bend_the_numbers() {
     const OFFSET: f64 = 0.5;
@@ -235,8 +235,8 @@ fn what_shakes_at_times_does_not_bend_the_numbers() {
     assert!((value - OFFSET).abs() < 0.02 * OFFSET && low < OFFSET && OFFSET < high);
 }
 
-/// The links are 2 % heavier than their data sheet says, and bend the spring of the elbow by as much more: its stiffness is that of the machine and not 2 % less. Closed
-/// form: with the link at θ and the torque τ(θ) behind a spring without inertia, the encoder reads θ + τ/k.
+/// The links are 2 % heavier than in their data sheet, and bend the spring of the elbow accordingly: the estimated stiffness is that of the machine, not 2 %
+/// less. Closed form: with the link at θ and the torque τ(θ) behind a spring without inertia, the encoder reads θ + τ/k.
 #[test]
 fn a_spring_is_as_stiff_as_it_is_under_links_that_are_heavier_than_they_should_be() {
     const STIFFNESS: f64 = 2000.0;
@@ -261,7 +261,7 @@ fn a_spring_is_as_stiff_as_it_is_under_links_that_are_heavier_than_they_should_b
     assert!((value / STIFFNESS - 1.0).abs() < 0.005 && low < STIFFNESS && STIFFNESS < high);
 }
 
-/// Masses up to 2 % off leave more than the noise; the model of the diagnosis has them where the fit has them.
+/// Mass errors of up to 2 % leave more than the noise; the model of the diagnosis has the fitted masses.
 #[test]
 fn the_model_of_a_diagnosis_is_tuned_inside_its_tolerances() {
     let (model, machine) = (two_joints(), inside(&two_joints(), 11));

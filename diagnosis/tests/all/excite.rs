@@ -1,4 +1,4 @@
-//! The next motion: two causes that a recording leaves possible are told apart on the motion that is proposed.
+//! The next motion: it separates two causes that a recording leaves possible.
 
 use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind};
 use freeplay_diagnosis::{
@@ -14,7 +14,7 @@ use crate::common::{arm, link, recording};
 
 const FRICTION: JointFriction = JointFriction { viscous: 2.0, coulomb: 1.5 };
 const RATE: f64 = 200.0;
-/// What the model does not know: dry friction of the elbow, N·m.
+/// Dry friction of the elbow that the model lacks, N·m.
 const HIDDEN: f64 = 0.8;
 
 fn model() -> ArmFile {
@@ -25,7 +25,7 @@ fn model() -> ArmFile {
     ArmFile { arm, effects: Vec::new(), ignored: Vec::new() }
 }
 
-/// The shoulder swings, the elbow turns one way only, now slower and now faster.
+/// The shoulder swings; the elbow turns in one direction only, at varying speed.
 fn one_way() -> Trajectory {
     let t: Vec<f64> = (0..=(12.0 * RATE) as usize).map(|k| k as f64 / RATE).collect();
     let shoulder = |t: f64| [0.6 * (1.3 * t).sin(), 0.78 * (1.3 * t).cos(), -1.014 * (1.3 * t).sin()];
@@ -37,7 +37,7 @@ fn one_way() -> Trajectory {
     Trajectory { q: both(0), v: both(1), a: both(2), stretches: std::iter::once(0..t.len()).collect(), t }
 }
 
-/// What the machine with the hidden friction is measured to do, with noise of 0.02 N·m.
+/// A recording of the machine with the hidden friction, with noise of 0.02 N·m.
 fn measured(arm: &Arm, motion: &Trajectory, seed: u64) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let torques = rigid_torques(arm, motion, None);
@@ -100,7 +100,7 @@ fn what_one_way_of_turning_leaves_open_the_next_motion_settles() {
     assert_eq!(after.verdict, Verdict::Named);
     let effect = &after.effects[0];
     assert_eq!(effect.joint.as_deref(), Some("elbow"));
-    // Friction of one size in both directions, by either of its names.
+    // Friction of equal size in both directions, under either name.
     let names =
         if effect.kind == "coulomb_friction" { vec!["coulomb"] } else { vec!["positive", "negative"] };
     for name in names {

@@ -8,7 +8,7 @@ use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
 
 use crate::common::of_samples;
 
-/// The diagnosis of a machine of three axes whose joint number `joint`, from 0, has an effect of this `kind`, drawn from `seed`.
+/// The diagnosis of a machine of three axes whose joint number `joint`, from 0, has a random effect of this `kind`, drawn with `seed`.
 pub fn of_three_axes(kind: &str, joint: usize, seed: u64) -> Diagnosis {
     let effects = vec![Demand { kind: kind.to_owned(), joint: Some(joint), severity: Severity::Clear }];
     let case =

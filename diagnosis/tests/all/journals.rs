@@ -1,8 +1,8 @@
-//! Journals with play in bearings of vertical axes, where nothing holds them to one side.
+//! Journals with play in bearings of vertical axes, where no load presses them to one side.
 
 use crate::generated::of_three_axes;
 
-/// When a bounce ends is not foretold from a recorded motion, and the mean of many looks like a film of oil.
+/// A recorded motion does not determine the end of a bounce, and the mean of many bounces looks like a film of oil.
 #[test]
 fn a_journal_that_bounces_is_told_from_one_in_oil() {
     for kind in ["joint_clearance", "lubricated_clearance"] {

@@ -1,4 +1,4 @@
-//! Made recordings whose residual is known.
+//! Simulated recordings with known residuals.
 
 use freeplay_arm::{Arm, Inertia, JointFriction, JointKind};
 use freeplay_diagnosis::{Comparison, ResidualError, Settings, compare};
@@ -18,7 +18,7 @@ fn compared(arm: &Arm, columns: Vec<(String, Vec<f64>)>) -> Comparison {
     compare(arm, &[], &recording(columns), &Settings::default()).expect("a comparison").0
 }
 
-/// Largest rmse of the channels that begin with `prefix`, as a share of what they measure.
+/// Largest rmse of the channels whose names start with `prefix`, as a share of the measured size.
 fn worst(comparison: &Comparison, prefix: &str) -> f64 {
     let channels = comparison.channels.iter().filter(|channel| channel.name.starts_with(prefix));
     channels.map(|channel| channel.rmse / channel.rms_measured.max(1e-3)).fold(0.0, f64::max)
@@ -51,7 +51,7 @@ fn a_rigid_arm_leaves_nothing() {
     }
 }
 
-/// The friction of the machine is what is left over, and nothing is once the model names it.
+/// The residual is the friction of the machine, and zero once the model has it.
 #[test]
 fn friction_is_left_over_until_the_model_names_it() {
     let with_friction = |_: usize, v: f64| 2.0 * v + 1.5 * v.signum();
@@ -77,7 +77,8 @@ fn friction_is_left_over_until_the_model_names_it() {
     );
 }
 
-/// A joint whose drive does nothing has noise alone in its torque, which no model explains: it is named, and another one is the worst, by how many times its noise its error is.
+/// A joint with an idle drive has only noise in its torque, which no model explains: a note names it, and another channel is the worst, by the ratio of error
+/// to noise.
 #[test]
 fn a_channel_of_noise_is_not_the_worst() {
     let [shoulder, mut elbow] =
@@ -95,7 +96,7 @@ fn a_channel_of_noise_is_not_the_worst() {
     for (name, column) in &mut made {
         match name.as_str() {
             "tau1" => column.iter_mut().for_each(|tau| *tau = *tau * 1.01 + NOISE * noise()),
-            // Next to nothing hangs on the elbow.
+            // The elbow carries hardly any load.
             "tau2" => column.iter_mut().for_each(|tau| *tau += NOISE * noise()),
             _ => {}
         }
@@ -107,7 +108,7 @@ fn a_channel_of_noise_is_not_the_worst() {
     let of_noise: Vec<&str> = comparison.of_noise().map(|channel| channel.name.as_str()).collect();
     assert_eq!(of_noise, ["tau2"]);
     assert_eq!(comparison.worst().map(|channel| channel.name.as_str()), Some("tau1"));
-    // White noise of a bandwidth: the share of it that a Butterworth low-pass of order four, run both ways, lets through.
+    // White noise of a bandwidth: the share that a forward-backward Butterworth low-pass of order four passes.
     let [tau1, tau2] = [0, 1].map(|index| comparison.channels[index].noise.expect("a noise"));
     let expected = NOISE / 3.0_f64.sqrt() * (2.0 * comparison.lowpass_hz / 1000.0).sqrt();
     for noise in [tau1, tau2] {
@@ -250,8 +251,8 @@ fn numbers_beyond_reason_are_errors() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the stamps, values and settings: an error or finite numbers, and never more points than samples.
-    /// More than a quarter of the cases are compared, the others refused.
+    /// For any stamps, values and settings, the result is an error or finite numbers, and never more points than samples. More than a quarter of the cases give
+    /// a comparison, the others an error.
     #[test]
     fn any_recording_gives_finite_numbers_or_an_error(
         steps in prop::collection::vec((-9.0..3.0_f64, any::<bool>()), 1..400),

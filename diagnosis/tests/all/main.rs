@@ -1,4 +1,4 @@
-//! The tests of the diagnosis, in one program: they are linked once, and run side by side on all cores.
+//! The tests of the diagnosis, in one program: linked once, they run in parallel on all cores.
 #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 
 mod common;

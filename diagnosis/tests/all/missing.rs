@@ -1,4 +1,4 @@
-//! What is missing in a recording is missing there, and changes nothing elsewhere; dry friction of a joint at rest is whatever it takes.
+//! Missing samples have an effect only where they are missing; the dry friction of a joint at rest takes any value within its limits.
 
 use crate::common::{arm, columns, columns_along, even, link, recording, sines_of_all_but_the_last};
 use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind};
@@ -13,13 +13,13 @@ fn arm_with(coulomb: f64) -> Arm {
     arm(["shoulder", "elbow", "wrist"].map(|name| link(name, JointKind::Revolute, friction)).into())
 }
 
-/// Noise between −1 and 1, as good as white, of its own in each `column`.
+/// Noise between −1 and 1, nearly white, different for each `column`.
 fn noise(k: usize, column: &str) -> f64 {
     let own: u32 = column.bytes().map(u32::from).sum();
     2.0 * (((k as f64 + 0.37 * f64::from(own)) * 12.9898).sin() * 43_758.545_3).fract().abs() - 1.0
 }
 
-/// The made motion with noise and 4 N·m of dry friction at the elbow, without what `lacks` says of a column at a time.
+/// The simulated motion with noise and 4 N·m of dry friction at the elbow; `lacks` returns true where a column is missing at a time.
 fn made(lacks: impl Fn(&str, f64) -> bool) -> Recording {
     let t = even(SECONDS, RATE_HZ);
     let mut made = columns(&arm_with(0.0), &t, |joint, v| if joint == 1 { 4.0 * v.signum() } else { 0.0 });
@@ -76,7 +76,7 @@ fn a_tracker_that_loses_the_tool_is_compared_where_it_sees_it() {
     assert_eq!(whole.channels[..3], part.channels[..3]);
 }
 
-/// Whether a column is missing at a time, s.
+/// True if a column is missing at a time, s.
 type Lacks = fn(&str, f64) -> bool;
 
 #[test]
@@ -102,7 +102,7 @@ fn dry(_: usize, v: f64) -> f64 {
     18.0 * if v == 0.0 { 0.0 } else { v.signum() }
 }
 
-/// A joint that rests under 6 N·m less than its load, which friction carries, seen through an encoder with noise.
+/// A joint at rest whose torque is 6 N·m less than its load, since friction carries the rest, measured by a noisy encoder.
 #[test]
 fn friction_at_rest_is_what_it_takes_and_no_more_than_it_can() {
     let t = even(SECONDS, RATE_HZ);

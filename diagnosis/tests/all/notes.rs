@@ -1,4 +1,4 @@
-//! What a person is told beside the numbers, and what not.
+//! Notes that accompany the numbers, and cases without a note.
 
 use std::f64::consts::TAU;
 
@@ -8,7 +8,7 @@ use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Settings, Verdict, beyond_
 use crate::common::{arm, columns, even, link, recording};
 
 type Columns = Vec<(String, Vec<f64>)>;
-/// A position by the number of its row.
+/// A position as a function of the row.
 type Course<'a> = &'a dyn Fn(usize) -> f64;
 
 fn two_joints() -> Arm {
@@ -16,19 +16,19 @@ fn two_joints() -> Arm {
     arm(["shoulder", "elbow"].map(|name| link(name, JointKind::Revolute, friction)).into())
 }
 
-/// The sines of two joints, with a friction that the model has not got right.
+/// The sines of two joints, with a friction that differs from the model's.
 fn made(seconds: f64) -> Columns {
     columns(&two_joints(), &even(seconds, 500.0), |_, v| 3.0 * v + 2.0 * v.signum())
 }
 
-/// `columns` with `change` done to each value of the column `name`; it is told the number of the row.
+/// Applies `change` to each value of the column `name`; `change` also receives the row.
 fn with(mut columns: Columns, name: &str, change: impl Fn(usize, f64) -> f64) -> Columns {
     let of_name = columns.iter_mut().filter(|(known, _)| known == name);
     of_name.for_each(|(_, column)| column.iter_mut().enumerate().for_each(|(k, x)| *x = change(k, *x)));
     columns
 }
 
-/// `columns` with the torques of both joints times these.
+/// `columns` with the torques of both joints multiplied by `times`.
 fn scaled(columns: Columns, times: [f64; 2]) -> Columns {
     let [first, second] = times;
     with(with(columns, "tau1", |_, tau| first * tau), "tau2", |_, tau| second * tau)
@@ -39,7 +39,7 @@ fn notes(columns: Columns) -> Vec<String> {
     compared.expect("a comparison").0.notes
 }
 
-/// Noise between -1 and 1, as good as white.
+/// Noise between -1 and 1, nearly white.
 fn noise(k: usize) -> f64 {
     2.0 * ((k as f64 * 12.9898).sin() * 43_758.545_3).fract().abs() - 1.0
 }

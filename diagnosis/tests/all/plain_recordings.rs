@@ -1,5 +1,4 @@
-//! Recordings as anybody simulates them: without noise, with stamps that shake, with an effect of which a part is nothing, with a push in one of
-//! two.
+//! Recordings of typical simulations: without noise, with jittering stamps, with an effect that acts in one part only, with a push in one of two recordings.
 
 use std::path::Path;
 
@@ -19,12 +18,12 @@ fn two_joints() -> Arm {
     arm(vec![link("shoulder", JointKind::Revolute, FRICTION), link("elbow", JointKind::Revolute, FRICTION)])
 }
 
-/// The recording `name` of `arm` on its sines from `begin`, s, on, with the effects of `tables`, without any noise: angles and torques.
+/// The recording `name` of `arm` on its sines from the time `begin`, s, with the effects of `tables`, without noise: angles and torques.
 fn recorded(name: &str, arm: &Arm, tables: &[EffectTable], begin: f64) -> Recording {
     Recording { tool: None, ..tracked(name, arm, tables, begin) }
 }
 
-/// The same with the tool.
+/// The same with a tracked tool.
 fn tracked(name: &str, arm: &Arm, tables: &[EffectTable], begin: f64) -> Recording {
     let t = even(16.0, 250.0);
     let mut motion = Trajectory {
@@ -53,7 +52,7 @@ fn tracked(name: &str, arm: &Arm, tables: &[EffectTable], begin: f64) -> Recordi
     Recording::new(Path::new(name), columns).expect("a recording")
 }
 
-/// Two recordings of `arm` with the effects of `tables`, in motions that differ.
+/// Two recordings of `arm` with the effects of `tables`, in different motions.
 fn in_two_motions(arm: &Arm, tables: &[EffectTable]) -> [Recording; 2] {
     [recorded("one", arm, tables, 0.0), recorded("two", arm, tables, 30.0)]
 }
@@ -68,7 +67,7 @@ fn diagnosed(arm: &Arm, recordings: &[Recording]) -> Diagnosis {
     diagnose(&file, recordings, &DiagnoseSettings::default(), &mut |_| {}).expect("a diagnosis")
 }
 
-/// The only effect that was named, which has to be a `kind`.
+/// The only named effect, which must be a `kind`.
 fn only(diagnosis: &Diagnosis, kind: &str) -> Effect {
     println!("{}", diagnosis.statement);
     assert_eq!(diagnosis.verdict, Verdict::Named);
@@ -93,7 +92,7 @@ fn nothing_is_missing_from_a_perfect_recording_without_noise() {
     }
 }
 
-/// A plane arm: a force across the plane does nothing, and is no reason not to see those in it.
+/// A planar arm: a force across the plane does no work, which must not hide the forces in the plane.
 #[test]
 fn a_push_in_one_of_two_recordings_is_named() {
     let push = table("external_force", None, "force = [12.0, 0.0, -20.0]\nstart = 5.0\nend = 7.5");
@@ -129,7 +128,7 @@ fn one_delay_of_all_torques_is_not_a_low_pass_of_each() {
     assert!((found / 0.006 - 1.0).abs() < 0.1);
 }
 
-/// Longer than any loop would bear of its encoders, but a torque may be read that late.
+/// The delay is longer than a loop could tolerate for its encoders, but a torque may have it.
 #[test]
 fn a_torque_that_is_read_late_is_no_low_pass() {
     let delay = table("time_delay", None, "channel = \"torque\"\ndelay = 0.035");
@@ -142,7 +141,7 @@ fn a_torque_that_is_read_late_is_no_low_pass() {
     assert!(effect.evidence.log_odds > freeplay_diagnosis::NAMED_FROM);
 }
 
-/// What a slow low-pass leaves of friction that jumps is no multiple of what a fast one takes from it.
+/// The torque with jumping friction after a slow low-pass is no multiple of the torque after a fast one.
 #[test]
 fn a_slow_low_pass_of_a_torque_with_friction_is_found() {
     let joint = |name| link(name, JointKind::Revolute, JointFriction { viscous: 0.0, coulomb: 30.0 });
@@ -155,7 +154,7 @@ fn a_slow_low_pass_of_a_torque_with_friction_is_found() {
     assert!((found - 1.0).abs() < 0.05);
 }
 
-/// The file names no friction: what is late, and what is clipped, is the torque with the friction that was found, too.
+/// The file has no friction: the delay and the limit act on the torque including the friction that the diagnosis found.
 #[test]
 fn a_delay_and_a_limit_act_on_the_friction_that_was_found() {
     let links = ["shoulder", "elbow"].map(|name| link(name, JointKind::Revolute, JointFriction::default()));
@@ -181,7 +180,7 @@ fn a_delay_and_a_limit_act_on_the_friction_that_was_found() {
     }
 }
 
-/// A link that is lighter, and has its centre of mass elsewhere, as an arm file from a drawing often has it.
+/// A lighter link with another centre of mass, as an arm file from a drawing often has it.
 #[test]
 fn a_centre_of_mass_that_is_elsewhere_is_found() {
     let paper = freeplay_arm::paper_arm().arm;
@@ -194,7 +193,7 @@ fn a_centre_of_mass_that_is_elsewhere_is_found() {
     assert_eq!(effect.joint, Some(joint));
 }
 
-/// As a shaft with its own share on each joint it would need negative friction of both beside it.
+/// As a shaft with its own share on each joint it would need negative friction in both joints.
 #[test]
 fn a_coupling_that_acts_across_only_is_one_effect() {
     let text =
@@ -211,7 +210,7 @@ fn a_coupling_that_acts_across_only_is_one_effect() {
     }
 }
 
-/// Friction of the shoulder grows with what the shoulder carries, payload included: fitted to the load of the bare arm, its coefficient would be far too large.
+/// Friction of the shoulder grows with the load of the shoulder, payload included: fitted to the load of the bare arm, its coefficient would be far too large.
 #[test]
 fn friction_grows_with_the_load_of_a_payload_that_was_found() {
     let arm = two_joints();
@@ -232,7 +231,7 @@ fn friction_grows_with_the_load_of_a_payload_that_was_found() {
     }
 }
 
-/// As Coulomb friction with an offset it would be two causes for one.
+/// As Coulomb friction with an offset it would be two effects instead of one.
 #[test]
 fn friction_that_differs_by_direction_is_one_effect() {
     let asymmetric = table("asymmetric_friction", Some("elbow"), "positive = 3.0\nnegative = 1.5");
@@ -246,8 +245,8 @@ fn friction_that_differs_by_direction_is_one_effect() {
     }
 }
 
-/// A spring in series with a damper (Maxwell 1867): ż = q̇ − z/T, τ = k z. Bristles that slide are like it, and leave far more than noise; the
-/// other joints are followed to their noise, so that idealised laws are no excuse.
+/// A spring in series with a damper (Maxwell 1867): ż = q̇ − z/T, τ = k z. Sliding bristles are similar, and leave far more than noise; the other joints follow
+/// their model down to the noise, so that idealised laws are no excuse.
 #[test]
 fn a_spring_that_relaxes_has_no_name() {
     const STIFFNESS: f64 = 120.0;
@@ -258,7 +257,7 @@ fn a_spring_that_relaxes_has_no_name() {
         let (t, q) = (recording.t.clone(), recording.q[0].clone());
         let mut deflection = 0.0;
         for k in 1..t.len() {
-            // Exact for a speed that is constant between two samples.
+            // Exact for a constant speed between two samples.
             let decay = ((t[k - 1] - t[k]) / RELAXATION).exp();
             let speed = (q[k] - q[k - 1]) / (t[k] - t[k - 1]);
             deflection = deflection * decay + speed * RELAXATION * (1.0 - decay);
@@ -270,7 +269,7 @@ fn a_spring_that_relaxes_has_no_name() {
     assert_eq!(diagnosis.verdict, Verdict::Unknown);
 }
 
-/// A motor that begins on a flank, in a recording that does not cross the gap for long: a comparison takes the beginning as the torque has it.
+/// A motor that starts on a flank, in a recording that does not cross the gap for long: a comparison takes the initial state from the torque.
 #[test]
 fn where_a_motor_begins_in_its_gap_is_taken_from_the_torque() {
     let arm = arm(vec![link("elbow", JointKind::Revolute, JointFriction { viscous: 0.0, coulomb: 0.0 })]);
@@ -279,7 +278,7 @@ fn where_a_motor_begins_in_its_gap_is_taken_from_the_torque() {
         table("backlash", Some("elbow"), &parameters)
     };
     let mut recording = recorded("begins ahead", &arm, &[gap("start = 1.0")], 0.0);
-    // The first way back, and no more.
+    // The first way back only.
     let furthest = |rows: &[f64]| (0..rows.len()).find(|&k| (rows[k] - rows[0]).abs() > 0.12);
     let end = furthest(&recording.q[0]).expect("it moves").max(300);
     let cut = |column: &mut Vec<f64>| column.truncate(end);
@@ -297,7 +296,7 @@ fn where_a_motor_begins_in_its_gap_is_taken_from_the_torque() {
     assert!((open - told).abs() < 1e-9);
 }
 
-/// A journal in thick oil that a motion finds somewhere in its bearing: both the diagnosis and a comparison take the place as the tool has it.
+/// A journal in thick oil that starts somewhere in its bearing: the diagnosis and a comparison both take the initial state from the tool.
 #[test]
 fn where_a_journal_begins_in_oil_is_taken_from_the_tool() {
     let arm = two_joints();
@@ -326,7 +325,7 @@ fn where_a_journal_begins_in_oil_is_taken_from_the_tool() {
     assert!(wrong > 1e-5 && open < 0.02 * wrong);
 }
 
-/// Its tensor is 0.16 kg·m² a kilogram about the last joint: without that, a lighter load and a heavier link say nearly the same.
+/// Its tensor is 0.16 kg·m² a kilogram about the last joint: without the tensor, a lighter load and a heavier link would be nearly equivalent.
 #[test]
 fn a_load_at_the_tool_far_from_the_last_joint_is_one_body() {
     let load = table("payload", None, "mass = 0.8\ncom = [0.39, 0.0, -0.02]");
@@ -339,7 +338,7 @@ fn a_load_at_the_tool_far_from_the_last_joint_is_one_body() {
     assert!((found / 0.8 - 1.0).abs() < 0.1);
 }
 
-/// The drive clips where the first half asks for most. What follows stays below the limit, or reaches it in a row or two, which noise moves to either side.
+/// The drive clips at the peaks of the first half. The rest stays below the limit, or reaches it in a row or two, which noise moves to either side.
 #[test]
 fn a_drive_that_clips_in_the_first_half_alone_is_named() {
     let arm = two_joints();
@@ -365,7 +364,7 @@ fn a_drive_that_clips_in_the_first_half_alone_is_named() {
     }
 }
 
-/// A link that bends leaves the drives other levers to hold the load by. That is no offset of the torques.
+/// A bending link changes the levers by which the drives hold the load. That is no offset of the torques.
 #[test]
 fn a_link_that_bends_is_one_effect() {
     let bending = table("link_flexure", Some("shoulder"), "stiffness = 4e4");

@@ -1,11 +1,10 @@
-//! Recordings of real machines against what an independent analysis made of them: the rows of the `reference_fits.txt` beside
-//! each set that fit nothing. They were made with a zero-phase Butterworth of fourth order, each set with a cutoff and ends
-//! left out of its own, found here from the torque's own rms, which those files state.
+//! Recordings of real machines against the results of an independent analysis: the rows of the `reference_fits.txt` beside each set that fit no parameter. The
+//! analysis used a zero-phase Butterworth filter of fourth order, with a cutoff and trimmed ends of its own for each set; the test determines both from the
+//! torque's rms, which those files state.
 //!
-//! Three of the four rows hold terms that the set's URDF does not: the rotors and the counterbalance of `kuka_kr300`, the rotors
-//! of `dfki_double_pendulum`, a mass fitted anew in `emps`. The first two are added here from `meta.toml`, the third is fitted
-//! here, so that what is compared is the pipeline. What `freeplay compare` says of the URDF as it stands, with the default
-//! filter, is printed beside.
+//! Three of the four rows contain terms that the set's URDF lacks: the rotors and the counterbalance of `kuka_kr300`, the rotors of `dfki_double_pendulum`, a
+//! refitted mass in `emps`. The test adds the first two from `meta.toml` and fits the third, so that it compares the pipeline alone. It also prints the result
+//! of `freeplay compare` for the unchanged URDF with the default filter.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::PathBuf;
@@ -45,7 +44,7 @@ impl Set {
         value.as_array().map_or_else(|| vec![number(value)], |list| list.iter().map(number).collect())
     }
 
-    /// The numbers in the brackets after `label` in the first line after the one that begins with `run`, that line included.
+    /// The numbers in the brackets after `label`, in the first line with brackets from the one that starts with `run`.
     fn theirs(&self, run: &str, label: &str) -> Vec<f64> {
         let from_run = self.fits.lines().skip_while(|line| !line.starts_with(run));
         let line = from_run.into_iter().find(|line| line.contains(label)).expect("a row of the file");
@@ -55,7 +54,7 @@ impl Set {
     }
 }
 
-/// Settings that make the same filter as theirs.
+/// Settings that reproduce the filter of the analysis.
 fn like_theirs(lowpass_hz: f64, trim_s: f64) -> Settings {
     Settings { lowpass_hz: Some(lowpass_hz), trim_s: Some(trim_s) }
 }
@@ -64,7 +63,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// rmse of the torque channels as `freeplay compare` says it, the model's nominal friction left out.
+/// rmse of the torque channels as in `freeplay compare`, without the model's nominal friction.
 fn plain(comparison: &Comparison) -> Vec<f64> {
     let torques = comparison.channels.iter().filter(|channel| channel.name.starts_with("tau"));
     torques.map(|channel| channel.rmse_without_friction.unwrap_or(channel.rmse)).collect()
@@ -85,7 +84,7 @@ fn four_digits(value: f64) -> String {
     format!("{value:.*}", (4 - before_point).clamp(0, 9) as usize)
 }
 
-/// Prints a row of theirs and ours; returns the largest relative difference.
+/// Prints a row of both results; returns the largest relative difference.
 fn table(what: &str, theirs: &[f64], ours: &[f64]) -> f64 {
     let off = |(theirs, ours): (&f64, &f64)| ours / theirs - 1.0;
     let worst = theirs.iter().zip(ours).map(off).fold(0.0, |most: f64, off| most.max(off.abs()));
@@ -172,7 +171,7 @@ fn dfki_double_pendulum() {
         ["train_1", "train_2", "train_3", "train_4", "train_5_swing", "test_1", "test_2", "test_3_swing"];
     for run in runs {
         let theirs = set.theirs(&format!("{run} tau rms"), "published rigid ");
-        // Both motors sit in the base, the second drives over a belt: the rotor terms of the source's mass matrix.
+        // Both motors sit in the base, and the second drives over a belt: the rotor terms of the source's mass matrix.
         let terms = |residuals: &Residuals, motion: &Trajectory| {
             with_term(residuals, 2, |joint, k| {
                 let own = gear * gear + if joint == 0 { 1.0 } else { 0.0 };
@@ -185,7 +184,7 @@ fn dfki_double_pendulum() {
             Settings { lowpass_hz: Some(default_cutoff_hz(comparison.rate_hz)), ..Settings::default() };
         let (_, residuals, motion) = set.compare(run, by_rate);
         let usual = table("    the same, filter by the rate alone", &theirs, &terms(&residuals, &motion));
-        // The positions shake with what no torque answers to.
+        // The positions shake without a response in the torques.
         let (comparison, residuals, motion) = set.compare(run, Settings::default());
         let lowered = terms(&residuals, &motion);
         table("    the same, default filter", &theirs, &lowered);
@@ -207,7 +206,7 @@ fn emps() {
             let rest = &after[after.find(label).expect("a label") + label.len()..];
             rest.trim_start().split(' ').next().and_then(|n| n.parse().ok()).expect("a number")
         };
-        // Theirs went through a Chebyshev decimation by ten that lets 40 Hz pass and weakens everything by 0.1 dB.
+        // The analysis decimated by ten with a Chebyshev filter that passes 40 Hz and attenuates all frequencies by 0.1 dB.
         let (theirs, share) = (number("RMSE") / 10_f64.powf(-0.1 / 20.0), number("rel"));
         let (comparison, residuals, motion) = set.compare(run, like_theirs(45.0, 0.0));
         let (force, a) = (&residuals.channels[0].measured, &motion.a[0]);
@@ -225,7 +224,7 @@ fn emps() {
     assert!((masses[0] - 95.142).abs() < 0.2, "{masses:?}");
 }
 
-/// No row to compare with, but every file passes.
+/// The analysis has no row for comparison, but every file passes.
 #[test]
 fn brfd_backlash() {
     let Some(set) = Set::open("brfd_backlash", "damper.urdf") else { return };

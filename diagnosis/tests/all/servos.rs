@@ -1,4 +1,4 @@
-//! Commanded against measured positions: servos that were simulated come back with their names, a stop and a contact are located; a real arm.
+//! Commanded against measured positions: the diagnosis names simulated servos, and locates a stop and a contact; a real arm.
 use std::path::Path;
 
 use freeplay_arm::{ArmFile, parse_toml, to_toml};
@@ -50,8 +50,8 @@ joint = "elbow"
 lower = -0.6
 "#;
 
-/// A recording of `machine` at 50 Hz: commands of two frequencies a joint, the elbow's about `middle`. Between `pressed` s both
-/// joints are held off.
+/// A recording of `machine` at 50 Hz: commands of two frequencies a joint, the elbow's about `middle`. Between the times `pressed`, s, a force displaces both
+/// joints.
 fn recorded(machine: &ArmFile, name: &str, phase: f64, middle: f64, pressed: [f64; 2]) -> Recording {
     let truth = ServoArm::of(machine).unwrap().unwrap();
     let t: Vec<f64> = (0..1500).map(|row| f64::from(row) * 0.02).collect();
@@ -125,7 +125,7 @@ fn servos_a_stop_and_a_contact_are_named() {
     let contact = found(&diagnosis, "contact", None);
     assert!((number(contact, "start") - 12.0).abs() < 0.5 && (number(contact, "end") - 15.0).abs() < 0.5);
     assert_eq!(diagnosis.effects.iter().filter(|effect| effect.kind == "contact").count(), 1);
-    // The model found is one that compare takes, and it explains the recordings to the encoder's step.
+    // `compare` accepts the resulting model, which explains the recordings to the encoder's step.
     let again = file(&to_toml(&diagnosis.model));
     let (with, _) = compare_commands(&again, &recordings[0]).unwrap();
     let (without, _) = compare_commands(&plain, &recordings[0]).unwrap();
@@ -136,7 +136,7 @@ fn servos_a_stop_and_a_contact_are_named() {
     }
 }
 
-/// A model with the right servos lacks nothing, and says so.
+/// A model with the right servos lacks nothing, and the verdict says so.
 #[test]
 fn the_machines_own_model_lacks_nothing() {
     let machine = file(&format!("{TWO_LINKS}{TRUTH}"));
@@ -147,7 +147,7 @@ fn the_machines_own_model_lacks_nothing() {
     assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "{}", diagnosis.statement);
 }
 
-/// The machine with its numbers off by up to `share` of the tolerances of the model, one up and the next down.
+/// The machine with its parameters off by up to `share` of the model's tolerances, alternating in sign.
 fn off_by(machine: &ArmFile, share: f64) -> ArmFile {
     let mut machine = machine.clone();
     let mut sign = 1.0;
@@ -166,7 +166,7 @@ fn off_by(machine: &ArmFile, share: f64) -> ArmFile {
     machine
 }
 
-/// A model that is off by its tolerances everywhere, and lacks one thing, is told this one thing and no other.
+/// A model that is off by its tolerances everywhere, and lacks one effect: the diagnosis names this effect and no other.
 #[test]
 fn of_a_given_model_only_what_it_lacks_is_named() {
     // With the tool in the elbow a payload would load the shoulder as its own link does.
@@ -193,14 +193,14 @@ fn of_a_given_model_only_what_it_lacks_is_named() {
         let diagnosis = diagnose(given, &recordings, &DiagnoseSettings::default(), &mut |_| ()).unwrap();
         let value = number(found(&diagnosis, kind, Some("shoulder")), parameter);
         println!("{kind} {parameter}: {value:.3}, in truth {expected}");
-        // Torques are known no better than the stiffness, and that no better than the model says.
+        // Torques are no more accurate than the stiffness, and the stiffness is no more accurate than the model.
         assert!((value / expected - 1.0).abs() < 0.12, "{value} for {expected}");
         assert_eq!(diagnosis.effects.len(), 1, "{}", diagnosis.statement);
     }
 }
 
-/// A payload that is small against the arm and hangs beside the tool is no heavier link; a base that leans by less than is tried at first is found. Of an arm in a plane a lean is a zero of its
-/// first joint, and both are said.
+/// A small payload that hangs beside the tool differs from a heavier link; the search finds a tilt of the base that is smaller than its initial values. For a
+/// planar arm a tilt is equivalent to a zero of its first joint, and the diagnosis names both.
 #[test]
 fn a_small_payload_and_a_small_lean_are_told_beside_given_servos() {
     let text = format!("{TWO_LINKS}\n[tool]\nxyz = [0.3, 0.0, 0.0]\n{TRUTH}");
@@ -213,7 +213,7 @@ fn a_small_payload_and_a_small_lean_are_told_beside_given_servos() {
         assert_eq!(diagnosis.effects.len(), 1, "{}", diagnosis.statement);
         diagnosis
     };
-    // What the tolerances of the links' masses leave open.
+    // The uncertainty due to the mass tolerances of the links.
     let is_near = |value: f64, expected: f64| {
         println!("{value:.4}, in truth {expected}; margin 20 %");
         assert!((value / expected - 1.0).abs() < 0.2, "{value} for {expected}");
@@ -230,8 +230,8 @@ fn a_small_payload_and_a_small_lean_are_told_beside_given_servos() {
     is_near(number(found(&lean, kind, joint), parameter), -0.09);
 }
 
-/// The zero of an encoder, and a gap behind one: the link lies elsewhere than its encoder says, and its weight tells so. A load that presses on one flank throughout does not tell the gap from a
-/// zero; the answer says so.
+/// The zero of an encoder, and a gap behind one: the weight of the link reveals its position, which differs from that of the encoder. A load that always
+/// presses on the same flank does not separate the gap from a zero; the answer names both.
 #[test]
 fn zeros_and_gaps_are_told_by_the_weight_of_the_link() {
     let text = format!("{TWO_LINKS}\n[tool]\nxyz = [0.3, 0.0, 0.0]\n{TRUTH}");
@@ -255,7 +255,7 @@ fn zeros_and_gaps_are_told_by_the_weight_of_the_link() {
             let value = number(found(&diagnosis, kind, Some("elbow")), parameter);
             println!("{kind} {parameter}: {value:.4}, in truth {expected}; margin 12 %");
             assert!((value / expected - 1.0).abs() < 0.12, "{value} for {expected}");
-            // The model that was found is simulated with it.
+            // The resulting model includes the effect in its simulation.
             let again = file(&to_toml(&diagnosis.model));
             let (compared, _) = compare_commands(&again, &recordings[0]).unwrap();
             assert!(compared.channels.iter().all(|channel| channel.rmse < 2e-3), "{:?}", compared.channels);
@@ -282,7 +282,7 @@ fn commands_that_never_move_tell_nothing() {
     );
 }
 
-/// A small arm with five servos: a part of its training motions, a motion that judges, a table that the hand presses on and a stop.
+/// A small arm with five servos: some of its training motions, a test motion, a table on which the hand presses, and a stop.
 #[test]
 fn a_real_arm_is_simulated_better_than_others_do() {
     let Some(folder) = freeplay_skip::recordings() else { return };
@@ -304,7 +304,7 @@ fn a_real_arm_is_simulated_better_than_others_do() {
     let pooled = (after.values().map(|error| error.rmse.powi(2)).sum::<f64>() / 5.0).sqrt();
     println!("{:.2} mrad rms on a motion that no step has seen", pooled * 1e3);
     assert!(pooled < 6e-3);
-    // Measured by other means: 12.2 to 13.1, 10.5 to 11.5 and 9.5 to 10.4 N·m/rad; our intervals meet these with a tenth around them.
+    // Measured by other means: 12.2 to 13.1, 10.5 to 11.5 and 9.5 to 10.4 N·m/rad; our intervals overlap with these, widened by a tenth.
     for (joint, [least, most]) in
         [("shoulder_lift", [11.0, 14.4]), ("elbow_flex", [9.5, 12.6]), ("wrist_flex", [8.6, 11.4])]
     {

@@ -1,4 +1,5 @@
-//! Commanded and measured positions beside torques: servos are named where they make the torques of the commands, and nowhere else; what the torques tell stays as it is.
+//! Commanded and measured positions with torques: the diagnosis names servos where they produce the torques from the commands, and nowhere else; the findings
+//! from the torques stay unchanged.
 use std::path::Path;
 
 use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind, parse_toml, to_toml};
@@ -14,12 +15,12 @@ use crate::common::{TWO_LINKS, arm, columns, even, link, recording, without};
 /// Their servos: stiffness, damping.
 const SERVOS: [(&str, f64, f64); 2] = [("shoulder", 30.0, 1.8), ("elbow", 15.0, 0.7)];
 const FRICTION: f64 = 0.2;
-/// Steps of the machine, s, and how many a row lasts: commands are held for a row, drives measure the mean torque about it.
+/// Step of the machine, s, and steps per row: a command holds for a row, and drives measure the mean torque about it.
 const STEP: f64 = 0.001;
 const ROW: usize = 5;
 const ROWS: usize = 4000;
 
-/// The machine whose commands are `delay` s late.
+/// The machine with commands delayed by `delay` s.
 fn machine(delay: f64) -> ArmFile {
     let mut text = TWO_LINKS.to_owned();
     for (joint, stiffness, damping) in SERVOS {
@@ -35,7 +36,7 @@ fn machine(delay: f64) -> ArmFile {
     parse_toml(&text, "arm.toml".as_ref()).unwrap()
 }
 
-/// A recording at 200 Hz of `machine`, whose encoders are read `late` steps late.
+/// A recording at 200 Hz of `machine`, with its encoders delayed by `late` steps.
 fn recorded(machine: &ArmFile, name: &str, phase: f64, late: usize) -> Recording {
     let truth = ServoArm::of(machine).unwrap().unwrap();
     let fine: Vec<f64> = (0..ROWS * ROW).map(|step| step as f64 * STEP).collect();
@@ -99,7 +100,8 @@ fn without_commands(recording: &Recording) -> Recording {
     Recording { q_ref: None, ..recording.clone() }
 }
 
-/// Late commands: both servos and the delay are named, the model simulates the recording, and what the torques tell is what they tell alone.
+/// Delayed commands: the diagnosis names both servos and the delay, the model simulates the recording, and the findings from the torques are those without
+/// commands.
 #[test]
 fn servos_and_late_commands_are_named() {
     let bare = parse_toml(TWO_LINKS, "arm.toml".as_ref()).unwrap();
@@ -132,7 +134,7 @@ fn servos_and_late_commands_are_named() {
     let again = parse_toml(&to_toml(&diagnosis.model), "found.toml".as_ref()).unwrap();
     let (simulated, _) = compare_commands(&again, &recordings[0]).unwrap();
     assert!(simulated.channels.iter().all(|channel| channel.rmse < 3e-3), "{:?}", simulated.channels);
-    // Where the model has servos, a comparison of torques has these positions, too; a model without servos says nothing of them.
+    // If the model has servos, a comparison of torques includes these positions; a model without servos does not predict them.
     let compared = |file| {
         let effects = Effects::of(file).unwrap().placed;
         let (all, residuals) = compare_all(file, &effects, &recordings[0], &Settings::default()).unwrap();
@@ -145,7 +147,7 @@ fn servos_and_late_commands_are_named() {
     assert_eq!(all.len(), torques.len() + 2);
 }
 
-/// Late encoders are told from late commands: the torques don't fit the motion either.
+/// Delayed encoders differ from delayed commands: the torques don't fit the motion either.
 #[test]
 fn late_encoders_are_no_late_commands() {
     let bare = parse_toml(TWO_LINKS, "arm.toml".as_ref()).unwrap();
@@ -155,7 +157,7 @@ fn late_encoders_are_no_late_commands() {
     assert_eq!(all_of(&diagnosis, "time_delay").len(), 1);
     assert_eq!(all_of(&diagnosis, "servo").len(), 2);
     assert!(all_of(&diagnosis, "command_delay").is_empty());
-    // The model found knows by how much what it simulates is read late.
+    // The resulting model includes the delay of the encoders.
     let (simulated, _) = compare_commands(&diagnosis.model, &recordings[0]).unwrap();
     assert!(simulated.channels.iter().all(|channel| channel.rmse < 3e-3), "{:?}", simulated.channels);
 }
@@ -173,7 +175,8 @@ fn known_servos_are_not_named_again() {
     assert_eq!(of_model, of_file);
 }
 
-/// The path of a controller that knows the arm: what friction it does not know holds the joints off, and no servo makes the torques of that. Nothing is said of commands.
+/// The path of a controller that knows the arm: unknown friction displaces the joints, and no servo produces such torques. The diagnosis draws no conclusion
+/// from the commands.
 #[test]
 fn a_path_under_computed_torques_is_no_command() {
     const FRICTION: f64 = 2.0;

@@ -1,4 +1,4 @@
-//! Set-up faults put into recordings, made and real: each is found, named and mended, and clean recordings have none.
+//! Set-up faults in simulated and real recordings: the examination finds, names and corrects each; recordings without a fault have no finding.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::channel;
@@ -15,7 +15,7 @@ use crate::common::of_samples;
 const SECONDS: f64 = 14.0;
 const RATE: f64 = 100.0;
 
-/// The paper's arm on sines, with a friction in every joint that its model does not name.
+/// The paper's arm on sines, with a friction in every joint that its model lacks.
 fn made(arm: &Arm) -> Recording {
     let n = arm.dof();
     let (mut ws, mut tau) = (Workspace::new(arm), vec![0.0; n]);
@@ -40,7 +40,7 @@ fn made(arm: &Arm) -> Recording {
     Recording::new(Path::new("made.csv"), columns).expect("a recording")
 }
 
-/// `recording` with the tool in the place of its torques, seen `late` rows late.
+/// `recording` with a tracked tool instead of torques, delayed by `late` rows.
 fn tracked(arm: &Arm, recording: Recording, late: usize) -> Recording {
     let (mut ws, mut tool) = (Workspace::new(arm), [const { Vec::new() }; 3]);
     for row in 0..recording.len() {
@@ -51,14 +51,14 @@ fn tracked(arm: &Arm, recording: Recording, late: usize) -> Recording {
     Recording { tau: None, tool: Some(tool), ..recording }
 }
 
-/// A fault by its kind, the joint that it is about (from 0) and what it does.
+/// A fault: its kind, its joint (from 0) and its change of a recording.
 type Fault = (&'static str, Option<usize>, fn(&Arm, &mut Recording));
 
 fn torque(recording: &mut Recording, joint: usize) -> &mut Vec<f64> {
     &mut recording.tau.as_mut().expect("torques")[joint]
 }
 
-/// A fault of each kind that moves a joint, a torque or a clock; joint 1 (from 0) carries the arm.
+/// A fault of each kind that affects a joint, a torque or a clock; joint 1 (from 0) carries the arm.
 const FAULTS: [Fault; 8] = [
     ("angle_unit", None, |_, r| r.q.iter_mut().flatten().for_each(|q| *q = q.to_degrees())),
     ("joint_direction", Some(1), |_, r| {
@@ -116,7 +116,7 @@ fn every_fault_of_a_made_recording_is_found_and_its_mended_reading_has_none() {
     }
 }
 
-/// Physics of the catalogue that looks like a fault of the reading: what it does to a clean recording.
+/// Physics of the catalogue that looks like a fault of the reading: a function that makes the recording.
 type Physics = (&'static str, fn(&Arm) -> Recording);
 
 /// The arm with `mass` more at `com` of its last link.
@@ -128,7 +128,7 @@ fn loaded(arm: &Arm, mass: f64, com: [f64; 3]) -> Arm {
     Arm::new("loaded", joints, *arm.tool(), *arm.gravity()).expect("an arm")
 }
 
-/// A recording whose torque of joint `joint` is `work` of time, position, velocity and torque.
+/// A recording with the torque of joint `joint` set to `work` of its velocity and torque.
 fn with_torque(mut recording: Recording, joint: usize, work: impl Fn(f64, f64) -> f64) -> Recording {
     let q = recording.q[joint].clone();
     let torque = torque(&mut recording, joint);
@@ -175,7 +175,7 @@ const PHYSICS: [Physics; 5] = [
     ("a torque that is reported 1.8 times too large", |arm| with_torque(made(arm), 2, |_, tau| 1.8 * tau)),
 ];
 
-/// What a law of the catalogue explains is no fault of the reading.
+/// An effect of the catalogue is no fault of the reading.
 #[test]
 fn physics_that_looks_like_a_fault_is_none() {
     let arm = paper_arm().arm;
@@ -186,7 +186,7 @@ fn physics_that_looks_like_a_fault_is_none() {
     }
 }
 
-/// Geometry is sharp: a clock is told by a few per mille of a tracked tool's motion.
+/// Geometry is exact: an offset of the clock shows in a few per mille of a tracked tool's motion.
 #[test]
 fn a_tool_on_another_clock_is_found_in_a_slow_motion() {
     let arm = paper_arm().arm;
@@ -202,7 +202,7 @@ fn a_tool_on_another_clock_is_found_in_a_slow_motion() {
     assert!((setup.findings[0].value - delay).abs() < 0.01, "{} is not {delay}", setup.findings[0].value);
 }
 
-/// How late torques are is told beside the physics that is missing: nobody knew it when the clocks were compared.
+/// The diagnosis fits the delay of the torques together with the missing physics, which was unknown during the examination of the clocks.
 #[test]
 fn a_clock_is_set_beside_missing_physics() {
     let file = paper_arm();
@@ -224,7 +224,7 @@ fn a_clock_is_set_beside_missing_physics() {
     );
 }
 
-/// Three linear numbers: a wall is at exactly 90 degrees, a ceiling at 180, a wedge where it is.
+/// Three linear parameters: a wall is at exactly 90 degrees, a ceiling at 180, a wedge at its own angle.
 #[test]
 fn gravity_is_found_wherever_it_points() {
     let standing = paper_arm().arm;
@@ -277,10 +277,10 @@ const REAL: [(&str, &str, &str, usize); 3] = [
     ("dfki_double_pendulum", "double_pendulum_C1.urdf", "train_1.csv", 0),
 ];
 
-/// Faults that are found in recordings of real machines: fewer than this is a step back. The aim is all of them.
+/// Least number of detected faults in recordings of real machines: fewer would be a regression. The aim is all of them.
 const FOUND: usize = 11;
 
-/// A recording of a real machine as it is has no fault. Some of those that are put in are found.
+/// A recording of a real machine has no fault. The examination finds some of the inserted ones.
 #[test]
 fn real_machines_have_no_fault_until_one_is_put_in() {
     let Some(folder) = freeplay_skip::recordings() else { return };
@@ -312,7 +312,7 @@ fn real_machines_have_no_fault_until_one_is_put_in() {
     assert!(found >= FOUND, "{found} of {all}");
 }
 
-/// Two faults of which neither explains anything alone: before a recording is said to be of another arm, pairs are tried.
+/// Two faults, neither of which explains anything alone: the search tries pairs before it reports another arm.
 #[test]
 fn two_faults_of_positions_are_found_by_the_tool_alone() {
     let arm = paper_arm().arm;
@@ -333,8 +333,7 @@ fn two_faults_of_positions_are_found_by_the_tool_alone() {
     }
 }
 
-/// A recording of one arm against the model of another, of which a torque unit was small on few rows and large on all: it was dropped and found again for
-/// ever.
+/// A recording of one arm against the model of another. A torque unit was small on few rows and large on all: the search dropped and added it for ever.
 #[test]
 fn the_reading_of_another_arm_comes_to_an_end() {
     let draw = (60_211 * 7_919 + 1) * 7 + 3;
@@ -360,7 +359,7 @@ fn the_reading_of_another_arm_comes_to_an_end() {
     setup.findings.iter().for_each(|finding| println!("{} {:?}", finding.kind, finding.joint));
 }
 
-/// A carriage in millimetres would be as fast as a rocket in metres; no torque has to say so.
+/// A carriage in millimetres would be as fast as a rocket in metres; no torque is necessary for this finding.
 #[test]
 fn a_carriage_in_millimetres_is_told_by_its_motion() {
     let arm = Machine::Slide.data_sheet().expect("a data sheet");
@@ -372,7 +371,7 @@ fn a_carriage_in_millimetres_is_told_by_its_motion() {
     assert!((setup.reading.positions[0].unit - 1e-3).abs() < 1e-12);
 }
 
-/// The paper's arm with other links: heavier by different factors, their centres turned about their axes.
+/// The paper's arm with other links: heavier by different factors, their centres of mass rotated about their axes.
 fn similar(arm: &Arm) -> Arm {
     let mut joints = arm.joints().to_vec();
     for (k, joint) in joints.iter_mut().enumerate() {

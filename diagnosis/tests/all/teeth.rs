@@ -1,4 +1,4 @@
-//! Teeth that are damaged: a joint meets the same torque wherever it comes to a place.
+//! Damaged teeth: a joint meets the same torque whenever it passes a place.
 
 use freeplay_diagnosis::Verdict;
 

@@ -1,7 +1,7 @@
-//! `angle_wrap`: positions that jump by a whole turn, since their controller knows one turn only.
+//! `angle_wrap`: positions that jump by a whole turn, since their controller counts within one turn.
 //!
-//! It asks whether a turning joint's position jumps by one turn, in rad or in degrees, between two samples, while it moves by far
-//! less before and after. The reading takes the jumps out: [`unwrapped`].
+//! Tested: a revolute joint's position jumps by one turn, in rad or in degrees, between two samples, while it moves by far less before and after. The reading
+//! removes the jumps: [`unwrapped`].
 
 use freeplay_arm::{Arm, JointKind};
 use freeplay_recording::{Recording, unwrapped};

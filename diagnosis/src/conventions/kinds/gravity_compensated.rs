@@ -1,12 +1,12 @@
-//! `gravity_compensated`: torques from which the controller has taken the gravity of the arm.
+//! `gravity_compensated`: torques from which the controller has subtracted the gravity of the arm.
 //!
-//! It asks whether the torques hold no gravity at all. The hypothesis adds the model's to them.
+//! Tested: the torques hold no gravity at all. The hypothesis adds the model's gravity to them.
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told};
 
-/// What it asks.
+/// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let is_asked = ask.has_torques && ask.arm.gravity().norm() > 0.0;
     is_asked.then_some(Change::Compensated).into_iter().collect()

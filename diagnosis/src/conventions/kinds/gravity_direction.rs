@@ -1,7 +1,7 @@
 //! `gravity_direction`: an arm that hangs from a ceiling or stands out from a wall, while its model stands upright.
 //!
-//! It asks for the six faces of a cube and for any direction: three linear numbers in the base frame, never two angles. The
-//! hypothesis turns gravity in the model. A small angle is the catalogue's `base_tilt`.
+//! Tested: the six faces of a cube and any direction, as three linear parameters in the base frame, never two angles. The hypothesis rotates gravity in the
+//! model. A small angle is the catalogue's `base_tilt`.
 
 use freeplay_arm::Arm;
 use nalgebra::Vector3;
@@ -11,7 +11,7 @@ use super::super::finding::{Certainty, SetupFinding};
 use super::super::outcome::Outcome;
 use super::{Ask, Told, brief};
 
-/// A base that leans by no more than this is the catalogue's, rad: mountings are turned by 30 degrees and more.
+/// Greatest tilt of a base in the catalogue, rad: mountings are rotated by 30 degrees and more.
 pub(crate) const LEAST: f64 = 0.44;
 
 /// The angle between the gravity of `outcome` and the model's, rad.
@@ -19,7 +19,7 @@ pub(crate) fn angle(arm: &Arm, outcome: &Outcome) -> f64 {
     outcome.gravity.angle(arm.gravity())
 }
 
-/// What it asks.
+/// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let size = ask.arm.gravity().norm();
     if !ask.has_torques || size == 0.0 {

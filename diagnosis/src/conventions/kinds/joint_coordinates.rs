@@ -1,6 +1,6 @@
 //! `joint_coordinates`: a joint recorded relative to the horizon, or to the joint before (a parallel linkage).
 //!
-//! It asks for every joint whether its position holds that of its neighbour, plus or minus. The hypothesis takes that out.
+//! Tested for every joint: its position includes that of the joint before, plus or minus. The hypothesis subtracts it.
 
 use freeplay_arm::JointKind;
 
@@ -8,7 +8,7 @@ use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told};
 
-/// What it asks.
+/// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let turns = |joint: usize| ask.arm.joints()[joint].kind == JointKind::Revolute;
     let pairs = (1..ask.arm.dof()).filter(|&joint| turns(joint) && turns(joint - 1));

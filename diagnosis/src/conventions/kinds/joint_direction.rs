@@ -1,6 +1,6 @@
-//! `joint_direction`: a joint counted the other way, with its torque or without.
+//! `joint_direction`: a joint with an inverted direction, with or without its torque.
 //!
-//! It asks both for every joint that leaves its zero. The hypothesis turns the sign of its positions, and of its torques with them.
+//! Tested for every joint that leaves its zero: both forms. The hypothesis inverts the sign of its positions, and in one form that of its torques, too.
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
@@ -8,7 +8,7 @@ use super::{Ask, Told};
 use crate::signals::rest::STILL;
 use crate::statistics::Moments;
 
-/// What it asks.
+/// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let of_joint = |joint| {
         let alone = (ask.has_torques).then_some(Change::Direction { joint, with_torque: false });

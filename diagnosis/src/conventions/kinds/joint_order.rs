@@ -1,13 +1,13 @@
 //! `joint_order`: columns in another order than the joints of the model.
 //!
-//! It asks for every pair of joints whether they are exchanged, positions and torques; several exchanges make any order. Where
-//! recording and model both have names, joints are matched by these before.
+//! Tested for every pair of joints: they are exchanged, positions and torques; several exchanges make any order. If recording and model both have names, these
+//! match the joints before the test.
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told, listed};
 
-/// What it asks.
+/// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let n = ask.arm.dof();
     (0..n).flat_map(|a| (a + 1..n).map(move |b| Change::Exchange(a, b))).collect()

@@ -1,20 +1,20 @@
-//! `joint_zero`: a joint whose zero is elsewhere: a quarter or half turn, another convention, a home position.
+//! `joint_zero`: a joint with another zero: a quarter or half turn, another convention, a home position.
 //!
-//! It asks in steps of 30 degrees for every turning joint; multiples of 90 are taken as they are, others are fitted. The hypothesis
-//! takes the offset off the positions. A small offset is the catalogue's `encoder_offset`.
+//! Tested in steps of 30 degrees for every revolute joint; multiples of 90 stay exact, others are fitted. The hypothesis subtracts the offset from the
+//! positions. A small offset is the catalogue's `encoder_offset`.
 
 use std::f64::consts::PI;
 
 use freeplay_arm::JointKind;
 
-/// An encoder's zero that is off by no more than this is the catalogue's, rad.
+/// Greatest encoder offset of the catalogue, rad.
 pub(crate) use freeplay_laws::catalogue::MOST_ENCODER_OFFSET as LEAST;
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told, brief};
 
-/// Parts of half a turn that are asked for: a fit that begins within 15 degrees of an offset finds it, and right angles are among them.
+/// Number of tested parts of half a turn: a fit that starts within 15 degrees of an offset finds it, and right angles are among them.
 const PARTS: i8 = 6;
 
 /// The width of such a part, rad.
@@ -22,7 +22,7 @@ pub(crate) fn step() -> f64 {
     PI / f64::from(PARTS)
 }
 
-/// What it asks.
+/// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let turning = (0..ask.arm.dof()).filter(|&joint| ask.arm.joints()[joint].kind == JointKind::Revolute);
     let of_joint = |joint| {

@@ -1,12 +1,12 @@
-//! `torque_sign`: a torque that is positive where it drives its joint back.
+//! `torque_sign`: a torque with an inverted sign.
 //!
-//! It asks for every joint. The hypothesis turns the sign of the torque.
+//! Tested for every joint. The hypothesis inverts the sign of the torque.
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Told, listed};
 
-/// What it asks.
+/// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let joints = if ask.has_torques { ask.arm.dof() } else { 0 };
     (0..joints).map(Change::TorqueSign).collect()

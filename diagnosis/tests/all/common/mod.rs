@@ -1,4 +1,4 @@
-//! Made recordings: an arm moved along known sines, with the torques it takes.
+//! Simulated recordings: an arm on known sines, with the torques of this motion.
 #![allow(dead_code, reason = "every test file uses another part of this one")]
 
 use std::f64::consts::PI;
@@ -31,7 +31,7 @@ pub fn sines(arm: &Arm, t: f64) -> [Vec<f64>; 3] {
     motion
 }
 
-/// What is measured beside the rigid arm's torque: torque of `joint` moving with `velocity`.
+/// Torque beyond that of the rigid arm: of `joint` moving with `velocity`.
 pub type Extra = fn(joint: usize, velocity: f64) -> f64;
 
 /// No extra torque.
@@ -39,7 +39,7 @@ pub fn nothing(_: usize, _: f64) -> f64 {
     0.0
 }
 
-/// The same with the last joint at rest.
+/// The sines with the last joint at rest.
 pub fn sines_of_all_but_the_last(arm: &Arm, t: f64) -> [Vec<f64>; 3] {
     let mut motion = sines(arm, t);
     for (of_all, at_rest) in motion.iter_mut().zip([0.4, 0.0, 0.0]) {
@@ -78,7 +78,7 @@ pub fn columns_along(motion: Motion, arm: &Arm, t: &[f64], extra: Extra) -> Vec<
     columns
 }
 
-/// The recording that a machine of the generator made.
+/// The recording of a machine from the generator.
 pub fn of_samples(samples: &Samples) -> Recording {
     let columns = samples.names.iter().cloned().zip(samples.columns.iter().cloned());
     let columns = std::iter::once(("t".to_owned(), samples.t.clone())).chain(columns).collect();
@@ -90,7 +90,7 @@ pub fn recording(columns: Vec<(String, Vec<f64>)>) -> Recording {
     Recording::new(Path::new("made.csv"), columns).expect("a recording")
 }
 
-/// `columns` without those whose name begins with `prefix`.
+/// `columns` without those whose names start with `prefix`.
 pub fn without(columns: Vec<(String, Vec<f64>)>, prefix: &str) -> Vec<(String, Vec<f64>)> {
     columns.into_iter().filter(|(name, _)| !name.starts_with(prefix)).collect()
 }
@@ -100,7 +100,7 @@ pub fn even(seconds: f64, rate: f64) -> Vec<f64> {
     (0..=(seconds * rate) as usize).map(|k| k as f64 / rate).collect()
 }
 
-/// Times that are off by up to 30 % of a step.
+/// Times with deviations of up to 30 % of a step.
 pub fn jittered(seconds: f64, rate: f64) -> Vec<f64> {
     even(seconds, rate).iter().enumerate().map(|(k, t)| t + 0.3 / rate * (2.4 * k as f64).sin()).collect()
 }
@@ -130,7 +130,7 @@ pub fn arm(joints: Vec<Joint>) -> Arm {
         .expect("an arm")
 }
 
-/// Two links one behind the other in the plane of gravity.
+/// Two links in series in the plane of gravity.
 pub const TWO_LINKS: &str = r#"
 name = "two links"
 
