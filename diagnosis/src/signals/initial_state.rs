@@ -83,7 +83,7 @@ pub(crate) fn begun<'p>(
     Ok(best)
 }
 
-/// Whether the memory of `law` lies between two stops at a position that the file does not give.
+/// Returns true if the memory of `law` lies between two stops at a position that the file does not give.
 fn is_between(law: &Placed) -> bool {
     law.effect.with_initial_state(Start::Between(0.0)).is_some()
 }
