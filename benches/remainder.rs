@@ -60,7 +60,7 @@ fn time(name: &str, file: &WeightFile, arm: &Arm, path: &JointPath) {
         black_box(remainder.at(tick, Motion { q: &q, v: &v, a: &a }));
     });
     assert!(remainder.usage().not_finite == 0, "the network answers");
-    let network = file.narx().expect("a network").in_own_units().expect("a network");
+    let network = file.narx().expect("a network").in_physical_units().expect("a network");
     let (mut scratch, row) = (network.scratch(), vec![0.1; network.inputs()]);
     common::measure(&format!("network alone, {name}"), "(yardstick)", 20_000, 50, || {
         black_box(network.forward(black_box(&row), &mut scratch));

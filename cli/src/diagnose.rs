@@ -11,7 +11,7 @@ use freeplay_terminal::target::claim_out;
 
 use crate::diagnose_args::DiagnoseArgs;
 use crate::diagnose_screen;
-use crate::diagnose_view::{EXTENSIONS, View, file_name, target};
+use crate::diagnose_view::{EXTENSIONS, View, file_name, selected_file};
 use crate::excite::{self, Question};
 use crate::inputs::{self, Measured};
 
@@ -81,7 +81,7 @@ fn next_motion(
     recordings: &[Recording],
     diagnosis: &Diagnosis,
 ) -> Result<Option<String>, Failure> {
-    let folder = args.out.as_deref().filter(|out| target(out).is_none());
+    let folder = args.out.as_deref().filter(|out| selected_file(out).is_none());
     let (Some(out), Some(seen)) = (folder, recordings.first()) else { return Ok(None) };
     let rivals = excite::rivals(diagnosis, file)?;
     if rivals.len() < 2 {

@@ -36,12 +36,12 @@ pub struct View<'a> {
 impl View<'_> {
     /// The folder of results.
     pub fn out(&self) -> Option<&Path> {
-        self.args.out.as_deref().filter(|out| target(out).is_none())
+        self.args.out.as_deref().filter(|out| selected_file(out).is_none())
     }
 
     /// The single file of results.
     pub fn file(&self) -> Option<&Path> {
-        self.args.out.as_deref().filter(|out| target(out).is_some())
+        self.args.out.as_deref().filter(|out| selected_file(out).is_some())
     }
 
     /// The path of the corrected mapping, if one is written.
@@ -59,7 +59,12 @@ impl View<'_> {
     pub fn commands(&self, model: &Path) -> [String; 2] {
         let recording = self.args.recording.last().map_or(Path::new(""), PathBuf::as_path);
         let scenario = self.recordings.last().and_then(scenario_of);
-        freeplay_diagnosis::page::commands(model, recording, self.reading().as_deref(), scenario.as_deref())
+        freeplay_diagnosis::page::commands(
+            model,
+            recording,
+            self.mapping_file().as_deref(),
+            scenario.as_deref(),
+        )
     }
 
     /// The command that repeats this diagnosis with the corrected mapping, or that writes this mapping.
@@ -95,7 +100,7 @@ impl View<'_> {
     /// Writes diagnosis.json, report.html and, if the data sufficed, model.toml into the folder `out`, or the one of them that the ending of the file `out`
     /// selects. Paths in a diagnosis.json are relative to its folder.
     pub fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
-        let folder = target(out).map_or(out, |_| folder_of(out));
+        let folder = selected_file(out).map_or(out, |_| folder_of(out));
         let mut moved = json.clone();
         if self.args.model != PAPER_MODEL {
             moved["inputs"]["model"] = serde_json::json!(seen_from(folder, Path::new(&self.args.model)));
@@ -104,7 +109,7 @@ impl View<'_> {
             self.args.recording.iter().map(|path| seen_from(folder, path)).collect();
         moved["inputs"]["recordings"] = serde_json::json!(recordings);
         let json = moved;
-        match target(out) {
+        match selected_file(out) {
             Some("toml") if !self.diagnosis.has_model() => return Ok(freeplay_storage::remove_file(out)?),
             Some("toml") => return write(out, &to_toml(&self.diagnosis.model)),
             Some(_) => return write(out, &format!("{json:#}\n")),
@@ -137,7 +142,7 @@ impl View<'_> {
 }
 
 /// The single result file that `out` selects.
-pub fn target(out: &Path) -> Option<&'static str> {
+pub fn selected_file(out: &Path) -> Option<&'static str> {
     asked_file(out, &EXTENSIONS)
 }
 

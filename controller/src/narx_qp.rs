@@ -178,7 +178,7 @@ impl Ready {
                 .as_mut()
                 .map_or_else(Default::default, |learned| learned.at(plan.tick, plan.motion));
             let Plan { tick, motion, deviation } = *plan;
-            residual.beyond(&Plan { tick, motion, deviation: deviation + learned }) + learned
+            residual.estimate_for(&Plan { tick, motion, deviation: deviation + learned }) + learned
         };
         tracking.answer(state, &mut beyond, answer)?;
         self.residual.aim(state.tick + self.lead, self.tracking.links(), &answer.value);

@@ -58,7 +58,7 @@ impl Corner<'_> {
     }
 
     /// The displacement, mm, equivalent to the unexplained force of `contact`.
-    pub(crate) fn side(
+    pub(crate) fn equivalent_displacement(
         &self,
         course: &PassageTrajectory,
         k: usize,
@@ -80,7 +80,7 @@ impl Corner<'_> {
             for (index, play) in self.arm.plays().iter().enumerate() {
                 let contact = course.contact(k, index, play, &forces);
                 let side = if contact.normal_force > 0.0 {
-                    self.side(course, k, index, &contact).abs()
+                    self.equivalent_displacement(course, k, index, &contact).abs()
                 } else {
                     f64::INFINITY
                 };
@@ -104,7 +104,7 @@ impl Corner<'_> {
             let forces = course.forces(k, pin);
             for (index, play) in self.arm.plays().iter().enumerate() {
                 let contact = course.contact(k, index, play, &forces);
-                cost += 0.5 * weight * self.side(course, k, index, &contact).powi(2);
+                cost += 0.5 * weight * self.equivalent_displacement(course, k, index, &contact).powi(2);
                 cost += self.options.missing_push * (self.options.least_push - contact.normal_force).max(0.0);
             }
         }

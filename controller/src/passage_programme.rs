@@ -143,7 +143,7 @@ impl Corner<'_> {
         let scale = self.per_newton(course, k, index);
         let mut entries: Vec<_> = across.into_iter().map(|(at, value)| (at, scale * value)).collect();
         entries.push((layout.lateral_index(k, index), -1.0));
-        programme.equal(Row { entries, bound: -self.side(course, k, index, &contact) });
+        programme.equal(Row { entries, bound: -self.equivalent_displacement(course, k, index, &contact) });
         programme.add_square(weight, 0.0, &[(layout.lateral_index(k, index), 1.0)]);
         let slack = layout.slack_index(k, index);
         let mut entries: Vec<_> = push.into_iter().map(|(at, value)| (at, -value)).collect();

@@ -155,7 +155,7 @@ impl ToolResidual {
     }
 
     /// Stores the deviation of `plan` and returns the estimate to add to it, base frame, m.
-    pub fn beyond(&mut self, plan: &Plan<'_>) -> Vector3<f64> {
+    pub fn estimate_for(&mut self, plan: &Plan<'_>) -> Vector3<f64> {
         if plan.deviation.norm() > LEAST_DIRECTION * self.reach {
             let now = self.frame * Vector3::x();
             self.frame = least_turn(&now, &plan.deviation) * self.frame;
@@ -254,7 +254,7 @@ mod tests {
             state.tool[..3].copy_from_slice((tool + PHYSICS + BEYOND).as_slice());
             residual.observe(&state);
             let motion = Motion { q: &rest[..n], v: &rest[..n], a: &rest[..n] };
-            residual.beyond(&Plan { tick: tick + 2, motion, deviation: PHYSICS });
+            residual.estimate_for(&Plan { tick: tick + 2, motion, deviation: PHYSICS });
             let target = Motion { q: &planned[..n], v: &rest[..n], a: &rest[..n] };
             let mut said = [0.0; 12];
             said[0] = 7.0;

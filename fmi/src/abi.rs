@@ -301,8 +301,8 @@ pub extern "C" fn fmi3GetFMUState(handle: *mut Handle, state: *mut *mut State) -
     with(handle, |instance| {
         // SAFETY: FMI passes null, or a state of this FMU to overwrite.
         match unsafe { state.as_ref().and_then(|kept| kept.as_mut()) } {
-            Some(kept) => *kept = instance.state(),
-            None => write(state, Box::into_raw(Box::new(instance.state()))),
+            Some(kept) => *kept = instance.fmu_state(),
+            None => write(state, Box::into_raw(Box::new(instance.fmu_state()))),
         }
         Ok(())
     })

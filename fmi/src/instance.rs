@@ -216,7 +216,7 @@ impl Instance {
     }
 
     /// The current state.
-    pub fn state(&mut self) -> State {
+    pub fn fmu_state(&mut self) -> State {
         let machine = self.machine.as_mut().map(|machine| {
             let mut words = Vec::new();
             machine.transfer_state(&mut Archive::save(&mut words));

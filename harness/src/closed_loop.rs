@@ -178,7 +178,7 @@ fn sense(laws: &mut [Box<dyn SensorLaw>], sensors: &mut Sensors, state: &mut Sta
 ///
 /// # Errors
 /// An invalid clearance.
-pub fn of_plays(arm: &Arm, plays: &[(usize, f64)]) -> Result<Effects, Failure> {
+pub fn effects_with_plays(arm: &Arm, plays: &[(usize, f64)]) -> Result<Effects, Failure> {
     Effects::of(&with_tables(arm, plays)).map_err(Failure::input)
 }
 

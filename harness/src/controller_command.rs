@@ -10,7 +10,7 @@ use freeplay_fmi::guest::FmuController;
 use freeplay_shm::{Address, RtRequest};
 use freeplay_terminal::exit::{Exit, Failure};
 
-use crate::load::Loaded;
+use crate::slowed_controller::SlowedController;
 
 /// Runs a controller as a process of its own; `freeplay run` starts it.
 #[derive(Args, Debug)]
@@ -54,7 +54,7 @@ pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
         None => return Err(become_executable(&args.name)),
     };
     if args.load > 0.0 {
-        controller = Box::new(Loaded::new(controller, args.load));
+        controller = Box::new(SlowedController::new(controller, args.load));
     }
     let address = Address::parse(&args.run).map_err(Failure::usage)?;
     let realtime = RtRequest { priority: args.priority, cpu: args.cpu, lock_memory: args.lock_memory };

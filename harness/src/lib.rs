@@ -7,7 +7,7 @@
 //! - [`swaps`]: the active controller over time.
 //! - [`run`] and [`processes`]: the parent process.
 //! - `gains`: a feedback with which the journals of a light arm rest, found by trial.
-//! - [`plant_command`] and [`controller_command`]: its children; `load` delays the answers of a controller.
+//! - [`plant_command`] and [`controller_command`]: its children; `slowed_controller` delays the answers of a controller.
 //! - [`columns`], `recorder`, [`histogram_files`], [`summary`]: the recording, the latencies and the results.
 //! - `verdict`: the verdict on a run, and the texts for a stopped arm.
 //! - `live`: the view of a run in the terminal.
@@ -23,7 +23,6 @@ pub mod controller_selection;
 mod gains;
 pub mod histogram_files;
 mod live;
-mod load;
 pub mod loop_recorder;
 pub mod plant_command;
 pub mod processes;
@@ -37,6 +36,7 @@ mod run_report;
 pub mod scenario;
 pub mod scenario_place;
 pub mod setup;
+mod slowed_controller;
 pub mod summary;
 pub mod swap_tables;
 pub mod swaps;

@@ -163,7 +163,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
 fn await_free_seats(plant: &Plant) {
     let begun = Instant::now();
     let slots = 0..plant.manager().len();
-    while slots.clone().any(|slot| plant.is_held(slot)) && begun.elapsed() < LAST_SEAT {
+    while slots.clone().any(|slot| plant.has_controller(slot)) && begun.elapsed() < LAST_SEAT {
         std::thread::sleep(Duration::from_millis(1));
     }
 }

@@ -101,7 +101,7 @@ pub use parameter::{Absent, Parameter, Range, Role};
 pub use place::{Place, Site};
 pub use placed::Placed;
 pub use play::{ArmWithPlay, Play};
-pub use predict::{Baseline, LowPassed, changed, predict};
+pub use predict::{Baseline, LowPassFilter, changed, predict};
 pub use prediction::{Change, Prediction};
 pub use rest::{Rest, settle};
 pub use scene::{Scene, rigid_torques, tool_positions, tool_sensitivity, torque_sensitivity, torque_unit};

@@ -18,7 +18,7 @@ use crate::trajectory::Trajectory;
 use crate::{DriveFriction, LawError, Placed};
 
 /// The low-pass of a measured column, applied to one column of the trajectory's points.
-pub type LowPassed<'a> = dyn Fn(&[f64]) -> Vec<f64> + 'a;
+pub type LowPassFilter<'a> = dyn Fn(&[f64]) -> Vec<f64> + 'a;
 
 /// Predicts the recording of `motion` by `arm` with `effects`. Laws that jump pass through `low_pass`, as the measurement did.
 ///
@@ -28,7 +28,7 @@ pub fn predict(
     arm: &Arm,
     effects: &[Placed],
     motion: &Trajectory,
-    low_pass: &LowPassed,
+    low_pass: &LowPassFilter,
 ) -> Result<Prediction, LawError> {
     let effects: Vec<&Placed> = effects.iter().collect();
     Baseline::new(arm, &effects, motion, low_pass).map(|baseline| baseline.measured)
@@ -50,7 +50,7 @@ pub fn changed<'a>(arm: &Arm, effects: impl IntoIterator<Item = &'a Placed>) -> 
 pub struct Baseline<'a> {
     nominal: &'a Arm,
     effects: Vec<Held<'a>>,
-    low_pass: &'a LowPassed<'a>,
+    low_pass: &'a LowPassFilter<'a>,
     /// Difference between the machine and the low-passed `motion`, which hides parts of the machine's motion.
     hidden: Option<&'a Change>,
     scene: Rc<Scene<'a>>,
@@ -98,7 +98,7 @@ impl<'a> Baseline<'a> {
         arm: &'a Arm,
         effects: &[&'a Placed],
         motion: &'a Trajectory,
-        low_pass: &'a LowPassed<'a>,
+        low_pass: &'a LowPassFilter<'a>,
     ) -> Result<Baseline<'a>, LawError> {
         Self::with_hidden(arm, effects, motion, low_pass, None)
     }
@@ -112,7 +112,7 @@ impl<'a> Baseline<'a> {
         arm: &'a Arm,
         effects: &[&'a Placed],
         motion: &'a Trajectory,
-        low_pass: &'a LowPassed<'a>,
+        low_pass: &'a LowPassFilter<'a>,
         hidden: Option<&'a Change>,
     ) -> Result<Baseline<'a>, LawError> {
         let effects = effects.iter().map(|placed| Held::Lent(placed)).collect();
@@ -123,7 +123,7 @@ impl<'a> Baseline<'a> {
         arm: &'a Arm,
         effects: Vec<Held<'a>>,
         motion: &'a Trajectory,
-        low_pass: &'a LowPassed<'a>,
+        low_pass: &'a LowPassFilter<'a>,
         hidden: Option<&'a Change>,
     ) -> Result<Baseline<'a>, LawError> {
         let scene = Scene::new(changed(arm, effects.iter().map(|held| &**held))?, motion);
@@ -156,7 +156,7 @@ impl<'a> Baseline<'a> {
     fn read(
         nominal: &'a Arm,
         effects: Vec<Held<'a>>,
-        (low_pass, hidden): (&'a LowPassed<'a>, Option<&'a Change>),
+        (low_pass, hidden): (&'a LowPassFilter<'a>, Option<&'a Change>),
         scene: Rc<Scene<'a>>,
         shift: Vec<Vec<f64>>,
         plain: Prediction,
@@ -350,7 +350,7 @@ fn link_torques(scene: &Scene, smooth: &[Vec<f64>], jumping: &[Vec<f64>]) -> Vec
 /// Adds the contribution of `placed` to `channels`; filters it first if it jumps.
 fn add_contribution(
     placed: &Placed,
-    low_pass: &LowPassed,
+    low_pass: &LowPassFilter,
     channels: &mut [Vec<f64>],
     contribute: impl Fn(&dyn Effect, &mut Columns),
 ) {
@@ -368,7 +368,7 @@ fn add_contribution(
 }
 
 /// Applies the sensors of `placed` to `prediction`; filters the change if the sensors make corners.
-fn sense(placed: &Placed, scene: &Scene, low_pass: &LowPassed, prediction: &mut Prediction) {
+fn sense(placed: &Placed, scene: &Scene, low_pass: &LowPassFilter, prediction: &mut Prediction) {
     if !placed.effect.bends() {
         return placed.effect.measure(scene, prediction);
     }
@@ -409,7 +409,7 @@ fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 /// The nominal friction of each joint from the arm file; the jump of its sign passes through `low_pass`.
-fn nominal_friction(scene: &Scene, low_pass: &LowPassed) -> Vec<Vec<f64>> {
+fn nominal_friction(scene: &Scene, low_pass: &LowPassFilter) -> Vec<Vec<f64>> {
     let joints = scene.arm.joints().iter().zip(&scene.motion.v);
     joints
         .map(|(joint, v)| {

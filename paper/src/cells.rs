@@ -24,7 +24,7 @@ use freeplay_terminal::parallel::on_all_cores;
 use freeplay_terminal::progress;
 use serde::Serialize;
 
-use freeplay_harness::closed_loop::{ClosedLoop, Plays, of_plays, task};
+use freeplay_harness::closed_loop::{ClosedLoop, Plays, effects_with_plays, task};
 
 /// A difference below the resolution of any tool tracker, mm.
 const HARMLESS: f64 = 1e-4;
@@ -168,7 +168,7 @@ impl Cell {
         let folder = tempfile::tempdir().map_err(Failure::internal)?;
         let task = task(&arm, &self.believed, &self.path, options, folder.path())?;
         let tracked = !matches!(self.part, Part::Untracked | Part::WrongUntracked);
-        let (effects, path, after) = (of_plays(&arm, &self.plays)?, &self.path, self.after);
+        let (effects, path, after) = (effects_with_plays(&arm, &self.plays)?, &self.path, self.after);
         let closed = ClosedLoop {
             arm: &arm,
             effects: &effects,

@@ -146,7 +146,7 @@ impl Narx {
     ///
     /// # Errors
     /// A weight that is not finite in these units.
-    pub fn in_own_units(&self) -> Result<Network, NetworkError> {
+    pub fn in_physical_units(&self) -> Result<Network, NetworkError> {
         let sizes = self.network.sizes();
         let mut weights = self.network.weights().to_vec();
         // The scaling of every regressor as s = v · gain + shift, and of every output as v = s · gain + shift.

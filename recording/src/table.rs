@@ -6,11 +6,11 @@ use crate::error::ReadError;
 use crate::guess::Guess;
 use crate::missing::{self, LeftOut, is_missing};
 use crate::names::{Group, Role, Roles, list, shorten};
-use crate::order;
 use crate::overview::Overview;
 use crate::place::{Place, Row};
 use crate::recording::{Event, Recording};
 use crate::sources::Sources;
+use crate::time_order;
 
 /// Reason for which a file without its end has no samples.
 pub(crate) const ENDS_EARLY: &str = ": it ends before its first complete chunk";
@@ -218,7 +218,7 @@ impl Table {
         let positions: Vec<usize> = of(|role| matches!(role, Role::Joint(Group::Position, _))).collect();
         let time = of(|role| *role == Role::Time).next().unwrap_or(0);
         let sorted =
-            order::sort(&mut self.columns, time, &positions).filter(|_| self.columns[time].len() > 1);
+            time_order::sort(&mut self.columns, time, &positions).filter(|_| self.columns[time].len() > 1);
         let sorted = sorted.ok_or_else(|| ReadError::Time { place: self.place(row), value, previous })?;
         self.notes.extend(sorted.in_words());
         Ok(())

@@ -3,7 +3,7 @@
 use freeplay_arm::{Arm, Workspace, crba, rnea};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-use crate::load::Load;
+use crate::joint_load::Load;
 use crate::track::{REACH, Track};
 
 impl Track {

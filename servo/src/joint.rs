@@ -110,6 +110,6 @@ pub struct Linearization {
 
 impl Linearization {
     /// The value of no servo: not equal to any piece.
-    pub(crate) const NONE: Linearization =
+    pub(crate) const UNSET: Linearization =
         Linearization { stiffness: f64::NAN, damping: f64::NAN, constant: f64::NAN };
 }

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 
 use crate::command::Commands;
 use crate::joint::Linearization;
-use crate::load::Load;
+use crate::joint_load::Load;
 use crate::servo_arm::ServoArm;
 use crate::solve::Sliding;
 
@@ -62,7 +62,7 @@ impl Rollout {
             middle: vec![0.0; n],
             bias: vec![0.0; n],
             sliding: Sliding::new(n),
-            pieces: vec![Linearization::NONE; n],
+            pieces: vec![Linearization::UNSET; n],
             right: vec![0.0; n],
             friction: vec![0.0; n],
             bounds: vec![[0.0; 2]; n],
@@ -164,7 +164,7 @@ impl Rollout {
             self.mass[(i, i)] += joint.rotor_inertia;
         }
         self.mass *= 2.0 / own;
-        self.pieces.fill(Linearization::NONE);
+        self.pieces.fill(Linearization::UNSET);
         for step in 0..steps as usize {
             self.servo_step(n, model, commands, t + step as f64 * own, own);
         }

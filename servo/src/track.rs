@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::command::Commands;
-use crate::load::Load;
+use crate::joint_load::Load;
 use crate::rollout::{Course, Rollout, State};
 use crate::servo_arm::ServoArm;
 

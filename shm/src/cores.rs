@@ -5,7 +5,7 @@ use std::thread::available_parallelism;
 
 /// Number of cores that this process may use, read at the first call; a later restriction of a thread to one core does not change
 /// it.
-pub(crate) fn cores() -> usize {
+pub(crate) fn core_count() -> usize {
     static CORES: OnceLock<usize> = OnceLock::new();
     *CORES.get_or_init(|| available_parallelism().map_or(1, usize::from))
 }

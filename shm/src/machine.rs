@@ -6,7 +6,7 @@ use std::path::Path;
 use rustix::fs::statfs;
 use serde::Serialize;
 
-use crate::cores::cores;
+use crate::cores::core_count;
 use crate::pacing::Backoff;
 use crate::run_folder::all_runs;
 
@@ -43,7 +43,7 @@ impl Machine {
             scheduling(&read("/proc/thread-self/stat")).unwrap_or_else(|| (unknown(), 0));
         Self {
             cpu: value_of(&read("/proc/cpuinfo"), "model name").map_or_else(unknown, str::to_owned),
-            cores: cores(),
+            cores: core_count(),
             kernel: ["ostype", "osrelease", "version"]
                 .map(|item| read(&format!("/proc/sys/kernel/{item}")).trim().to_owned())
                 .join(" "),

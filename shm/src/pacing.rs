@@ -7,7 +7,7 @@ use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
-use crate::cores::cores;
+use crate::cores::core_count;
 
 const NS_PER_S: u64 = 1_000_000_000;
 
@@ -103,7 +103,7 @@ impl Backoff {
     /// The strategy for this machine. With one core spinning is useless; with two, the peer's core may be busy with something else.
     #[must_use]
     pub fn for_this_machine() -> Self {
-        let spin_ns = match cores() {
+        let spin_ns = match core_count() {
             1 => 0,
             2 | 3 => 10_000,
             _ => 20_000,

@@ -158,7 +158,7 @@ impl PlantLink {
     /// Returns true if a living controller holds `slot`. It costs one system call; call it only after a long time without a
     /// command.
     #[must_use]
-    pub fn is_held(&self, slot: usize) -> bool {
+    pub fn has_controller(&self, slot: usize) -> bool {
         self.slots.get(slot).is_some_and(|slot| slot.seat.is_taken())
     }
 

@@ -9,7 +9,7 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-use crate::cores::cores;
+use crate::cores::core_count;
 use crate::machine::Machine;
 
 /// Request to the system for the calling thread.
@@ -52,7 +52,7 @@ pub struct RtReport {
 #[must_use]
 pub fn prepare(request: &RtRequest) -> RtReport {
     // Count the cores before this thread is tied to one, because the waiting strategy depends on the cores of the process.
-    let _ = cores();
+    let _ = core_count();
     RtReport {
         priority: outcome(request.priority.map(set_priority)),
         cpu: outcome(request.cpu.map(stay_on)),

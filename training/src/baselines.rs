@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 
 use crate::bounds::around;
 use crate::choice::PAPER;
-use crate::data::{Channel, Data, OUTPUTS};
+use crate::data::{Channel, Data, OUTPUT_NAMES};
 use crate::held_out::{Answers, Tried, scored};
 use crate::structure::{Fitting, Structure, fit_with_split, said, split};
 
@@ -131,7 +131,7 @@ fn paper_series(data: &Data) -> Result<Series, Failure> {
     let torques: Vec<String> = (1..=data.joints()).map(|joint| format!("torque_{joint}")).collect();
     let positions: Vec<String> = (1..=data.joints()).map(|joint| format!("path_{joint}")).collect();
     let names: Vec<&str> = torques.iter().chain(&positions).map(String::as_str).collect();
-    let mut series = Series::new(&names, &OUTPUTS).map_err(Failure::internal)?;
+    let mut series = Series::new(&names, &OUTPUT_NAMES).map_err(Failure::internal)?;
     for run in &data.runs {
         let columns = || run.torque.iter().chain(&run.reference.q);
         let inputs = (0..run.len()).flat_map(|point| columns().map(move |column| column[point])).collect();

@@ -11,7 +11,7 @@ use crate::data::Data;
 use crate::held_out::{Answers, correlation, range, rms};
 
 /// Number of centres of a region.
-pub const CENTRES: usize = 48;
+pub const CENTRE_COUNT: usize = 48;
 /// Number of parts of the held-out samples by distance.
 const PARTS: usize = 8;
 
@@ -27,7 +27,7 @@ struct Sample {
 pub fn around(data: &Data, inputs: &[InputGroup], windows: &[Window]) -> Region {
     let rows: Vec<Vec<f64>> =
         windows.iter().map(|window| data.row(inputs, window.run, window.target)).collect();
-    Region::around(&rows, inputs, data.joints(), CENTRES)
+    Region::around(&rows, inputs, data.joints(), CENTRE_COUNT)
 }
 
 /// Computes the trust by distance, and the axes, confirmed by the `held` paths, for a region with `inputs`; `stride` is that of their windows.

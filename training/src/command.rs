@@ -20,7 +20,7 @@ use crate::data::Data;
 use crate::forecast::forecasts;
 use crate::held_out::{Answers, held_out, scored};
 use crate::recorded::{RecordedRun, files, name_of, task_of};
-use crate::rehearsal::{Rehearsal, check_mode, check_rate};
+use crate::rehearsal::{RehearsalInputs, check_mode, check_rate};
 use crate::selection::errors;
 use crate::structure::{Fitting, Structure};
 use crate::text::text;
@@ -185,7 +185,7 @@ pub fn train(
     let forecasts = forecasts(data, &weights.learned.region.inputs, &answers, bounds, stride);
     let mut courses = Vec::new();
     if weights.learned.axes.iter().any(|axis| axis.share > 0.0) {
-        let rehearsal = Rehearsal { data, model, believed: &believed, file: &file, task: &task };
+        let rehearsal = RehearsalInputs { data, model, believed: &believed, file: &file, task: &task };
         (weights.receipt, courses) = rehearsal.decide(&of_folds)?;
     }
     Ok(Trained {

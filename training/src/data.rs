@@ -15,7 +15,7 @@ pub const START: f64 = 0.5;
 /// Two runs have the same path if their joint positions differ nowhere by more than this share of the range over all runs.
 const SAME_PATH: f64 = 0.02;
 /// Names of the outputs.
-pub const OUTPUTS: [&str; 3] = ["x", "y", "z"];
+pub const OUTPUT_NAMES: [&str; 3] = ["x", "y", "z"];
 /// Number of points of a run for the comparison of paths.
 const COMPARED: usize = 200;
 
@@ -117,7 +117,7 @@ impl Data {
         let names: Vec<String> = channels.iter().map(|channel| channel.name(self.joints)).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let columns: Vec<usize> = channels.iter().map(|channel| self.column(*channel)).collect();
-        let mut series = Series::new(&names, &OUTPUTS).map_err(Failure::internal)?;
+        let mut series = Series::new(&names, &OUTPUT_NAMES).map_err(Failure::internal)?;
         for (run, all) in self.runs.iter().zip(&self.inputs) {
             let inputs = all.iter().flat_map(|row| columns.iter().map(|column| row[*column])).collect();
             let outputs = run.left.iter().flat_map(|left| [left.x, left.y, left.z]).collect();

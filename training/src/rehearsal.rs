@@ -50,7 +50,7 @@ pub struct DeviationCurve {
 }
 
 /// Inputs of the simulated runs: recorded paths on the arm of a model.
-pub struct Rehearsal<'a> {
+pub struct RehearsalInputs<'a> {
     /// The recordings.
     pub data: &'a Data,
     /// The file of the model.
@@ -105,7 +105,7 @@ fn verdict(runs: Vec<Rehearsed>, folds: &[usize]) -> Receipt {
     Receipt { proved: chance < LEVEL && !runs.iter().any(is_worse), chance, runs }
 }
 
-impl Rehearsal<'_> {
+impl RehearsalInputs<'_> {
     /// Runs the simulations of the weights `files`, one for each held-out path, and returns the proof.
     ///
     /// # Errors

@@ -61,7 +61,7 @@ impl Remainder {
     pub fn new(file: &WeightFile, arm: &Arm, period: f64) -> Result<Remainder, WeightError> {
         let network = file
             .narx()?
-            .in_own_units()
+            .in_physical_units()
             .map_err(|source| WeightError::Inconsistent { what: source.to_string() })?;
         let learned = &file.learned;
         Ok(Remainder {

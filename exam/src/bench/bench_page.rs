@@ -6,7 +6,7 @@ use freeplay_report::{
 use freeplay_terminal::exit::Failure;
 use serde_json::Value;
 
-use crate::bench::bench_report::{CLOCK, EXCHANGE, Report, STAGES, causes_alone};
+use crate::bench::bench_report::{BARE_TRANSPORT, CLOCK, Report, STAGES, causes_alone};
 use crate::bench::blocks::ByStage;
 use crate::bench::figures::{QUANTILES, curve};
 use crate::bench::verdicts::{BROKEN, Step};
@@ -176,7 +176,7 @@ fn stage_section(measured: &[(String, ByStage)]) -> Section {
             table = table.row(cells);
             let (x, y) = curve(histogram);
             let line = Series::line(name, &x, &y);
-            let is_bare = name == CLOCK || name == EXCHANGE;
+            let is_bare = name == CLOCK || name == BARE_TRANSPORT;
             chart = chart.series(if is_bare { line.dashed() } else { line });
         }
         if !PAIRS.iter().any(|(_, pair)| pair.contains(&stage)) && !chart.series.is_empty() {

@@ -11,14 +11,16 @@ use serde_json::{Value, json};
 
 use crate::bench::blocks::{Block, ByStage};
 use crate::bench::figures::merged;
-use crate::bench::verdicts::{Contest, LEAST_CAUSED, MOST_TRANSPORT, MOST_WAKE_UP, Step, Verdicts, cliff_of};
+use crate::bench::verdicts::{
+    LEAST_CAUSED, MOST_TRANSPORT, MOST_WAKE_UP, Step, Verdicts, YardstickComparison, cliff_of,
+};
 
 /// The schema of `bench.json`.
 const SCHEMA: &str = "freeplay.bench/1";
 /// Name of the bare loop in tables and files.
 pub const CLOCK: &str = "bare clock loop";
 /// Name of the bare transport.
-pub const EXCHANGE: &str = "bare iceoryx2";
+pub const BARE_TRANSPORT: &str = "bare iceoryx2";
 /// The stages in the order of the tick, with their names.
 pub const STAGES: [(&str, &str); 11] = [
     ("wake_up_uncorrected", "wake-up, of ticks waited for"),
@@ -43,7 +45,7 @@ pub struct Report<'a> {
     /// The verdicts.
     pub verdicts: Verdicts,
     /// The controllers against the yardsticks.
-    pub contests: &'a [Contest],
+    pub contests: &'a [YardstickComparison],
     /// All blocks.
     pub blocks: &'a [Block],
     /// Blocks with added compute.
@@ -55,7 +57,7 @@ impl Report<'_> {
     pub fn measured(&self) -> Vec<(String, ByStage)> {
         let mut all = vec![
             (CLOCK.to_owned(), merged(self.blocks.iter().map(|block| &block.clock))),
-            (EXCHANGE.to_owned(), merged(self.blocks.iter().map(|block| &block.exchange))),
+            (BARE_TRANSPORT.to_owned(), merged(self.blocks.iter().map(|block| &block.exchange))),
         ];
         for (which, contest) in self.contests.iter().enumerate() {
             let stages = merged(self.blocks.iter().map(|block| &block.full[which].1));
@@ -169,7 +171,7 @@ impl Report<'_> {
 }
 
 /// Number of missed deadlines for each cause.
-pub fn causes_alone(contest: &Contest) -> String {
+pub fn causes_alone(contest: &YardstickComparison) -> String {
     let each = contest.causes.iter().map(|(cause, count)| format!("{} {count}", cause.replace('_', " ")));
     each.collect::<Vec<_>>().join(", ")
 }

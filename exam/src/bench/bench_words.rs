@@ -9,7 +9,7 @@ use hdrhistogram::Histogram;
 
 use crate::bench::bench_report::{Report, STAGES, causes_alone};
 use crate::bench::figures::{QUANTILES, Ratio};
-use crate::bench::verdicts::Contest;
+use crate::bench::verdicts::YardstickComparison;
 
 impl Report<'_> {
     /// The text for the terminal.
@@ -92,6 +92,6 @@ fn in_words(ratio: Option<Ratio>) -> String {
     )
 }
 
-fn causes(contest: &Contest) -> String {
+fn causes(contest: &YardstickComparison) -> String {
     format!("{} of {} deadlines missed: {}", contest.missed, contest.ticks, causes_alone(contest))
 }

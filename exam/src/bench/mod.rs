@@ -30,7 +30,7 @@ use rustix::thread::{CpuSet, sched_getaffinity};
 
 use crate::bench::bench_report::Report;
 use crate::bench::blocks::{Block, Stand};
-use crate::bench::verdicts::{Contest, Step, Verdicts};
+use crate::bench::verdicts::{Step, Verdicts, YardstickComparison};
 use freeplay_terminal::files::claim;
 
 pub use yardstick::{YardstickArgs, yardstick};
@@ -113,10 +113,10 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
     let played = play(args, &stand, &bar);
     bar.finish_and_clear();
     let Some(Played { blocks, cliff }) = played? else { return Ok(Exit::Interrupted) };
-    let contests: Vec<Contest> = contestants
+    let contests: Vec<YardstickComparison> = contestants
         .iter()
         .enumerate()
-        .map(|(which, contestant)| Contest::of(&blocks, which, contestant.asked()))
+        .map(|(which, contestant)| YardstickComparison::of(&blocks, which, contestant.asked()))
         .collect();
     let report = Report {
         scenario: &scenario,

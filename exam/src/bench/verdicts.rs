@@ -20,7 +20,7 @@ pub const BROKEN: f64 = 0.01;
 
 /// One controller against the yardsticks.
 #[derive(Debug, Serialize)]
-pub struct Contest {
+pub struct YardstickComparison {
     /// The controller.
     pub controller: String,
     /// Ratios of the wake-up of awaited ticks to that of the bare loop at p50, p99, p99.9.
@@ -41,7 +41,7 @@ pub struct Contest {
     pub causes: BTreeMap<String, u64>,
 }
 
-impl Contest {
+impl YardstickComparison {
     pub fn of(blocks: &[Block], which: usize, controller: &str) -> Self {
         let mut causes = BTreeMap::new();
         let [mut ticks, mut missed, mut ours, mut bare] = [0; 4];
@@ -93,8 +93,10 @@ pub struct Verdicts {
 }
 
 impl Verdicts {
-    pub fn of(contests: &[Contest]) -> Self {
-        let most = |of: &dyn Fn(&Contest) -> Option<f64>| contests.iter().filter_map(of).reduce(f64::max);
+    pub fn of(contests: &[YardstickComparison]) -> Self {
+        let most = |of: &dyn Fn(&YardstickComparison) -> Option<f64>| {
+            contests.iter().filter_map(of).reduce(f64::max)
+        };
         let unknown: u64 = contests.iter().filter_map(|contest| contest.causes.get("unknown")).sum();
         let missed = contests.iter().map(|contest| contest.missed).sum::<u64>();
         Self {

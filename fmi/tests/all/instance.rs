@@ -76,7 +76,7 @@ fn a_state_put_back_gives_the_same_bits_from_there_on() {
     let mut kept = None;
     for tick in 0..120 {
         if tick == 60 {
-            kept = Some(one.state());
+            kept = Some(one.fmu_state());
         }
         step(&mut one, tick);
         rows.push(outputs(&mut one));

@@ -106,7 +106,7 @@ fn a_state_of_every_kind_of_effect_gives_the_same_bits_from_there_on() {
         let file = arm(kind, parameters);
         let mut one = running(&file);
         let before: Vec<Vec<u64>> = (0..taken).map(|tick| step(&mut one, tick)).collect();
-        let kept = one.state();
+        let kept = one.fmu_state();
         let after: Vec<Vec<u64>> = (taken..steps).map(|tick| step(&mut one, tick)).collect();
         assert_ne!(before.last(), after.last(), "{kind}: it moves");
         let bytes = kept.to_bytes();
@@ -148,9 +148,9 @@ fn an_arm_with_servos_gets_positions_and_keeps_those_under_way() {
     };
     let mut one = running(&file);
     one.step(0.0, 1e-3).unwrap();
-    let held = one.state();
+    let held = one.fmu_state();
     let rows: Vec<Vec<u64>> = (1..60).map(|tick| command(&mut one, tick)).collect();
-    let kept = one.state();
+    let kept = one.fmu_state();
     let after: Vec<Vec<u64>> = (60..90).map(|tick| command(&mut one, tick)).collect();
     assert!(one.variables().0.iter().all(|variable| !variable.name.starts_with("torque.")));
     let mut other = Instance::new(file).unwrap();
@@ -169,8 +169,8 @@ fn a_state_of_another_fmu_or_of_changed_bytes_is_refused_and_changes_nothing() {
     let mut foreign = running(&arm("coulomb_friction", "joint = \"joint_3\"\ncoulomb = 4.1"));
     step(&mut instance, 0);
     step(&mut foreign, 0);
-    let (row, state) = (outputs(&mut instance), instance.state());
-    let (bytes, other) = (state.to_bytes(), foreign.state());
+    let (row, state) = (outputs(&mut instance), instance.fmu_state());
+    let (bytes, other) = (state.to_bytes(), foreign.fmu_state());
     assert!(matches!(instance.restore(&other), Err(Fault::Foreign)));
     assert!(matches!(instance.state_of(&other.to_bytes()), Err(Fault::Foreign)));
     assert!(matches!(instance.state_of(b"fpstate1 of long ago"), Err(Fault::NoState)));
@@ -208,7 +208,7 @@ fn a_state_is_put_back_in_a_time_that_does_not_depend_on_the_time_simulated() {
     });
     set(&mut late, "brakes", Value::Truth(true));
     late.step(0.0, 4.0).unwrap();
-    let states = [early.state(), late.state()];
+    let states = [early.fmu_state(), late.fmu_state()];
     assert_eq!(states[0].size(), states[1].size());
     let mut fresh = Instance::new(file).unwrap();
     let times = [0, 1].map(|number: usize| restored_in(&mut fresh, &states[number]));

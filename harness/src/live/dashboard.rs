@@ -178,7 +178,7 @@ impl Dashboard {
     }
 
     /// The last snapshot as one line, for output without a terminal.
-    pub fn line(&self) -> String {
+    pub fn status_line(&self) -> String {
         let Some(now) = &self.now else { return "no tick yet".to_owned() };
         let size = now.size() * 1e3;
         let plays: Vec<String> = self
@@ -303,7 +303,7 @@ pub mod tests {
     fn a_line_says_deviation_contact_charge_and_latency() {
         let mut board = board();
         board.look(snapshot(2000));
-        let line = board.line();
+        let line = board.status_line();
         for part in ["2.000 s", "0.5000 mm", "max 0.6000", "joint_5 in impact", "first active", "p99 32"] {
             assert!(line.contains(part), "{part:?} is not in {line:?}");
         }

@@ -197,7 +197,7 @@ impl Watch {
             Face::Lines => {
                 let tick = self.board.now.as_ref().map(|now| now.tick).filter(|&tick| tick > 0);
                 if tick > self.told {
-                    tell(&self.board.line());
+                    tell(&self.board.status_line());
                     self.told = tick;
                 } else if let Some(words) =
                     self.board.waits().filter(|_| self.board.still >= LINE.as_secs_f64())

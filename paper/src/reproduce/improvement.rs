@@ -8,7 +8,7 @@ use freeplay_arm::{ArmFile, paper_arm, to_toml};
 use freeplay_controller::Task as ControllerTask;
 use freeplay_controller::computed_torque::COMPUTED_TORQUE;
 use freeplay_controller::narx_qp::NARX_QP;
-use freeplay_harness::closed_loop::{ClosedLoop, of_plays};
+use freeplay_harness::closed_loop::{ClosedLoop, effects_with_plays};
 use freeplay_harness::loop_recorder::LoopRecorder;
 use freeplay_harness::weights::beside;
 use freeplay_laws::Effects;
@@ -112,7 +112,7 @@ pub fn improved(clearance: f64, tasks: &[Task]) -> Result<Vec<Improved>, Failure
     let model = folder.path().join("nominal.toml");
     let nominal = ArmFile { effects: Vec::new(), ..paper_arm() };
     write(&model, &to_toml(&nominal))?;
-    let truth = of_plays(&nominal.arm, &[(JOINT, clearance * 1e-3)])?;
+    let truth = effects_with_plays(&nominal.arm, &[(JOINT, clearance * 1e-3)])?;
     let arm = Commissioned { truth, nominal, model: &model };
     let recordings = commissioning().into_iter().enumerate().map(|(number, path)| {
         let (_, recording) = arm.run(COMPUTED_TORQUE, &path, None, true)?;

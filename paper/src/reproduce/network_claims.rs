@@ -107,7 +107,7 @@ fn error_falls(studies: &[Study]) -> Claim {
                 |study: &Study| study.trials.iter().map(|trial| trial.error(closed)).collect::<Vec<f64>>();
             let known = |study: &Study, name| study.median(|trial| baseline(trial, name, closed));
             let Experiment { drive, path, cut, pool, .. } = short.setting;
-            let theirs = reference::network(drive, path, cut == Cut::Random)
+            let theirs = reference::network_errors(drive, path, cut == Cut::Random)
                 .filter(|_| pool == TrainingRuns::Single && !closed);
             let of = |values: Option<[f64; 2]>| {
                 values.map_or([None; 2], |[six, twelve]| [Some(six), Some(twelve)])

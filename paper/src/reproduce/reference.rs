@@ -66,7 +66,7 @@ pub struct NetworkErrors {
 }
 
 /// The independent study of the network; `random` selects the split.
-pub fn network(drive: Drive, path: PathKind, random: bool) -> Option<NetworkErrors> {
+pub fn network_errors(drive: Drive, path: PathKind, random: bool) -> Option<NetworkErrors> {
     let errors = |narx, arx, persistence| Some(NetworkErrors { narx, persistence, arx });
     match (drive, path, random) {
         (Drive::Driven, PathKind::Lissajous, true) => {

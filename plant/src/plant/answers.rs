@@ -101,7 +101,7 @@ impl Plant {
         for slot in 0..self.manager.len() {
             if self.manager.slot_mut(slot).answer.is_none()
                 && !self.timeouts.is_away(slot, tick)
-                && !self.link.is_held(slot)
+                && !self.link.has_controller(slot)
             {
                 self.timeouts.left(slot);
             }

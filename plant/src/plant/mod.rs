@@ -156,8 +156,8 @@ impl Plant {
     }
 
     /// True if a living controller owns `slot`.
-    pub fn is_held(&self, slot: usize) -> bool {
-        self.link.is_held(slot)
+    pub fn has_controller(&self, slot: usize) -> bool {
+        self.link.has_controller(slot)
     }
 
     /// The time and the reason of the closing of the brakes, if they closed.

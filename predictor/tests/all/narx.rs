@@ -338,7 +338,7 @@ fn training_can_be_watched_and_interrupted() {
 
 /// The test covers one hidden layer, several, and none, in which case the first layer is also the last.
 #[test]
-fn the_network_in_own_units_says_what_the_model_says() {
+fn the_network_in_physical_units_says_what_the_model_says() {
     let series = narendra_series(200);
     let layout = Layout { input_lags: vec![], output_lags: vec![], horizon: 1, input_at_target: true };
     let all = windows(&series, layout.memory(), layout.horizon).unwrap();
@@ -346,7 +346,7 @@ fn the_network_in_own_units_says_what_the_model_says() {
         let split = by_block(&all, Fractions::PAPER, layout.memory() + layout.horizon).unwrap();
         let recipe = Recipe { layout: layout.clone(), ..recipe(layout.clone(), hidden) };
         let narx = fit(&series, &split, &recipe).unwrap().narx;
-        let network = narx.in_own_units().unwrap();
+        let network = narx.in_physical_units().unwrap();
         let mut scratch = network.scratch();
         let (mut worst, mut greatest) = (0.0_f64, 0.0_f64);
         for (window, expected) in all.iter().zip(narx.predict(&series, &all).unwrap().chunks_exact(2)) {

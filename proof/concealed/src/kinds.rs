@@ -85,7 +85,7 @@ pub fn seats(kind: &str, arm: &Arm) -> Vec<Seat> {
 }
 
 /// True if the strength of the effect counts in the tool alone: rattling and jumps shake the torques, but cannot be identified there.
-pub(crate) fn shows_at_tool(kind: &str) -> bool {
+pub(crate) fn shows_at_tool_only(kind: &str) -> bool {
     matches!(
         kind,
         "joint_clearance"

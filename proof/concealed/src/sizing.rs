@@ -6,7 +6,7 @@ use crate::calibrate::{Floor, Residual, Strength, residual, strength};
 use crate::case::{Bench, Demand, GenerateError};
 use crate::distinct::is_distinct;
 use crate::draft::Context;
-use crate::kinds::{Seat, depends_on_time, shows_at_tool};
+use crate::kinds::{Seat, depends_on_time, shows_at_tool_only};
 use crate::machine::{Plan, PlanError, Trace};
 use crate::physics::{Effect, Physics};
 
@@ -97,7 +97,7 @@ impl Sizing<'_> {
         let effect = Effect { joint: seat, physics: physics.clone() };
         let (plan, trace) = bench.run(std::slice::from_ref(&effect), &bench.motion, duration)?;
         let with = residual(&bench.sheet, &plan, &trace, &bench.deviations, duration);
-        let strength = strength(&with, self.without, self.floor, shows_at_tool(&physics.kind()));
+        let strength = strength(&with, self.without, self.floor, shows_at_tool_only(&physics.kind()));
         let distinct = is_distinct(&effect, &trace, &with, self.without, self.floor);
         Ok(Found { effect, strength, plan, trace, distinct })
     }

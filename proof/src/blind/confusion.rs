@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::answer::{Answer, Hypothesis};
+use super::confidence_intervals::Median;
 use super::controls::oracle;
-use super::interval::Median;
 use super::judged::Judged;
 use super::score::Outcome;
 use super::truth::at;

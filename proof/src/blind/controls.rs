@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use serde::Serialize;
 
 use super::answer::Named;
-use super::interval::{Median, Share};
+use super::confidence_intervals::{Median, Share};
 use super::judged::{Judged, of_sort};
 use super::score::Outcome;
 use super::truth::{Concealed, Sort, TruthKey};

@@ -3,7 +3,7 @@
 use freeplay_report::text::{Digits, number};
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Figure, Section, Series, Table, Verdict};
 
-use super::interval::Share;
+use super::confidence_intervals::Share;
 use super::judged::{Judged, of_sort};
 use super::leak::Leak;
 use super::matrix::{self, count};
@@ -176,7 +176,7 @@ fn calibration(score: &Score) -> Section {
 
 fn controls(score: &Score) -> Section {
     let controls = &score.controls;
-    let closed = |median: &Option<super::interval::Median>| {
+    let closed = |median: &Option<super::confidence_intervals::Median>| {
         median.map_or("–".to_owned(), |m| {
             format!("{:.0} % (95 %: {:.0} to {:.0} %)", m.value, m.ci95[0], m.ci95[1])
         })

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::judged::Judged;
-use super::nearest::Tree;
+use super::nearest_neighbours::Tree;
 use super::receipt::Part;
 use super::truth::Sort;
 

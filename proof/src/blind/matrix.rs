@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use freeplay_concealed::{Matrix, Severity, seats};
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Drawing, Section, Series, Table};
 
+use super::confidence_intervals::Share;
 use super::confusion::Mistake;
-use super::interval::Share;
 use super::judged::{Judged, of_sort};
 use super::order::place;
 use super::receipt::Part;

@@ -5,8 +5,9 @@
 //!
 //! Modules in the order of the protocol: `hash` and `canonical` (the freeze), `sweep` (the requested cases), `source`, `generator`, `names` and `arrange` (the
 //! sealed folder), `analysis` and `lures` (start of the analysts and checks of their isolation), `analyst` and `answer` (the answers), `sandbox`, `namespaces`
-//! and `channels` (the isolation), `truth`, `score`, `interval`, `tally`, `confusion`, `controls`, `nearest` and `leak` (the score), `receipt`, `strict`,
-//! `overlap`, `verify`, `verification`, `gathered`, `merge` and `history` (the records), `terminal_summary`, `document` and `matrix` (the display).
+//! and `channels` (the isolation), `truth`, `score`, `confidence_intervals`, `tally`, `confusion`, `controls`, `nearest_neighbours` and `leak` (the score),
+//! `receipt`, `strict`, `overlap`, `verify`, `verification`, `gathered`, `merge` and `history` (the records), `terminal_summary`, `document` and `matrix` (the
+//! display).
 
 mod analysis;
 mod analyst;
@@ -14,6 +15,7 @@ mod answer;
 mod arrange;
 mod canonical;
 mod channels;
+mod confidence_intervals;
 mod confusion;
 mod controls;
 mod document;
@@ -21,7 +23,6 @@ mod gathered;
 mod generator;
 pub(crate) mod hash;
 mod history;
-mod interval;
 mod judged;
 mod leak;
 mod lures;
@@ -29,7 +30,7 @@ mod matrix;
 mod merge;
 mod names;
 mod namespaces;
-mod nearest;
+mod nearest_neighbours;
 mod order;
 mod overlap;
 mod protocol;

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::answer::Errors;
+use super::confidence_intervals::{Median, Share};
 use super::confusion::{self, Confusion, Mistake};
 use super::controls::Controls;
-use super::interval::{Median, Share};
 use super::judged::{Judged, of_sort};
 use super::score::{Outcome, ParameterScore};
 use super::truth::Sort;

@@ -65,7 +65,7 @@ fn a_second_controller_in_another_process_finds_the_slot_taken() {
     let (error, greeting) = connect_while_greeting(&mut plant, run.address(), second, Result::unwrap_err);
     assert!(error.to_string().contains("slot 0 is held by another controller"), "{error}");
     assert!(matches!(greeting, Greeting::Refused { verdict: Verdict::SlotTaken, .. }), "{greeting:?}");
-    assert!(plant.is_held(0) && !plant.is_held(1) && !plant.is_held(2));
+    assert!(plant.has_controller(0) && !plant.has_controller(1) && !plant.has_controller(2));
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn a_welcome_tells_the_run_and_leaving_frees_the_slot() {
             (1_000_000, 100, Some(Pace::Lockstep))
         );
         assert_eq!(welcome.task(), "/tmp/task.toml");
-        assert!(!plant.is_held(0));
+        assert!(!plant.has_controller(0));
     }
 }
 

@@ -47,9 +47,9 @@ fn a_killed_controller_frees_its_slot_and_what_it_held() {
         grabber.hear("listening");
         plant.publish(&State { tick: 7, ..State::new(id, 7) }).unwrap();
         assert_eq!(grabber.hear("holding: "), "7");
-        assert!(plant.is_held(0));
+        assert!(plant.has_controller(0));
         grabber.kill();
-        assert!(!plant.is_held(0));
+        assert!(!plant.has_controller(0));
     }
     // More states than the publisher has memory for, if the memory of dead processes were lost.
     for tick in 0..1000 {
@@ -83,7 +83,7 @@ fn a_plant_takes_no_notice_of_a_controller_killed_in_the_middle() {
         }
         kill.join().unwrap();
         println!("killed at tick {tick}");
-        assert!(tick > 0 && !plant.is_held(0));
+        assert!(tick > 0 && !plant.has_controller(0));
     }
 }
 

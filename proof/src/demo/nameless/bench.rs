@@ -16,14 +16,14 @@ use freeplay_terminal::files::write;
 use freeplay_training::{Settings, Trained, train};
 
 use super::super::play::sensors;
-use super::machines::Paths;
+use super::machines::DemoPaths;
 use super::outcome::Reached;
 
 /// A machine in its folder.
 pub struct Bench {
     truth: ArmFile,
     effects: Effects,
-    paths: Paths,
+    paths: DemoPaths,
     seed: u64,
 }
 
@@ -53,7 +53,7 @@ impl Bench {
     ///
     /// # Errors
     /// Impossible effects.
-    pub fn new(truth: ArmFile, paths: Paths, seed: u64) -> Result<Bench, Failure> {
+    pub fn new(truth: ArmFile, paths: DemoPaths, seed: u64) -> Result<Bench, Failure> {
         Ok(Bench { effects: Effects::of(&truth).map_err(Failure::internal)?, truth, paths, seed })
     }
 

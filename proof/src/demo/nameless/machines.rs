@@ -73,12 +73,12 @@ pub fn all() -> Vec<Machine> {
 
 /// The paths of a demonstration with periods in proportion to `period`, s; the comments give them for 6 s.
 #[derive(Clone, Copy, Debug)]
-pub struct Paths {
+pub struct DemoPaths {
     /// Time of a lap of the first path, s.
     pub period: f64,
 }
 
-impl Paths {
+impl DemoPaths {
     /// Paths for commissioning, with a tracker: in 6, 5 and 8 s.
     pub fn commissioning(self) -> [(&'static str, PathSpec); 3] {
         let axes = |axes| Some(Size::Axes(axes));

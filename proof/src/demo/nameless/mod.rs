@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use crate::blind::hash::of_program;
 
 use bench::{Bench, Way};
-use machines::Paths;
+use machines::DemoPaths;
 use outcome::Cell;
 
 pub use machines::{Machine, all};
@@ -74,7 +74,7 @@ fn truth(machine: &Machine) -> ArmFile {
 /// A run of the commissioning that fails, or a file that can't be written.
 pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outcome, Failure> {
     let Settings { period, seed } = settings;
-    let paths = Paths { period };
+    let paths = DemoPaths { period };
     make_folder(out)?;
     let nominal = paper_arm();
     let truth = truth(machine);

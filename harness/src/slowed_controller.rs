@@ -4,19 +4,19 @@ use freeplay_controller::{Answer, Controller, ControllerError, RunInfo, Task};
 use freeplay_shm::{State, now_ns};
 
 /// A controller that spins for a given time before each of its answers.
-pub struct Loaded {
+pub struct SlowedController {
     inner: Box<dyn Controller>,
     load_ns: u64,
 }
 
-impl Loaded {
+impl SlowedController {
     /// Adds `load` s to each answer of `inner`.
     pub fn new(inner: Box<dyn Controller>, load: f64) -> Self {
         Self { inner, load_ns: (load * 1e9) as u64 }
     }
 }
 
-impl Controller for Loaded {
+impl Controller for SlowedController {
     fn name(&self) -> &str {
         self.inner.name()
     }
