@@ -21,7 +21,7 @@ pub(crate) const HALF_SPAN: f64 = 0.01;
 /// Time in which shifts rise from zero to full, s, because a run begins with the joints at the start of the path.
 pub(crate) const BLEND: f64 = 0.3;
 
-/// The table; see the module.
+/// Shifts and torques of the drives along the path; see the module.
 #[derive(Clone, Debug)]
 pub struct KnownEffects {
     step: f64,

@@ -17,7 +17,7 @@ use crate::scene::{
 use crate::trajectory::Trajectory;
 use crate::{DriveFriction, LawError, Placed};
 
-/// The low-pass of a measured column, applied to one column of the trajectory's points.
+/// The low-pass filter of a measured column, applied to one column of the trajectory's points.
 pub type LowPassFilter<'a> = dyn Fn(&[f64]) -> Vec<f64> + 'a;
 
 /// Predicts the recording of `motion` by `arm` with `effects`. Laws that jump pass through `low_pass`, as the measurement did.

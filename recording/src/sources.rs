@@ -29,7 +29,7 @@ pub struct Sources {
     pub form: String,
     /// The quantities.
     pub quantities: Vec<Quantity>,
-    /// Positions that contain another joint's: joint, other (from 0) and factor.
+    /// Positions that contain a multiple of the position of another joint: joint, other joint (both from 0) and factor.
     pub relative: Vec<(usize, usize, f64)>,
     /// True if the torques of the file lack the arm's weight.
     pub gravity_compensated: bool,

@@ -109,7 +109,7 @@ pub struct Linearization {
 }
 
 impl Linearization {
-    /// The value of no servo: not equal to any piece.
+    /// Placeholder before the first step. Its values are NaN, so no piece is equal to it.
     pub(crate) const UNSET: Linearization =
         Linearization { stiffness: f64::NAN, damping: f64::NAN, constant: f64::NAN };
 }

@@ -10,7 +10,7 @@ use freeplay_predictor::Window;
 use crate::data::Data;
 use crate::held_out::{Answers, correlation, range, rms};
 
-/// Number of centres of a region.
+/// Number of centres of the region of training motions.
 pub const CENTRE_COUNT: usize = 48;
 /// Number of parts of the held-out samples by distance.
 const PARTS: usize = 8;

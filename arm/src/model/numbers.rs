@@ -1,4 +1,4 @@
-//! Numbers and small geometry, common to both file formats.
+//! Parsing of numbers, directions, poses and rotations, for both file formats.
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 

@@ -12,7 +12,7 @@ use super::urdf_xml::Source;
 /// A `<link>`.
 pub(super) struct Link {
     pub name: String,
-    /// `None` without `<inertial>`; an error counts only if the link moves.
+    /// The `<inertial>` of the link; `None` if the link has none. The reader reports an error in it only if the link moves.
     pub inertial: Option<Result<Inertial, ModelError>>,
     /// True if the link has a shape; a link without one is only a frame.
     pub has_shape: bool,

@@ -33,8 +33,8 @@ impl<'p, 'a> ChangeOdds<'p, 'a> {
     /// most of the residual of `same`, which is this set without the change, in a channel that the set explains.
     ///
     /// The rival may also explain torques without the arm: a torque of friction alone reveals no reading, and a torque unrelated to the model fits any unit
-    /// that suppresses the model. A torque unrelated to the arm is as rare as a wrong reading. Friction does reveal signs, since it never drives; torques
-    /// without gravity may consist of friction only.
+    /// that suppresses the model. A torque unrelated to the arm is as rare as a wrong reading. Friction does reveal signs, since it never drives.
+    /// Torques without gravity may consist of friction only.
     pub fn by_channels(&self, change: &Change, other: &Outcome, same: &Outcome) -> f64 {
         let Self { problem, best, massless: with, .. } = self;
         let joints = if problem.samples.has_torques() { problem.arm.dof() } else { 0 };

@@ -35,9 +35,9 @@ pub struct Reading {
     pub time_unit: f64,
     /// True if positions that jump by whole turns are unwrapped.
     pub unwrap: bool,
-    /// By joint of the model.
+    /// Reading of each position, by joint of the model.
     pub positions: Vec<PositionReading>,
-    /// By joint of the model.
+    /// Reading of each torque, by joint of the model.
     pub torques: Vec<TorqueReading>,
     /// True if the model's gravity has to be added to the recorded torques, from which it was subtracted.
     pub gravity_added: bool,

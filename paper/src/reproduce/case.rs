@@ -114,7 +114,7 @@ pub struct Scope {
     pub paths: Vec<PathKind>,
     /// Friction coefficients at which the printed law is compared with the corrected one.
     pub frictions: Vec<f64>,
-    /// True if there are runs of several laps and without gravity, too.
+    /// True if the scope also contains runs of several laps and runs without gravity.
     pub beside: bool,
 }
 

@@ -186,7 +186,7 @@ impl Evidence<'_> {
             CLEARANCES.iter().map(|c| Quantity::new(format!("peak force, c = {c} mm"), "N")).collect(),
             situations,
         )
-        .remark("The peak of a run is as a rule that of the first drop: the journal starts in the middle of its bearing and falls over the clearance (Hertz: about c^0.4).")
+        .remark("The first drop usually causes the peak of a run: the journal starts in the middle of its bearing and falls over the clearance (Hertz: about c^0.4).")
     }
 
     fn imperfect_joint_costs(&self) -> Claim {

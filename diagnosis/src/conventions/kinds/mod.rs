@@ -134,7 +134,7 @@ pub(crate) fn briefly(arm: &Arm, change: &Change) -> String {
     }
 }
 
-/// `elbow`, `elbow and wrist`, `a, b and c`.
+/// The `names` as a list in words: `elbow`, `elbow and wrist`, `a, b and c`.
 pub(crate) fn listed(names: &[String]) -> String {
     match names {
         [] => String::new(),
