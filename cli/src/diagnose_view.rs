@@ -50,7 +50,7 @@ impl View<'_> {
     }
 
     /// The mapping file for the recordings: the corrected one, or else the one on the command line.
-    pub fn reading(&self) -> Option<PathBuf> {
+    pub fn mapping_file(&self) -> Option<PathBuf> {
         self.setup_file().or_else(|| self.args.mapping.clone())
     }
 
