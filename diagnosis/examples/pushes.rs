@@ -1,7 +1,8 @@
-//! How many of the pushes in a recording a diagnosis finds: pulses on joints and on the tool, put into the torques of sound recordings at full bandwidth.
+//! Counts the pushes in recordings that a diagnosis finds. The example adds pulses on joints and on the tool to the torques of recordings without a
+//! fault, at full bandwidth.
 //!
-//! `cargo run --release -p freeplay-diagnosis --example pushes -- FOLDER COUNT [SEED]`, with a FOLDER of cases of which some have no effect, as the crate `concealed` writes
-//! them (`NNNN/model.toml`, `recording.csv`, `truth/NNNN.json`).
+//! `cargo run --release -p freeplay-diagnosis --example pushes -- FOLDER COUNT [SEED]`, with a FOLDER of cases of which some have no effect, in the
+//! format of the crate `concealed` (`NNNN/model.toml`, `recording.csv`, `truth/NNNN.json`).
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 
 use std::path::{Path, PathBuf};
@@ -61,7 +62,7 @@ fn main() {
     );
 }
 
-/// The cases in `folder` in which nothing is missing.
+/// The cases in `folder` without a missing effect.
 fn sound(folder: &Path) -> Vec<PathBuf> {
     let is_sound = |name: &str| {
         let truth = std::fs::read_to_string(folder.join("truth").join(format!("{name}.json"))).unwrap();
@@ -79,7 +80,8 @@ fn run(file: &ArmFile, recording: &Recording) -> Diagnosis {
     diagnose(file, std::slice::from_ref(recording), &DiagnoseSettings::default(), &mut |_| {}).unwrap()
 }
 
-/// One to six pushes of 0.05 to 0.5 s, none within half a second of another, of 2 to 10 times what the model leaves of the torque that shows them most.
+/// One to six pushes of 0.05 to 0.5 s, at least half a second apart. In the torque with the largest ratio, each has 2 to 10 times the error of the
+/// model.
 fn drawn(rng: &mut ChaCha8Rng, arm: &Arm, recording: &Recording, floors: &[f64]) -> Vec<Push> {
     let (first, last) = (recording.t[0], recording.t[recording.len() - 1]);
     let mut pushes: Vec<Push> = Vec::new();
@@ -107,7 +109,7 @@ fn drawn(rng: &mut ChaCha8Rng, arm: &Arm, recording: &Recording, floors: &[f64])
     pushes
 }
 
-/// Jᵀ f at `row`.
+/// Jᵀ f at `row`: the joint torques of a force on the tool.
 fn felt(arm: &Arm, recording: &Recording, row: usize, force: &Vector3<f64>) -> Vec<f64> {
     let q: Vec<f64> = recording.q.iter().map(|column| column[row]).collect();
     let mut columns = DMatrix::zeros(6, arm.dof());
@@ -133,8 +135,8 @@ fn pushed(arm: &Arm, recording: &Recording, pushes: &[Push]) -> Recording {
     recording
 }
 
-/// Whether `effect` is `push`: its place, its times to 0.05 s, its impulse to a quarter, by the torques that it needs: the arm feels nothing else of it. An arm of one
-/// joint feels a force on its tool as a torque.
+/// Returns true if `effect` is `push`: the same place, its times to 0.05 s, its impulse to a quarter in terms of joint torques, because only these
+/// act on the arm. For an arm of one joint, a force on the tool equals a torque.
 fn is_same(effect: &Effect, push: &Push, arm: &Arm, recording: &Recording, floors: &[f64]) -> bool {
     let number = |name: &str| effect.parameters.get(name).and_then(|p| p.value.as_float());
     let joint = effect.joint.as_ref().and_then(|name| arm.joint_index(name));

@@ -6,42 +6,44 @@ use std::ops::Range;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Natural logarithm of the odds from which a name is given, 20 to 1: Kass & Raftery (1995, J. Am. Stat. Assoc. 90:773) call such evidence strong.
+/// Natural logarithm of the odds that a name requires, 20 to 1: Kass & Raftery (1995, J. Am. Stat. Assoc. 90:773) call such evidence strong.
 pub const STRONG: f64 = 2.995_732_273_553_991;
 
-/// Chance below which something is no accident: 5 % is the usual level (Fisher 1925), and every interval of a report is one of 95 %.
+/// Significance level: 5 % is the usual one (Fisher 1925), and every interval of a report has a coverage of 95 %.
 pub(crate) const SIGNIFICANT: f64 = 0.05;
 
-/// Fewest rows of which a share or a mean says anything: with fewer its deviation is a tenth of its range or more, √(0.25/20).
+/// Smallest number of rows for a share or a mean: with fewer its standard deviation is a tenth of its range or more, √(0.25/20).
 pub(crate) const FEWEST_ROWS: usize = 20;
 
-/// Draws of a bootstrap and of a posterior: the share of draws beyond a 2.5 % quantile scatters by √(0.025 · 0.975/1000), half a per cent.
+/// Draws of a bootstrap and of a posterior: the share of draws beyond a 2.5 % quantile has the standard deviation √(0.025 · 0.975/1000), half a per
+/// cent.
 pub(crate) const DRAWS: usize = 1000;
 
-/// Share of a channel's span that no sensor resolves: a little over 23 bits. A simulated recording has no noise, and without this limit every rounding
-/// error would be a finding.
+/// Share of a channel's span below the resolution of any sensor: a little over 23 bits. A simulated recording has no noise, and without this limit
+/// every rounding error would be a finding.
 pub(crate) const FINEST: f64 = 1e-7;
 
-/// Shares of one recording in the fit part, and in the fit and the choice part together: what is fitted needs most of the motion, and a third for the
-/// test is what the field holds out.
+/// Shares of one recording in the fit part, and in the fit and the choice part together: the fit needs most of the motion, and it is common in the
+/// field to hold out a third for the test.
 pub(crate) const SHARES: [f64; 2] = [0.55, 0.70];
 
-/// Standard deviations of its encoder's noise within which a position stays that stands still: one in 10⁵ samples of normal noise is outside.
+/// Bound on the position of a joint at rest, in standard deviations of its encoder's noise: one in 10⁵ samples of normal noise is outside.
 pub(crate) const UNMOVED: f64 = 4.5;
 
-/// Deviation of a prior that says nothing, in deviations of what is measured: any data outweigh it by far, and double precision still holds both.
+/// Standard deviation of a prior without information, in standard deviations of the measurement: any data outweigh it by far, and double precision
+/// still holds both.
 pub(crate) const WIDE: f64 = 1e6;
 
-/// Rounds after which an iteration ends that has not settled: most settle in a few, and rounding can keep one of them going back and forth.
+/// Largest number of rounds of an iteration: most converge in a few, and rounding errors can keep one of them oscillating.
 pub(crate) const MOST_ROUNDS: usize = 30;
 
-/// Shares of a step that a descent tries, because the whole step may lead too far where a problem is not linear: each share is half the one before.
+/// Shares of a step that a descent tries, because the whole step may lead too far in a nonlinear problem: each share is half the one before.
 pub(crate) const BACKTRACKING: [f64; 3] = [1.0, 0.5, 0.25];
 
-/// Length of a block of rows that are taken to be alike, s: longer than what neighbours share, shorter than a motion.
+/// Length of a block of rows for the bootstrap, s: longer than the correlation of neighbouring rows, shorter than a motion.
 pub(crate) const BLOCK_S: f64 = 0.5;
 
-/// The blocks of `stretch`, whose rows are `step` s apart, each [`BLOCK_S`] long but for the last.
+/// The blocks of `stretch`, whose rows are `step` s apart, each [`BLOCK_S`] long except the last.
 pub(crate) fn blocks(stretch: Range<usize>, step: f64) -> impl Iterator<Item = Range<usize>> {
     let (long, end) = (((BLOCK_S / step.max(1e-12)) as usize).max(1), stretch.end);
     stretch.step_by(long).map(move |from| from..(from + long).min(end))
@@ -57,7 +59,7 @@ pub(crate) enum Quantile {
 }
 
 impl Quantile {
-    /// The share of all |x| that is below it.
+    /// The share of all |x| below the quantile.
     pub fn below(self) -> f64 {
         match self {
             Self::Median => 0.5,
@@ -65,14 +67,14 @@ impl Quantile {
         }
     }
 
-    /// It over the standard deviation of a normal x.
+    /// The quantile divided by the standard deviation of a normal x.
     pub fn of_normal(self) -> f64 {
         normal_quantile(0.5 * (1.0 + self.below()))
     }
 }
 
-/// The number below which a standard normal is with the chance `below`, at least one half. Newton's steps come from below, as the distribution is concave there, and end where
-/// rounding does.
+/// The quantile of the standard normal distribution at the probability `below`, at least one half. Newton's steps approach it from below, because the
+/// distribution function is concave there, and end when rounding stops their increase.
 pub(crate) fn normal_quantile(below: f64) -> f64 {
     let density = |x: f64| (-0.5 * x * x).exp() / TAU.sqrt();
     let above_middle = |x: f64| 0.5 * libm::erf(x / std::f64::consts::SQRT_2);
@@ -91,7 +93,7 @@ pub(crate) fn half_width() -> f64 {
     normal_quantile(1.0 - 0.5 * SIGNIFICANT)
 }
 
-/// The ends of the interval of 95 % of `values`, sorted; NaN of none.
+/// The ends of the interval of 95 % of `values`; NaN for no values.
 fn interval(mut values: Vec<f64>) -> [f64; 2] {
     values.sort_by(f64::total_cmp);
     let outside = (0.5 * SIGNIFICANT * values.len() as f64) as usize;
@@ -99,7 +101,8 @@ fn interval(mut values: Vec<f64>) -> [f64; 2] {
     [at(Some(outside)), at(values.len().checked_sub(1 + outside))]
 }
 
-/// The interval of 95 % of a number that `of` makes of some of `blocks` blocks of rows, by drawing as many with replacement (Künsch 1989, Ann. Statist. 17:1217).
+/// The 95 % interval of a statistic `of` over `blocks` blocks of rows, from draws of as many blocks with replacement (Künsch 1989, Ann. Statist.
+/// 17:1217).
 pub(crate) fn bootstrap(
     blocks: usize,
     seed: u64,
@@ -110,7 +113,7 @@ pub(crate) fn bootstrap(
     interval((0..DRAWS).map(|_| draw()).filter(|value| value.is_finite()).collect())
 }
 
-/// Mean, spread and size of a signal; zeros for an empty one.
+/// Mean, standard deviation and root mean square of a signal; zeros for an empty one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moments {
     /// Mean.
@@ -132,8 +135,8 @@ impl Moments {
     }
 }
 
-/// Median size of the fourth differences of `samples`: these leave nothing of a smooth motion, and the median does not mind a few jumps
-/// (Hampel 1974). White noise of deviation σ has 0.674 √70 σ; 0 for fewer than five samples.
+/// Median of the absolute fourth differences of `samples`: these are near zero for a smooth motion, and a few jumps hardly change the median (Hampel
+/// 1974). White noise with the standard deviation σ gives 0.674 √70 σ; 0 for fewer than five samples.
 pub(crate) fn roughness(samples: &[f64]) -> f64 {
     let mut fourth: Vec<f64> =
         samples.windows(5).map(|x| (x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]).abs()).collect();
@@ -141,36 +144,37 @@ pub(crate) fn roughness(samples: &[f64]) -> f64 {
     if fourth.is_empty() { 0.0 } else { *fourth.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
-/// Deviation of the white noise in `samples` of a smooth motion, by their [`roughness`].
+/// Standard deviation of the white noise in `samples` of a smooth motion, from their [`roughness`].
 pub(crate) fn white_noise(samples: &[f64]) -> f64 {
     let square: f64 = [1.0_f64, -4.0, 6.0, -4.0, 1.0].iter().map(|weight| weight * weight).sum();
     roughness(samples) / Quantile::Median.of_normal() / square.sqrt()
 }
 
-/// Greatest less least of `samples`; 0 of none.
+/// Maximum minus minimum of `samples`; 0 for no samples.
 pub(crate) fn span(samples: &[f64]) -> f64 {
     let (low, high) = extremes(samples);
     (high - low).max(0.0)
 }
 
-/// The least and the greatest of `values` that are numbers; infinite, the wrong way round, where none is.
+/// Minimum and maximum of `values` without NaN; +∞ and −∞ if there are none.
 pub(crate) fn extremes(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
         (least.min(*value), most.max(*value))
     })
 }
 
-/// `a − b`, number by number.
+/// `a − b`, element by element.
 pub(crate) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// Whether two candidates may be told apart at all: the odds are beyond what is as good.
+/// Returns true if the odds are strong enough to distinguish two candidates.
 pub(crate) fn is_told(log_odds: f64) -> bool {
     log_odds > STRONG
 }
 
-/// Deviation of the white noise of an encoder that read `q`, or its step, if that is more: the least change between two samples.
+/// Standard deviation of the white noise of an encoder with the readings `q`, or its step, if that is larger: the smallest change between two
+/// samples.
 pub(crate) fn encoder_noise(q: &[f64]) -> f64 {
     let changes = q.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0);
     let step = changes.fold(f64::INFINITY, f64::min);
@@ -187,7 +191,7 @@ pub(crate) fn variance(column: &[f64]) -> f64 {
 mod tests {
     use super::{Quantile, bootstrap, half_width, normal_quantile};
 
-    /// Published quantiles (Abramowitz & Stegun 1964, table 26.5), and that of the middle.
+    /// Published quantiles (Abramowitz & Stegun 1964, table 26.5), and that of the median.
     #[test]
     fn quantiles_of_the_normal_are_those_of_the_tables() {
         for (below, published) in [
@@ -204,7 +208,7 @@ mod tests {
         assert!((Quantile::Median.of_normal() - 0.674_489_750_196_081_7).abs() < 1e-15);
     }
 
-    /// The mean of 400 blocks that are 0 or 1: its deviation is 1/√1600.
+    /// The mean of 400 blocks with the values 0 and 1: its standard deviation is 1/√1600.
     #[test]
     fn the_interval_of_a_mean_is_as_wide_as_its_deviation_says() {
         let mean =

@@ -1,4 +1,4 @@
-//! Everything that might be missing: each kind of effect, of the catalogue and beyond it, at each place in each shape, as a block of columns.
+//! Candidates for missing effects: each kind of effect, of the catalogue and beyond it, at each place in each shape, as a block of columns.
 
 use std::rc::Rc;
 
@@ -22,24 +22,24 @@ use crate::statistics::{FINEST, span};
 /// An effect that the recordings can't show.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Untestable {
-    /// Its kind.
+    /// The kind of the effect.
     pub kind: &'static str,
     /// The joint; `None`: the arm as a whole.
     pub joint: Option<String>,
-    /// A plain sentence: the recordings lack this.
+    /// A plain sentence about the data that the recordings lack.
     pub because: String,
 }
 
-/// What of an effect is not linear: all that its columns depend on.
+/// The nonlinear parameters of an effect, on which its columns depend.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Form {
     /// The numbers and words that shape its law.
     pub shape: Table,
-    /// The only recording in which it happens; `None`: all.
+    /// The only recording in which the effect occurs; `None`: all.
     pub only: Option<usize>,
-    /// The coefficients of all terms about which the law is taken; `None`: about none.
+    /// The coefficients of all terms at which the law is linearised; `None`: zero.
     pub around: Option<Vec<f64>>,
-    /// Its coefficients are those that they have on most machines.
+    /// True if the coefficients have the values that are common on most machines.
     pub is_usual: bool,
 }
 
@@ -49,7 +49,7 @@ impl Form {
         Self { shape, ..Self::default() }
     }
 
-    /// True if the form takes its law along a chord, from zero to one coefficient of the only term.
+    /// True if the form linearises its law along a chord, from zero to one coefficient of the only term.
     pub fn is_chord(&self) -> bool {
         self.shape.contains_key(ABOUT)
     }
@@ -62,38 +62,39 @@ pub(crate) fn in_one_recording(data: &Data, shape: Table, only: usize) -> Form {
 /// An effect at a place in a form, with its columns on the rows of the data.
 #[derive(Clone, Debug)]
 pub(crate) struct Candidate {
-    /// Its kind.
+    /// The kind of the effect.
     pub kind: &'static EffectKind,
-    /// Its joint; `None`: the arm as a whole.
+    /// The joint of the effect; `None`: the arm as a whole.
     pub joint: Option<usize>,
-    /// What of it is not linear.
+    /// The nonlinear parameters.
     pub form: Form,
-    /// Its terms that the motion shows, in the order of the columns.
+    /// The terms that the motion shows, in the order of the columns.
     pub terms: Vec<Term>,
-    /// What it adds to each channel per unit of each term's coefficient.
+    /// The contribution to each channel per unit of each term's coefficient.
     pub columns: Rc<Vec<Column>>,
-    /// Channels in which it is not zero.
+    /// Channels in which a column is not zero.
     pub channels: Vec<usize>,
-    /// Number of forms that were laid out of it.
+    /// Number of forms of this effect in the search: its prior probability is divided among them.
     pub forms: usize,
-    /// Whether it changes what is read of the machine, and so acts on all that the machine does.
+    /// True for an effect of a sensor, which acts on the sum of all other effects.
     pub is_read: bool,
-    /// Whether the effect changes masses, lengths or gravity of the arm. The diagnosis computes the columns of such an effect once, because no other effect changes these columns.
+    /// True if the effect changes masses, lengths or gravity of the arm. The diagnosis computes the columns of such an effect once, because no other
+    /// effect changes these columns.
     pub changes_arm: bool,
-    /// The effect may take one of several courses, and the motion does not tell which.
+    /// The effect has several possible solutions, and the motion does not determine which one holds.
     pub is_open: bool,
-    /// The effect parts its joint: by play in the bearing (first), by a spring or a gap in the gear (second).
+    /// The effect separates the parts of its joint: by clearance in the bearing (first), by a spring or a gap in the gear (second).
     parts: [bool; 2],
-    /// Where its journal is in its bearing as each recording begins, if it has one that was looked for.
+    /// Position of the journal in its bearing at the beginning of each recording, if the effect has a journal and the search has located it.
     begins: Vec<Option<InBearing>>,
-    /// Where its terms are among all terms of the law; the others are zero.
+    /// The places of the shown terms among all terms of the law; the others are zero.
     shown: Vec<usize>,
     /// Number of all terms of the law.
     all: usize,
 }
 
 impl Candidate {
-    /// `kind` at `joint` in `form`, with the terms that the motion shows; `None` if it shows none.
+    /// The candidate of `kind` at `joint` in `form`, with the terms that the motion shows; `None` if it shows none.
     ///
     /// # Errors
     /// See [`LawError`].
@@ -106,7 +107,7 @@ impl Candidate {
         Self::beginning(data, kind, joint, form, vec![None; data.stages.len()])
     }
 
-    /// The same, its journal about where it `begins` in each recording, if that is known.
+    /// The candidate, with its journal near the positions `begins` at the beginning of each recording, if these are known.
     fn beginning(
         data: &Data,
         kind: &'static EffectKind,
@@ -121,7 +122,7 @@ impl Candidate {
         let all = terms.len();
         let mut shown = independent(&columns);
         shown.retain(|&place| is_seen(data, &columns[place], &terms[place]));
-        // A law without one of its terms may be a plainer one of the catalogue, which stands there by itself.
+        // A law without one of its terms may be a simpler law of the catalogue, which is a candidate itself.
         if shown.is_empty() || shown.len() < all && !kind.contains.is_empty() {
             return Ok(None);
         }
@@ -177,12 +178,12 @@ impl Candidate {
         )
     }
 
-    /// How many numbers its columns hold.
+    /// Number of values in the columns of the candidate.
     pub fn numbers_in_columns(&self) -> usize {
         self.columns.iter().flatten().flatten().map(Vec::len).sum()
     }
 
-    /// The same as one of so many forms that were laid out.
+    /// The candidate as one of `forms` forms.
     pub fn one_of(self, forms: usize) -> Self {
         Self { forms, ..self }
     }
@@ -192,12 +193,12 @@ impl Candidate {
         self.terms.len()
     }
 
-    /// Within which its coefficients are held.
+    /// Bounds of the coefficients.
     pub fn limits(&self) -> Vec<[f64; 2]> {
         self.terms.iter().map(|term| [term.least, term.most]).collect()
     }
 
-    /// The same effect at the same place, in whatever form; what happens at a time may happen again.
+    /// Returns true for the same effect at the same place, in any form. Two events at different times are different effects.
     pub fn same_effect(&self, other: &Self) -> bool {
         self.kind.name == other.kind.name
             && self.joint == other.joint
@@ -205,33 +206,34 @@ impl Candidate {
             && (!self.kind.happens() || meet(&self.form.shape, &other.form.shape))
     }
 
-    /// No machine has both: they are the same effect, or each gives the joint all of its play, or its gear all of its spring and gap.
+    /// Returns true if no machine has both: they are the same effect, or each takes the whole clearance of the joint, or the whole spring and gap of
+    /// its gear.
     pub fn excludes(&self, other: &Self) -> bool {
         let both = self.parts.iter().zip(other.parts).any(|(own, other)| *own && other);
         self.same_effect(other) || both && self.joint == other.joint
     }
 
-    /// Whether both happen at a time, and at the same one in part.
+    /// Returns true if both are events and their times overlap.
     pub fn happens_with(&self, other: &Self) -> bool {
         self.kind.happens() && other.kind.happens() && meet(&self.form.shape, &other.form.shape)
     }
 
-    /// Whether both show in one channel at least: else neither can stand in the other's place.
+    /// Returns true if both have a column in a common channel; otherwise neither can replace the other.
     pub fn meets(&self, other: &Self) -> bool {
         self.channels.iter().any(|c| other.channels.contains(c))
     }
 
-    /// Whether `other` is a special case of it at the same place.
+    /// Returns true if `other` is a special case of this kind at the same place.
     pub fn contains(&self, other: &Self) -> bool {
         self.joint == other.joint && self.kind.contains.iter().any(|(plainer, _)| *plainer == other.kind.name)
     }
 
-    /// The coefficients that are not fitted, since its form has those of most machines.
+    /// The fixed coefficients of a form with the values of most machines; `None` for a form with fitted coefficients.
     pub fn usual(&self) -> Option<Vec<f64>> {
         self.terms.iter().map(|term| term.usual.filter(|_| self.form.is_usual)).collect()
     }
 
-    /// Its form with the coefficients of most machines; `None` if that is its form, or the law has no such coefficients.
+    /// The form with the coefficients of most machines; `None` if the candidate has this form, or the law has no such coefficients.
     pub fn usual_form(&self) -> Option<Form> {
         let has_usual = self.terms.iter().all(|term| term.usual.is_some());
         let mut form = Form { is_usual: true, ..self.form.clone() };
@@ -239,7 +241,7 @@ impl Candidate {
         (has_usual && !self.form.is_usual).then_some(form)
     }
 
-    /// The coefficients of all terms of the law for these of the terms shown.
+    /// The coefficients of all terms of the law, from those of the shown terms.
     pub fn of_all(&self, coefficients: &[f64]) -> Vec<f64> {
         let usual = self.usual();
         let coefficients = usual.as_deref().unwrap_or(coefficients);
@@ -248,22 +250,22 @@ impl Candidate {
         all
     }
 
-    /// The parameters of an arm file for these coefficients of the terms shown.
+    /// The parameters of an arm file for these coefficients of the shown terms.
     pub fn parameters(&self, coefficients: &[f64]) -> Table {
         self.kind.compose(&self.form.shape, &self.of_all(coefficients))
     }
 
-    /// The table of an arm file that switches it on with these coefficients of the terms shown.
+    /// The table of an arm file that adds the effect with these coefficients of the shown terms.
     pub fn table(&self, arm: &Arm, coefficients: &[f64]) -> EffectTable {
         table(self.kind, self.joint, arm, self.parameters(coefficients))
     }
 
-    /// The effect with these coefficients on `arm`; `None` if an arm file can't say it.
+    /// The effect with these coefficients on `arm`; `None` if an arm file can't describe it.
     pub fn placed(&self, arm: &Arm, coefficients: &[f64]) -> Option<Placed> {
         Placed::new(&self.table(arm, coefficients), arm).ok()
     }
 
-    /// The same in the recording number `stage`, where its journal begins as it was found there.
+    /// The effect in the recording number `stage`, with the initial position of its journal there.
     pub fn placed_in(&self, arm: &Arm, coefficients: &[f64], stage: usize) -> Option<Placed> {
         let mut placed = self.placed(arm, coefficients)?;
         let begins = self.begins[stage].map(|place| Start::Within(place.eccentricity()));
@@ -273,7 +275,7 @@ impl Candidate {
         Some(placed)
     }
 
-    /// The numbers of its shape that can take any value near by.
+    /// The continuous parameters of the shape, which a search may vary.
     pub fn numbers(&self) -> Vec<String> {
         let is_number = |value: &Value| value.as_float().is_some_and(|x| x != 0.0 || self.kind.happens());
         let numbers =
@@ -281,7 +283,8 @@ impl Candidate {
         numbers.map(|(name, _)| name.clone()).collect()
     }
 
-    /// Its form with each number of `along` moved by `step` that way: of its logarithm, or, of a time, of how long the effect lasts.
+    /// The form with each parameter of `along` changed by `step` in its direction: in its logarithm, or, for a time, in units of the duration of the
+    /// event.
     pub fn moved(&self, data: &Data, along: &[(&str, f64)], step: f64) -> Form {
         let mut form = self.form.clone();
         let lasts = self.kind.happens().then(|| lasts(data, &form));
@@ -296,14 +299,14 @@ impl Candidate {
         form
     }
 
-    /// True if a column of the candidate has a row in the channel number `channel` that is not zero and has a weight.
+    /// Returns true if a column of the candidate has a row in the channel number `channel` that is not zero and has a weight.
     pub fn shows_in(&self, channel: usize, weights: &[Vec<f64>]) -> bool {
         let says = |rows: &Vec<f64>| rows.iter().zip(&weights[channel]).any(|(x, w)| x * w != 0.0);
         self.columns.iter().any(|column| column[channel].as_ref().is_some_and(says))
     }
 
-    /// Its form taken about the place that is this `share` of the way from where it is taken now to these coefficients of the terms shown; `None` if that is the
-    /// same for its law.
+    /// The form linearised at a point between the present point of linearisation and these coefficients of the shown terms; `share` is the fraction
+    /// of this distance. `None` if the law has the same columns there.
     pub fn about(&self, coefficients: &[f64], share: f64) -> Option<Form> {
         if self.form.is_usual {
             return None;
@@ -329,7 +332,7 @@ fn table(kind: &EffectKind, joint: Option<usize>, arm: &Arm, parameters: Table) 
     EffectTable { kind: kind.name.to_owned(), joint, parameters, line: 0 }
 }
 
-/// Where `kind` can sit on an arm.
+/// The possible places of `kind` on an arm.
 pub(crate) fn places(kind: &EffectKind, arm: &Arm) -> Vec<Option<usize>> {
     match kind.site {
         Site::Arm => vec![None],
@@ -339,7 +342,7 @@ pub(crate) fn places(kind: &EffectKind, arm: &Arm) -> Vec<Option<usize>> {
     }
 }
 
-/// Every effect that the recordings can show, in every form, and those that they can't.
+/// Every effect that the recordings can show, in every form, and the effects that they can't show.
 pub(crate) fn candidates(data: &Data, progress: &mut dyn FnMut(&str)) -> (Vec<Candidate>, Vec<Untestable>) {
     let (mut all, mut untestable) = (Vec::new(), Vec::new());
     let count = kinds().count();
@@ -368,7 +371,8 @@ fn untestable_at(
     Untestable { kind: kind.name, joint, because }
 }
 
-/// `kind` at `joint` in all its forms, and what the motion covers too little of to tell it; what the recordings lack if they show nothing of it.
+/// `kind` at `joint` in all its forms, and the lack of motion that keeps it from being distinguished. The error is the data that the recordings lack
+/// if they show nothing of the effect.
 pub(crate) fn at_place(
     data: &Data,
     kind: &'static EffectKind,
@@ -400,7 +404,7 @@ pub(crate) fn at_place(
     Ok((found, lacks(&|place, stage| kind.missing(place, &stage.recorded()))))
 }
 
-/// That the torque of `joint` is no measurement in any recording, in words: the same for all such joints.
+/// The sentence that the torque of `joint` is no measurement in any recording: the same for all such joints.
 fn no_torque_of(data: &Data, joint: Option<usize>) -> Option<String> {
     let is_stuck = |j| data.stages.iter().all(|stage| stage.ground.is_stuck(Kind::Torque(j)));
     joint.filter(|joint| is_stuck(*joint))?;
@@ -410,7 +414,7 @@ fn no_torque_of(data: &Data, joint: Option<usize>) -> Option<String> {
     Some(format!("{} {is} no measurement", stuck.join(", ")))
 }
 
-/// How long what has this `form` lasts, s: to its recording's end, if it does not end.
+/// Duration of the event with this `form`, s: until the end of its recording, if the event does not end.
 pub(crate) fn lasts(data: &Data, form: &Form) -> f64 {
     match window(&form.shape) {
         Some([begin, end]) => end - begin,
@@ -418,7 +422,7 @@ pub(crate) fn lasts(data: &Data, form: &Form) -> f64 {
     }
 }
 
-/// Whether what has the shapes `one` and `other` happens at the same time in part; what does not end meets all.
+/// Returns true if the times of the shapes `one` and `other` overlap; a shape without an end overlaps all.
 fn meet(one: &Table, other: &Table) -> bool {
     match (window(one), window(other)) {
         (Some([from, to]), Some([begin, end])) => begin < to && from < end,
@@ -426,13 +430,13 @@ fn meet(one: &Table, other: &Table) -> bool {
     }
 }
 
-/// The forms of `kind` at `joint` that are laid out.
+/// The forms of `kind` at `joint` for which the search has candidates.
 fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, torques: Option<&WhiteTorques>) -> Vec<Form> {
     let shapes_of = |stage: &Stage| (kind.shapes)(&Place { scene: stage.baseline(kind).scene(), joint });
     if !kind.happens() {
         return shapes_of(fastest(data, joint)).into_iter().map(Form::of).collect();
     }
-    // Each recording has a clock of its own, and what happens at a time happens in that recording alone.
+    // Each recording has its own clock, and an event happens in one recording alone.
     let mut forms = Vec::new();
     for (index, stage) in data.stages.iter().enumerate() {
         let at_times = torques.map(|torques| torques.shapes(data, kind, joint, index));
@@ -442,7 +446,7 @@ fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, torques: Option<&
     forms
 }
 
-/// The recording in which `joint` moves fastest, which spans the speeds and loads that shapes are laid out over; for the whole arm the first.
+/// The recording in which `joint` moves fastest, which covers the speeds and loads of the shapes; for the whole arm the first recording.
 fn fastest<'c, 'a>(data: &'c Data<'a>, joint: Option<usize>) -> &'c Stage<'a> {
     let greatest = |stage: &Stage| {
         let joint = joint.map(|joint| stage.motion().v[joint].iter());
@@ -455,10 +459,11 @@ fn fastest<'c, 'a>(data: &'c Data<'a>, joint: Option<usize>) -> &'c Stage<'a> {
         .fold(first, |most, stage| if greatest(stage) > greatest(most) { stage } else { most })
 }
 
-/// Least share of a column's square that the columns of the same law before it do not say, for the motion to show its term: above what rounding leaves.
+/// Smallest share of a column's square that is independent of the columns before it in the same law, for the motion to show its term: above the
+/// rounding error.
 const OWN_SHARE: f64 = 1e-8;
 
-/// Which of `columns` say something that those before them don't.
+/// The columns that are linearly independent of those before them.
 fn independent(columns: &[Column]) -> Vec<usize> {
     let n = columns.len();
     let product = |i: usize, j: usize| -> f64 {
@@ -480,7 +485,8 @@ fn independent(columns: &[Column]) -> Vec<usize> {
     found
 }
 
-/// Whether `column`, with the greatest coefficient of its `term`, says anything that could be measured: a force along the axis of a joint is a rounding error.
+/// Returns true if `column`, with the largest coefficient of its `term`, is large enough to be measured: a force along the axis of a joint is a
+/// rounding error.
 fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
     let most = term.least.abs().max(term.most.abs());
     column.iter().enumerate().any(|(c, part)| {
@@ -491,8 +497,8 @@ fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
     })
 }
 
-/// Whether `columns` of what happens at a time have rows that are heard with it and without it, each for longer than the low-pass remembers: what is there from
-/// the first sample to the last has not happened.
+/// Returns true if `columns` of an event have active rows with it and without it, each for longer than the memory of the low-pass: an effect that
+/// lasts from the first sample to the last is no event.
 fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
     (0..data.channels()).any(|c| {
         let mask = data.heard(c);
@@ -514,7 +520,7 @@ fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
     })
 }
 
-/// All terms of a law and their columns; its journal about where it `begins` in each recording, which is set to where it does.
+/// All terms of a law and their columns. The search for the journal starts near `begins` in each recording, and stores its result there.
 fn columns(
     data: &Data,
     (kind, joint): (&'static EffectKind, Option<usize>),
@@ -548,7 +554,8 @@ fn columns(
     Ok((terms, columns))
 }
 
-/// Adds to the `columns` of `kind` at `joint` what the law says beyond their sum with the coefficients `around`, each by its share of that sum.
+/// Adds to the `columns` of `kind` at `joint` the nonlinear remainder of the law at the coefficients `around`: the law minus the sum of the columns
+/// with these coefficients. Each column takes its share of that sum.
 fn take_around(
     data: &Data,
     (kind, joint): (&'static EffectKind, Option<usize>),

@@ -1,4 +1,5 @@
-//! The shapes of what happens at a time: a push, a load that drops. Each recording has a clock of its own, and a repeat need not have the push.
+//! Shapes of transient effects, which begin and end at a time: a push, a load that drops. Each recording has its own clock, and a repeated recording
+//! need not have the push.
 
 use freeplay_laws::Kind as EffectKind;
 use toml::{Table, Value};
@@ -9,28 +10,28 @@ use crate::data::stage::Stage;
 use crate::data::whitening::Whitening;
 use crate::signals::channel::Kind;
 
-/// Most happenings of a recording that are looked for once all else is found, and windows of each that are laid out: a recording with more is one of a
-/// disturbed machine, to be made again.
+/// Largest number of events of a recording in the search after all other laws, and of candidate windows of each kind: a recording with more events
+/// comes from a disturbed machine and has to be repeated.
 pub(crate) const MOST: usize = 8;
-/// Names of the numbers of a law that begins and ends.
+/// Names of the parameters of a law that begins and ends.
 const BEGIN: &str = "start";
 pub(crate) const END: &str = "end";
 
-/// From when to when what has this `shape` happens; `None` if it does not end.
+/// Start and end of the event with this `shape`; `None` if it does not end.
 pub(crate) fn window(shape: &Table) -> Option<[f64; 2]> {
     let time = |name| shape.get(name).and_then(Value::as_float);
     Some([time(BEGIN)?, time(END)?])
 }
 
-/// The torques of all recordings, white, in which what begins and ends is looked for.
+/// The whitened torques of all recordings, in which the search looks for events.
 pub(crate) struct WhiteTorques {
-    /// By channel; `None` of what is no torque.
+    /// By channel; `None` for a channel that is no torque.
     torques: Vec<Option<Torque>>,
     per_stage: usize,
 }
 
 impl WhiteTorques {
-    /// Those of `data` that wander as `whitening` says, of which `left` remains.
+    /// The torques of `data` with the drift models of `whitening` and the residuals `left`.
     pub fn new(data: &Data, whitening: &Whitening, left: &[Vec<f64>]) -> Self {
         let of_stage: Vec<(Step, Vec<usize>)> =
             data.stages.iter().map(|stage| (step_of(stage), edges_of(stage))).collect();
@@ -42,14 +43,14 @@ impl WhiteTorques {
         Self { torques: (0..data.channels()).map(torque).collect(), per_stage: data.per_stage() }
     }
 
-    /// Sets what is `left` of them.
+    /// Sets the residuals `left` of the torques.
     pub fn set(&mut self, left: &[Vec<f64>]) {
         let torques = self.torques.iter_mut().zip(left);
         torques.for_each(|(torque, left)| torque.iter_mut().for_each(|torque| torque.set(left)));
     }
 
-    /// In how many ways, each as likely as the next, a `kind` may happen at one place: from each row that says something on, and for as long as one row or as all
-    /// rows, the logarithm of its length even (Jeffreys 1961, Theory of Probability, §3.1).
+    /// Number of equally probable ways in which a `kind` may happen at one place. It may start at each used row, and its duration is between one row
+    /// and all rows, uniform in the logarithm (Jeffreys 1961, Theory of Probability, §3.1).
     pub fn tried(&self, kind: &EffectKind) -> usize {
         let rows = self.torques.iter().flatten().map(Torque::count).sum::<usize>();
         let torques = self.torques.iter().flatten().count().max(1);
@@ -71,7 +72,7 @@ impl WhiteTorques {
     }
 }
 
-/// A step in a torque of `stage`, as the low-pass shows it.
+/// A step in a torque of `stage`, after the low-pass.
 fn step_of(stage: &Stage) -> Step {
     let treatment = &stage.ground.treatment;
     let t = &stage.motion().t;
@@ -83,7 +84,7 @@ fn step_of(stage: &Stage) -> Step {
     Step::new(seen[middle.saturating_sub(reach)..(middle + reach).min(seen.len())].to_vec())
 }
 
-/// The rows of `stage` at which something may set in or end: four in a period of its low-pass's cutoff.
+/// The rows of `stage` at which an event may start or end: four in a period of its low-pass's cutoff.
 fn edges_of(stage: &Stage) -> Vec<usize> {
     let motion = stage.motion();
     let step = motion.stretches.first().map_or(1.0, |stretch| motion.step(stretch));
@@ -91,7 +92,7 @@ fn edges_of(stage: &Stage) -> Vec<usize> {
     (0..motion.len()).step_by(every.max(1)).collect()
 }
 
-/// The shape of what begins and ends at these times.
+/// The shape of an event that begins and ends at these times.
 fn between(begin: f64, end: f64) -> Table {
     [(BEGIN, begin), (END, end)]
         .map(|(name, time)| (name.to_owned(), Value::from(time)))

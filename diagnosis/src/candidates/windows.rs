@@ -1,30 +1,30 @@
-//! In which window of a recording something would act that sets in and ends: every pair of rows is tried.
+//! The best windows of a recording for an event with a start and an end: the search tries every pair of rows.
 //!
-//! A push from row b to row e is a step at b less the same step at e. With W the filter that makes rows white, y what is left and s a step, its best size explains
-//! ½ (r_b − r_e)² / (G_bb − 2 G_be + G_ee) of the log-likelihood, r_b = s_bᵀWᵀWy and G_be = s_bᵀWᵀWs_e: the matched filter (Turin 1960, IRE Trans. Inf. Theory 6:311) for all
-//! windows at once.
+//! A push from row b to row e is a step at b minus the same step at e. With W the whitening filter, y the residual and s a step, a push of the best
+//! size explains ½ (r_b − r_e)² / (G_bb − 2 G_be + G_ee) of the log-likelihood, r_b = s_bᵀWᵀWy and G_be = s_bᵀWᵀWs_e: the matched filter (Turin 1960,
+//! IRE Trans. Inf. Theory 6:311) for all windows at once.
 
 use crate::data::whitening::Wandering;
 
-/// Share of a step below which what becomes of it is over: its square, a millionth, adds nothing to evidence.
+/// Share of a step below which the whitened step has decayed: its square, a millionth, adds nothing to the evidence.
 const OVER: f64 = 1e-3;
 
-/// What a low-pass makes of a step, by row around it.
+/// The response of a low-pass to a step, by row around the step.
 #[derive(Clone, Debug)]
 pub(crate) struct Step(Vec<f64>);
 
 impl Step {
-    /// That of which this is seen: as many rows before the step as after, the step between.
+    /// The step with the response `seen`: as many rows before the step as after it, with the step between them.
     pub fn new(seen: Vec<f64>) -> Self {
         Self(seen)
     }
 
-    /// Rows on either side of the step in which it is neither nought nor one.
+    /// Rows on either side of the step in which the response is neither zero nor one.
     fn reach(&self) -> usize {
         self.0.len() / 2
     }
 
-    /// At `row` of a step at `at`.
+    /// The response at `row` to a step at `at`.
     fn value(&self, row: usize, at: usize) -> f64 {
         match (row + self.reach()).checked_sub(at) {
             None => 0.0,
@@ -33,22 +33,23 @@ impl Step {
     }
 }
 
-/// One torque, of the rows that say something.
+/// One torque, with the rows that its drift model uses.
 pub(crate) struct Torque {
     /// The numbers of these rows.
     rows: Vec<usize>,
     wandering: Wandering,
     step: Step,
-    /// The rows at which something may set in or end.
+    /// The rows at which an event may start or end.
     edges: Vec<usize>,
     /// r_b.
     right: Vec<f64>,
-    /// G_be of the edges b up to each edge e: the first that is near to it, those from there on, and that of all which are not near.
+    /// G_be of the edges b up to each edge e: the first near edge, the values from there on, and the common value of all edges before it.
     cross: Vec<(usize, Vec<f64>, f64)>,
 }
 
 impl Torque {
-    /// That whose rows wander like this, of which `left` remains, where a `step` looks like this and is looked for at these `edges`.
+    /// The torque with the drift model `wandering` and the residuals `left`; a `step` has this response, and events may start or end at these
+    /// `edges`.
     pub fn new(wandering: &Wandering, left: &[f64], step: &Step, edges: &[usize]) -> Self {
         let (rows, wandering) = wandering.condensed();
         let mut torque = Self {
@@ -65,12 +66,12 @@ impl Torque {
         torque
     }
 
-    /// Number of rows that say something.
+    /// Number of rows that the drift model uses.
     pub fn count(&self) -> usize {
         self.rows.len()
     }
 
-    /// Sets what is `left` of it.
+    /// Sets the residuals `left` of the torque.
     pub fn set(&mut self, left: &[f64]) {
         let left: Vec<f64> = self.rows.iter().map(|row| left[*row]).collect();
         let mut sums = self.wandering.back(&self.wandering.rows(&left));
@@ -82,7 +83,8 @@ impl Torque {
         self.right = self.edges.iter().map(|&edge| self.along(edge, 0, &sums)).collect();
     }
 
-    /// The product of a step at the row `edge` with rows of which these are the `sums` from each on, beginning with its row number `begin`.
+    /// The product of a step at the row `edge` with rows. `sums` are the sums of these rows from each row to the end, beginning with the row number
+    /// `begin`.
     fn along(&self, edge: usize, begin: usize, sums: &[f64]) -> f64 {
         let sum = |at: usize| sums.get(at.saturating_sub(begin)).copied().unwrap_or(0.0);
         let first = self.rows.partition_point(|&row| row + self.step.reach() < edge);
@@ -95,7 +97,7 @@ impl Torque {
         along + sum(at)
     }
 
-    /// What a step at its edge number `edge` has to do with those at the edges up to it.
+    /// The products of a step at the edge number `edge` with steps at the edges up to it.
     fn cross(&self, steps: &[(f64, f64)], edge: usize) -> (usize, Vec<f64>, f64) {
         let at = self.edges[edge];
         let reach = self.step.reach();
@@ -116,7 +118,7 @@ impl Torque {
         begin.checked_sub(*near).map_or(*far, |at| crosses[at])
     }
 
-    /// What a push from its edge number `begin` to its edge number `end` explains.
+    /// Log-likelihood that a push between the edges number `begin` and `end` explains.
     fn explained(&self, begin: usize, end: usize) -> f64 {
         let own = self.product(begin, begin) + self.product(end, end);
         let square = own - 2.0 * self.product(begin, end);
@@ -126,7 +128,7 @@ impl Torque {
     }
 }
 
-/// The `most` windows of rows, begin and end, in which the `torques` together would be explained best by a size of its own in each, none of which meets a better one and none
+/// The `most` best windows, first and last row, for an event in all `torques` with its own size in each. No window overlaps a better one, and none is
 /// longer than half of the rows.
 pub(crate) fn windows(torques: &[&Torque], most: usize) -> Vec<[usize; 2]> {
     let Some(edges) = torques.first().map(|torque| &torque.edges) else { return Vec::new() };
@@ -141,7 +143,7 @@ pub(crate) fn windows(torques: &[&Torque], most: usize) -> Vec<[usize; 2]> {
     apart(best, most)
 }
 
-/// The `most` windows that explain most, none of which meets a better one.
+/// The `most` windows that explain most, none of which overlaps a better one.
 fn apart(mut windows: Vec<(f64, [usize; 2])>, most: usize) -> Vec<[usize; 2]> {
     windows.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut best: Vec<[usize; 2]> = Vec::new();
@@ -165,7 +167,7 @@ mod tests {
     use crate::data::whitening::Wandering;
     use crate::random::normals;
 
-    /// What is explained is what least squares on white rows say, and the window of a push is found to the row.
+    /// The explained log-likelihood is that of least squares on white rows, and the search finds the window of a push to the row.
     #[test]
     fn the_window_of_a_push_is_found() {
         let mut rng = ChaCha8Rng::seed_from_u64(6);

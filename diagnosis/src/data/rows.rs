@@ -1,7 +1,7 @@
-//! Which rows of a channel count, and by how much a perfect model may be off in them.
+//! The usable rows of a channel, and the error of a perfect model in them.
 //!
-//! A joint that stands carries any torque between ± its dry friction, and where it turns the low-pass rounds the corner of its speed: such rows say nothing of
-//! a law of friction. They are left out of the torque of that joint.
+//! The dry friction of a joint at rest has any value between ± its maximum. Where a joint reverses, the low-pass rounds the corner of its speed. Such
+//! rows hold no information about a law of friction, and the fit does not use them for the torque of that joint.
 
 use freeplay_laws::{DriveFriction, Placed};
 use nalgebra::{Matrix3, Vector3};
@@ -18,33 +18,34 @@ use crate::signals::motion::Treatment;
 use crate::signals::rest::STILL;
 use crate::statistics::{Moments, UNMOVED, span};
 
-/// Share of its greatest speed below which a joint stands still that is slower for longer than the filter remembers, unless its encoder sees it creep: what the
-/// low-pass leaves of a stop is below it.
+/// Share of its greatest speed below which a joint is at rest if it stays below for longer than the filter's memory, unless its encoder shows slow
+/// motion: the response of the low-pass to a stop is below this share.
 const STANDING: f64 = 2e-3;
-/// The low-pass with the cutoff f_c rounds the corner of a speed where a joint starts to stick or to slip: by about this times the acceleration over f_c,
-/// seen on simulated stops.
+/// Factor of the rounding of a speed by the low-pass with the cutoff f_c where a joint starts to stick or to slip: the error is about this factor
+/// times the acceleration over f_c, seen on simulated stops.
 const ROUNDED: f64 = 0.05;
-/// Share of the time from which on a joint that stands is judged at rest: what is not friction shows there, too, and there are too few other rows.
+/// Share of the time at rest above which the fit also uses the rows at rest of a joint: forces other than friction show there, too, and too few other
+/// rows remain.
 const MOSTLY: f64 = 0.9;
-/// Share of what a sharper look at the motion adds to the model's torque that a still sharper one may add: the series of looks halves at each octave or faster.
+/// Largest share of the model's change under the finer low-pass that a still finer one would add: the changes halve with each octave or faster.
 const HIDDEN: f64 = 0.1;
 
-/// What the samples and the model can say of each row.
+/// The usable rows of a channel, and the errors that a perfect model has there.
 pub(crate) struct Rows {
-    /// Whether it counts, 1 or 0.
+    /// Whether the row counts, 1 or 0.
     pub counts: Vec<f64>,
-    /// By how much a perfect model may be off there, in the channel's unit.
+    /// Standard deviation of the error of a perfect model, in the channel's unit.
     pub off: Vec<f64>,
 }
 
-/// What the samples and the model can say of each row of the channel number `channel` of `stage`.
+/// The usable rows of the channel number `channel` of `stage`, from the samples and the model.
 pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Rows {
     let present = stage.channels[channel].present.as_deref();
     let Rows { counts, off } = measured_rows(stage, channel);
     Rows { counts: masked(counts, present), off }
 }
 
-/// The same, were nothing missing.
+/// The usable rows if no sample were missing.
 fn measured_rows(stage: &Stage, channel: usize) -> Rows {
     let points = stage.motion().len();
     let all = |counts: f64| Rows { counts: vec![counts; points], off: vec![0.0; points] };
@@ -57,7 +58,7 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
     let (rate_hz, cutoff_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
     let reach = reach(treatment);
     let slow = slowest(v);
-    // Seen to creep, and to which side, within the filter's memory.
+    // Speed, with a sign, that the encoder resolves within the filter's memory.
     let creeping = UNMOVED * stage.ground.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
     let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
     if dry > 0.0 && rests(stage, joint) || is_held(stage, joint) {
@@ -78,14 +79,14 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
             if v.abs() < blurred || sticks && v.abs() < creeping.max(4.0 * blurred) { 1.0 } else { 0.0 }
         })
         .collect();
-    // What dry friction does there, the low-pass smears over the rows around.
+    // The low-pass smears dry friction at these rows over the rows around.
     let smeared = treatment.keep(&envelope(&treatment.low_pass(&turns), reach));
     let turns = treatment.keep(&envelope(&turns, reach));
     let counts: Vec<f64> =
         stands.iter().zip(turns).map(|(stands, turns)| (1.0 - stands) * (1.0 - turns)).collect();
     let friction = dry + left_dry(stage, joint, channel, &counts);
-    // A sample says of a jump between two of them no more than that. By half the time between samples it is early or late, times
-    // the slope of the low-pass's answer, which is twice the cutoff times twice what the low-pass takes from the jump.
+    // The samples do not resolve the time of a jump between two of them. The error of this time is half the sample period, times the slope of the
+    // low-pass's response: twice the cutoff times twice the part of the jump that the low-pass removes.
     let unresolved = treatment.keep(&envelope(&stage.ground.sharpening.unresolved[joint], reach));
     let hidden = treatment.keep(&envelope(&stage.ground.sharpening.more.torque[joint], reach));
     let off = unresolved
@@ -99,9 +100,9 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
     Rows { counts, off }
 }
 
-/// By how much each row of `stage` may be off, by channel, where its model has the effects `found` and is `off` without them. Where their torques jump, as those of dry friction
-/// do where a joint turns, the low-pass does not let the whole jump through; and where speeds that no encoder sees would turn them round, as where two coupled joints stand against
-/// each other, they may be anything between.
+/// Standard deviation of the error of each row of `stage`, by channel, for a model with the effects `found`; `off` is that of the model without them.
+/// The low-pass attenuates the jumps of their torques, such as those of dry friction where a joint reverses. If speeds below the resolution of the
+/// encoder would invert a torque, as where two coupled joints hold each other, the torque may have any value in between.
 pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: u64) -> Vec<Vec<f64>> {
     let treatment = &stage.ground.treatment;
     let reach = reach(treatment);
@@ -114,7 +115,7 @@ pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: 
         stage.raw_torques(found, &motion)
     };
     let (Ok(less), Ok(as_seen), Ok(more)) = (along(-1.0), along(0.0), along(1.0)) else {
-        // An arm that can't be leaves the rows as they are.
+        // An arm that is not physical leaves the rows unchanged.
         return off.to_vec();
     };
     let of_channel = |(channel, off): (&Channel, &Vec<f64>)| match channel.kind {
@@ -123,7 +124,7 @@ pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: 
             let jumps: Vec<f64> = (0..through.len())
                 .map(|k| {
                     let as_seen = as_seen[joint][k];
-                    // What is in proportion to the speed is no jump.
+                    // A torque in proportion to the speed is no jump.
                     (as_seen - through[k]).hypot(0.5 * (less[joint][k] + more[joint][k]) - as_seen)
                 })
                 .collect();
@@ -135,8 +136,8 @@ pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: 
     stage.channels.iter().zip(off).map(of_channel).collect()
 }
 
-/// The deviation between the courses that the effects `found` may take, by channel. Each row has the greatest deviation of the rows around it. `None` in a channel in which all effects
-/// have one course.
+/// Standard deviation between the possible solutions of the effects `found`, by channel. Each row has the largest deviation of the rows around it. A
+/// channel in which all effects have one solution holds `None`.
 pub(crate) fn apart_with(stage: &Stage, found: &[Placed]) -> Answer {
     let reach = reach(&stage.ground.treatment);
     let mut squares: Answer = vec![None; stage.channels.len()];
@@ -158,7 +159,8 @@ pub(crate) fn apart_with(stage: &Stage, found: &[Placed]) -> Answer {
     squares.into_iter().map(|squares| squares.map(root)).collect()
 }
 
-/// Speeds that each joint of `stage` may have beside those that its encoder shows, on all grid points: what the encoder's noise makes of them, and those at which a joint stands.
+/// Speeds of each joint of `stage` that its encoder does not show, on all grid points: those that the noise of the encoder hides, and those below the
+/// speed of a joint at rest.
 fn unseen_speeds(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     let (read, whole) = (misread_whole(stage, rng), stage.whole());
     let of_joint = |(read, v): (&Vec<f64>, &Vec<f64>)| {
@@ -168,17 +170,18 @@ fn unseen_speeds(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     read.v.iter().zip(&whole.v).map(of_joint).collect()
 }
 
-/// Half a period of the low-pass's cutoff, in points: so far the low-pass smears a jump.
+/// Half a period of the low-pass's cutoff, in points: the low-pass smears a jump over this distance.
 fn reach(treatment: &Treatment) -> usize {
     (treatment.rate_hz() / treatment.filter().cutoff_hz() / 2.0) as usize
 }
 
-/// The speed below which a joint with the speeds `v` stands still.
+/// The speed below which a joint with the speeds `v` is at rest.
 fn slowest(v: &[f64]) -> f64 {
     STANDING * v.iter().fold(0.0_f64, |most, v| most.max(v.abs()))
 }
 
-/// Dry friction of `joint` that the model leaves out, about: the step of its residual with the direction beside a constant and the speed, by least squares.
+/// Dry friction of `joint` that the model lacks, approximately: the coefficient of the direction of motion in a least-squares fit of the residual,
+/// with a constant and the speed.
 fn left_dry(stage: &Stage, joint: usize, channel: usize, counts: &[f64]) -> f64 {
     let v = &stage.motion().v[joint];
     let residual = stage.channels[channel].residual();
@@ -191,18 +194,18 @@ fn left_dry(stage: &Stage, joint: usize, channel: usize, counts: &[f64]) -> f64 
     normal.cholesky().map_or(0.0, |factor| factor.solve(&right)[2].abs())
 }
 
-/// Whether `joint` stays where it is throughout, for all that its encoder sees.
+/// Returns true if `joint` stays at rest throughout, as far as its encoder resolves.
 pub(crate) fn rests(stage: &Stage, joint: usize) -> bool {
     span(&stage.whole().q[joint]) < STILL.max(2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation)
 }
 
-/// True if something holds `joint`: it stands throughout, although the commands of `stage` would move it.
+/// Returns true if something holds `joint`: it is at rest throughout, although the commands of `stage` would move it.
 pub(crate) fn is_held(stage: &Stage, joint: usize) -> bool {
     let told = stage.ground.recording.q_ref.as_ref().and_then(|columns| columns.get(joint));
     rests(stage, joint) && told.is_some_and(|told| span(told) > STILL)
 }
 
-/// Where the encoder of `joint` sees no motion from one sample to the next.
+/// The points at which the encoder of `joint` shows no motion from one sample to the next.
 fn sticking(stage: &Stage, joint: usize) -> Vec<bool> {
     let ground = stage.ground;
     let read = ground.treatment.whole_column(ground.recording, &ground.recording.q[joint]);
@@ -211,7 +214,7 @@ fn sticking(stage: &Stage, joint: usize) -> Vec<bool> {
     (0..read.len()).map(|k| still(k, k + 1) || still(k, k.wrapping_sub(1))).collect()
 }
 
-/// 1 within `reach` points of where the speed `v` stays below `slow` for longer than that, else 0.
+/// 1 within `reach` points of an interval, longer than `reach`, in which the speed `v` stays below `slow`; else 0.
 fn standing(v: &[f64], slow: f64, reach: usize) -> Vec<f64> {
     let is_slow = |point: usize| v[point].abs() < slow;
     let mut standing = vec![0.0; v.len()];
@@ -228,7 +231,7 @@ fn standing(v: &[f64], slow: f64, reach: usize) -> Vec<f64> {
     standing
 }
 
-/// The greatest size of `x` within `reach` points of each.
+/// Maximum of |x| within `reach` points of each point.
 fn envelope(x: &[f64], reach: usize) -> Vec<f64> {
     let around = |k: usize| &x[k.saturating_sub(reach)..(k + reach + 1).min(x.len())];
     (0..x.len()).map(|k| around(k).iter().fold(0.0_f64, |most, x| most.max(x.abs()))).collect()

@@ -1,4 +1,4 @@
-//! The rows that a diagnosis works on: all channels of all recordings, which of them count, and to which part of the data they belong.
+//! The rows of a diagnosis: all channels of all recordings, the rows that count, and the part of the data to which each row belongs.
 
 use std::ops::Range;
 
@@ -14,29 +14,29 @@ use crate::data::tolerance::{Nuisance, Tolerances};
 use crate::signals::channel::Kind;
 use crate::statistics::WIDE;
 
-/// Share of a step that the low-pass remembers at the end of its settling time, about: its poles forget to 6·10⁻⁶ each, and the two passes add up.
+/// Share of a step that the low-pass retains after its settling time, approximately: its poles decay to 6·10⁻⁶ each, and the two passes add up.
 pub(crate) const REMEMBERED: f64 = 1e-4;
 
-/// All recordings, stacked. Channels are numbered through: those of the first recording, those of the second, and so on.
+/// All recordings, stacked. One sequence of numbers covers all channels: those of the first recording, those of the second, and so on.
 pub(crate) struct Data<'a> {
     /// The recordings.
     pub stages: Vec<Stage<'a>>,
-    /// The tolerances of the model, by stage; the same in number and order in each.
+    /// The tolerances of the model, by recording; the same number and order in each.
     pub nuisances: Vec<Vec<Nuisance>>,
-    /// Which rows count, 1 or 0, `[channel][row]`.
+    /// The rows that count, 1 or 0, `[channel][row]`.
     pub counts: Vec<Vec<f64>>,
-    /// By how much a perfect model may be off in a row, in the channel's unit, `[channel][row]`.
+    /// Standard deviation of the error of a perfect model in each row, in the channel's unit, `[channel][row]`.
     pub off: Vec<Vec<f64>>,
     /// The part to which each row belongs, `[stage][row]`.
     pub parts: Vec<Vec<Part>>,
-    /// The parts that the step at hand sees.
+    /// The parts that the present step of the diagnosis uses.
     pub heard: Vec<Part>,
-    /// How the data were parted, in words.
+    /// How the data were divided, in words.
     pub how: String,
 }
 
 impl<'a> Data<'a> {
-    /// Stacks `stages`.
+    /// Stacks `stages` and divides their rows into parts.
     pub fn new(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
         let nuisances = stages.iter().map(|stage| nuisances(stage, tolerances)).collect();
         let (mut counts, mut off) = (Vec::new(), Vec::new());
@@ -51,19 +51,19 @@ impl<'a> Data<'a> {
         Self { stages, nuisances, counts, off, parts, heard: vec![Part::Fit], how }
     }
 
-    /// Lets the tolerances of the arm act on the machine with what was found: a gear twists more under a link that is heavier.
+    /// Recomputes the tolerances of the arm on the machine with the found effects: a gear twists more under a heavier link.
     pub fn follow(&mut self, tolerances: &Tolerances) {
         self.nuisances = self.stages.iter().map(|stage| nuisances(stage, tolerances)).collect();
     }
 
-    /// The same with all rows in the fit part: a motion that is only planned.
+    /// Stacks `stages` with all rows in the fit part, for a planned motion.
     pub fn whole(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
         let mut data = Self::new(stages, tolerances);
         data.parts.iter_mut().for_each(|parts| parts.fill(Part::Fit));
         data
     }
 
-    /// The arm of the model, with the effects that its file has.
+    /// The arm of the model, with the effects of its file.
     pub fn arm(&self) -> &Arm {
         self.stages[0].arm()
     }
@@ -73,7 +73,7 @@ impl<'a> Data<'a> {
         self.stages.first().map_or(0, |stage| stage.channels.len())
     }
 
-    /// The channels that measure the same as the channel `c` of the first recording, one of each recording.
+    /// The channels that measure the same quantity as the channel `c` of the first recording, one of each recording.
     pub fn alike(&self, c: usize) -> Vec<usize> {
         (c..self.channels()).step_by(self.per_stage()).collect()
     }
@@ -83,45 +83,46 @@ impl<'a> Data<'a> {
         self.counts.len()
     }
 
-    /// Which stage and which of its channels the channel number `channel` is.
+    /// The recording of the channel number `channel`, and the number of the channel in that recording.
     pub fn place(&self, channel: usize) -> (usize, usize) {
         (channel / self.per_stage(), channel % self.per_stage())
     }
 
-    /// What the channel number `channel` measures.
+    /// The quantity that the channel number `channel` measures.
     pub fn kind(&self, channel: usize) -> Kind {
         let (stage, of_stage) = self.place(channel);
         self.stages[stage].channels[of_stage].kind
     }
 
-    /// The rows of the channel number `channel` that count and belong to one of `parts`, 1 or 0.
+    /// The mask, 1 or 0, of the rows of the channel number `channel` that count and belong to one of `parts`.
     pub fn mask(&self, channel: usize, parts: &[Part]) -> Vec<f64> {
         let (stage, _) = self.place(channel);
         let rows = self.counts[channel].iter().zip(&self.parts[stage]);
         rows.map(|(counts, part)| if parts.contains(part) { *counts } else { 0.0 }).collect()
     }
 
-    /// The rows of the channel number `channel` that count and that the step at hand sees, 1 or 0.
+    /// The mask, 1 or 0, of the rows of the channel number `channel` that count and that the present step uses.
     pub fn heard(&self, channel: usize) -> Vec<f64> {
         self.mask(channel, &self.heard)
     }
 
-    /// The error that each row may have, by channel, although the model has all effects there are, namely those `found`: see [`off_with`].
+    /// Standard deviation of the error of each row, by channel, of a model that has all effects, namely those `found`: see [`off_with`].
     pub fn off_with(&self, found: &[Placed], seed: u64) -> Vec<Vec<f64>> {
         let of_stages = self.stages.iter().zip(self.off.chunks(self.per_stage().max(1)));
         of_stages.flat_map(|(stage, off)| off_with(stage, found, off, seed)).collect()
     }
 
-    /// The deviation between the courses that the effects `found` may take, by channel: see [`apart_with`].
+    /// Standard deviation between the possible solutions of the effects `found`, by channel: see [`apart_with`].
     pub fn apart_with(&self, found: &[Placed]) -> Answer {
         self.stages.iter().flat_map(|stage| apart_with(stage, found)).collect()
     }
 
-    /// Takes the rows in which one of `columns` says anything, behind the low-pass, out of the test part. Each column belongs to something that begins and ends, and no other
-    /// rows show that. Returns whether the test part is left for longer than the low-pass remembers; else the method takes nothing.
+    /// Moves the rows in which one of `columns` is not zero, behind the low-pass, from the test part to the choice part. Each column belongs to an
+    /// effect that begins and ends, and no other rows show that effect. Returns true if the test part remains longer than the memory of the low-pass;
+    /// otherwise the method moves nothing.
     pub fn give_moments<'c>(&mut self, columns: impl Iterator<Item = &'c Column>) -> bool {
         let before = self.parts.clone();
-        // Where a force can't turn a joint its torque there is a rounding error.
+        // Where a force can't turn a joint, its torque there is a rounding error.
         let most =
             |column: &Column| column.iter().flatten().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
         let columns = columns.map(|column| (column, REMEMBERED * most(column)));
@@ -148,8 +149,8 @@ impl<'a> Data<'a> {
         is_left
     }
 
-    /// Stacks one answer a stage into a column, with the rows that don't count set to zero; nothing where none is left. The mean is taken off link
-    /// encoders, whose zero nobody sets against the motors'.
+    /// Stacks one answer a recording into a column, and sets the rows that don't count to zero. A channel without a value holds `None`. The method
+    /// subtracts the mean from link encoders, because nobody aligns their zero with that of the motors.
     pub fn column(&self, answers: Vec<Answer>) -> Column {
         let mut column: Column = answers.into_iter().flatten().collect();
         for (channel, part) in column.iter_mut().enumerate() {
@@ -163,7 +164,7 @@ impl<'a> Data<'a> {
         column
     }
 
-    /// Sets the `rows` of the channel number `channel` that don't count to zero, and takes the mean off a link encoder.
+    /// Sets the `rows` of the channel number `channel` that don't count to zero, and subtracts the mean from a link encoder.
     pub fn count(&self, channel: usize, rows: &mut [f64]) {
         let counts = &self.counts[channel];
         if matches!(self.kind(channel), Kind::Link(_)) {
@@ -174,7 +175,7 @@ impl<'a> Data<'a> {
         rows.iter_mut().zip(counts).for_each(|(x, counts)| *x *= counts);
     }
 
-    /// Measured minus the model as given, in every channel.
+    /// Measured minus the given model, in every channel.
     pub fn target(&self) -> Vec<Vec<f64>> {
         let channels = self.stages.iter().flat_map(|stage| &stage.channels);
         let residual = channels.enumerate().map(|(channel, of_stage)| {
@@ -185,7 +186,7 @@ impl<'a> Data<'a> {
         residual.collect()
     }
 
-    /// Measured minus the model with `more` effects in each recording, all of them at once, as an arm file with them would have it.
+    /// Measured minus the model with `more` effects in each recording. All effects act together, as in an arm file.
     ///
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
@@ -200,7 +201,7 @@ impl<'a> Data<'a> {
         Ok(left)
     }
 
-    /// Root of the mean square of `rows` where `masks` is one, in each channel of a stage over all recordings; `None` where no row is.
+    /// Root of the mean square of `rows` where `masks` is one, in each channel of a recording, over all recordings; `None` without such a row.
     pub fn rms(&self, rows: &[Vec<f64>], masks: &[Vec<f64>]) -> Vec<Option<f64>> {
         let of_channel = |c: usize| {
             let (mut square, mut count) = (0.0, 0.0);
@@ -215,7 +216,7 @@ impl<'a> Data<'a> {
         (0..self.per_stage()).map(of_channel).collect()
     }
 
-    /// The columns of the tolerances and the precision of the prior of each: those that no prior binds once for each recording.
+    /// The columns of the tolerances, and the precision of the prior of each. A tolerance without a prior has one column for each recording.
     pub fn tolerances(&self) -> (Vec<Column>, Vec<f64>) {
         let (mut columns, mut precision) = (Vec::new(), Vec::new());
         let nothing = || vec![None; self.per_stage()];
@@ -236,7 +237,7 @@ impl<'a> Data<'a> {
         (columns, precision)
     }
 
-    /// [`Data::column`] with the mean of link encoders left in it.
+    /// [`Data::column`] without the subtraction of the mean from link encoders.
     fn raw_column(&self, answers: Vec<Answer>) -> Column {
         let mut column: Column = answers.into_iter().flatten().collect();
         for (part, counts) in column.iter_mut().zip(&self.counts) {
@@ -247,7 +248,7 @@ impl<'a> Data<'a> {
         column
     }
 
-    /// Sets on each stage the effects that `found` makes for its arm: see [`Stage::set_found`].
+    /// Sets on each recording the effects that `found` returns for its arm: see [`Stage::set_found`].
     pub fn set_found(&self, found: impl Fn(&Arm) -> Vec<Placed>) {
         self.stages.iter().for_each(|stage| stage.set_found(found(stage.arm())));
     }

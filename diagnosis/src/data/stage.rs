@@ -1,4 +1,4 @@
-//! One recording made ready: its motion, what was measured, and what any effect would add to every channel.
+//! One prepared recording: its motion, its measurements, and the contribution of any effect to every channel.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -26,7 +26,7 @@ use crate::signals::residual::{Sharpening, check_joints, residuals_along};
 use crate::signals::stuck::Stuck;
 use crate::statistics::{Moments, difference};
 
-/// What an effect acts on: a drive moves the arm as it is, and a sensor reads what both do.
+/// The object on which an effect acts. A drive moves the arm, and a sensor reads the sum of both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Level {
     Arm,
@@ -36,23 +36,23 @@ enum Level {
 
 type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
 
-/// One recording under its treatment: what a [`Stage`] stands on.
+/// One recording after its treatment: the basis of a [`Stage`].
 pub(crate) struct Ground<'a> {
     /// The recording.
     pub recording: &'a Recording,
-    /// What every column went through.
+    /// The treatment of every column.
     pub treatment: Treatment,
     /// The motion on the kept points.
     pub motion: Trajectory,
-    /// The motion on all grid points, for laws that jump or remember.
+    /// The motion on all grid points, for laws that jump or have a memory.
     pub whole: Trajectory,
     /// Measured, channel by channel.
     pub channels: Vec<Channel>,
-    /// How noisy what was measured is.
+    /// The noise of the measurements.
     pub noises: Noises,
-    /// Torques that are no measurement, by joint.
+    /// Torques that are no measurement, by joint; `None` for a measured torque.
     pub stuck: Vec<Option<Stuck>>,
-    /// What the low-pass on the motion takes from the model.
+    /// The error that the low-pass on the motion causes in the model.
     pub sharpening: Sharpening,
     treated: Box<LowPass>,
     as_it_is: Box<LowPass>,
@@ -88,7 +88,7 @@ impl<'a> Ground<'a> {
         })
     }
 
-    /// The same for a `recording` of whose torques only their number matters: those of a motion that is planned are all zero.
+    /// Prepares a `recording` of a planned motion. Its torques are all zero; only their number matters.
     ///
     /// # Errors
     /// See [`ResidualError`].
@@ -96,16 +96,16 @@ impl<'a> Ground<'a> {
         Ok(Self { stuck: vec![None; arm.dof()], ..Self::new(arm, recording, settings)? })
     }
 
-    /// Whether the channel that should measure `kind` is no measurement: it stays at one value, or is missing throughout.
+    /// Returns true if the channel of `kind` is no measurement: its value never changes, or is missing throughout.
     pub fn is_stuck(&self, kind: Kind) -> bool {
         let is_missing = self.channels.iter().any(|channel| channel.kind == kind && channel.is_missing());
         is_missing || matches!(kind, Kind::Torque(joint) if self.stuck[joint].is_some())
     }
 }
 
-/// One recording made ready, and what the model says of it.
+/// One prepared recording, and the prediction of the model for it.
 pub(crate) struct Stage<'a> {
-    /// What it stands on.
+    /// The prepared recording.
     pub ground: &'a Ground<'a>,
     /// Measured and model, channel by channel.
     pub channels: Vec<Channel>,
@@ -119,9 +119,9 @@ pub(crate) struct Stage<'a> {
     nominal: &'a Arm,
     /// The effects that the arm file has.
     known: Vec<&'a Placed>,
-    /// What was found, and what it acts on: other laws act on the machine that has it.
+    /// The effects that were found, each with its level; other laws act on the machine with these effects.
     found: RefCell<Vec<(Level, Rc<Placed>)>>,
-    /// The model with what was found beneath a level, once it was worked out: smooth or rough.
+    /// The model with the found effects below a level, smooth or rough, once it was computed.
     beneath: RefCell<BTreeMap<(Level, bool), Rc<Baseline<'a>>>>,
     /// The effect of the sensors on the drives. The stage computes it at the first use and forgets it when other laws are found.
     sensors: RefCell<Option<Rc<Sensors>>>,
@@ -137,7 +137,7 @@ struct Sensors {
 }
 
 impl<'a> Stage<'a> {
-    /// The stage of `arm` with the `effects` that its file knows.
+    /// The linearised recording of `arm` with the `effects` of its file.
     ///
     /// # Errors
     /// [`LawError::Changed`] if these leave no possible arm.
@@ -165,12 +165,12 @@ impl<'a> Stage<'a> {
         self.sensors.take();
     }
 
-    /// The arm with the effects that change it.
+    /// The arm, with the effects that change it.
     pub fn arm(&self) -> &Arm {
         &self.smooth.scene().arm
     }
 
-    /// The effects that the arm file has.
+    /// The effects of the arm file.
     pub fn known(&self) -> &[&'a Placed] {
         &self.known
     }
@@ -190,12 +190,12 @@ impl<'a> Stage<'a> {
         &self.smooth.scene().load
     }
 
-    /// The same on all grid points.
+    /// Torques of the rigid arm on all grid points, `[joint][point]`.
     pub fn whole_load(&self) -> &[Vec<f64>] {
         &self.rough.scene().load
     }
 
-    /// A signal on all grid points as a measured one would come out.
+    /// Treats a signal on all grid points as a measured column.
     pub fn treated(&self, whole: &[f64]) -> Vec<f64> {
         self.ground.treatment.keep(&(self.ground.treated)(whole))
     }
@@ -205,7 +205,7 @@ impl<'a> Stage<'a> {
         if kind.rough { &self.rough } else { &self.smooth }
     }
 
-    /// Derivative with respect to time of what the model says of `kind`, per second, as a law that makes a channel late has it.
+    /// Derivative with respect to time of the model's prediction for `kind`, per second: the column of a law that delays a channel.
     pub fn rate_of_change(&self, kind: Kind) -> Vec<f64> {
         let (model, motion) = (kind.of(self.rough.prediction()), self.whole());
         let mut rate = Vec::with_capacity(model.len());
@@ -215,7 +215,7 @@ impl<'a> Stage<'a> {
         self.ground.treatment.keep(&rate)
     }
 
-    /// What was recorded.
+    /// The kinds of columns that the recording has.
     pub fn recorded(&self) -> Recorded {
         let recording = self.ground.recording;
         Recorded {
@@ -225,8 +225,9 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// The answers to each term of the effect `kind` at `joint` with `shape`, beside what was found. A memory stands as the recording has it, beside what
-    /// `nuisances` can say; where it stands in a bearing is looked for from `begins` on, if that is known of a like shape, and is set there.
+    /// The contribution of each term of the effect `kind` at `joint` with `shape`, on the machine with the found effects. If the effect has a memory,
+    /// the method estimates its initial state from the recording, with the `nuisances` fitted. The search for the position of a journal in its
+    /// bearing starts from `begins`, if a similar shape has set it, and stores the result there.
     ///
     /// # Errors
     /// See [`LawError`].
@@ -264,7 +265,7 @@ impl<'a> Stage<'a> {
         Ok(better.unwrap_or(middle))
     }
 
-    /// The same with its memory standing at `start`.
+    /// The terms with the initial state `start`.
     ///
     /// # Errors
     /// See [`LawError`].
@@ -280,7 +281,7 @@ impl<'a> Stage<'a> {
         self.terms_as(kind, Some(joint), &begun)
     }
 
-    /// The same with its memory standing as `shape` says.
+    /// The terms with the initial state of `shape`.
     fn terms_as(
         &self,
         kind: &'static EffectKind,
@@ -314,7 +315,7 @@ impl<'a> Stage<'a> {
         Ok(terms)
     }
 
-    /// Changes every value of `terms` by the value that the sensors have there, if they bend that channel.
+    /// Changes every value of `terms` by the value of the sensors there, if the sensors bend that channel.
     fn each_column(
         &self,
         terms: &mut [(Term, Answer)],
@@ -331,7 +332,7 @@ impl<'a> Stage<'a> {
         Ok(())
     }
 
-    /// The effect of the sensors that were found, from memory or computed now.
+    /// The effect of the found sensors, from the cache or computed now.
     fn sensors(&self) -> Result<Rc<Sensors>, LawError> {
         if let Some(known) = &*self.sensors.borrow() {
             return Ok(Rc::clone(known));
@@ -357,7 +358,7 @@ impl<'a> Stage<'a> {
         Ok(sensors)
     }
 
-    /// The model with what was found beneath `level`; `None` if nothing was.
+    /// The model with the found effects below `level`; `None` if there are none.
     fn beneath(&self, level: Level, rough: bool) -> Result<Option<Rc<Baseline<'a>>>, LawError> {
         let found = self.found.borrow();
         let shared = |(_, placed): &(Level, Rc<Placed>)| Rc::clone(placed);
@@ -373,7 +374,7 @@ impl<'a> Stage<'a> {
         Ok(Some(baseline))
     }
 
-    /// What `placed` acts on.
+    /// The level on which `placed` acts.
     fn level(&self, placed: &Placed) -> Level {
         let mut parts = ArmParts::of(self.arm());
         if placed.effect.arm(&mut parts).is_ok() && !parts.are_of(self.arm()) {
@@ -385,7 +386,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// What `placed` adds to each channel.
+    /// The contribution of `placed` to each channel.
     ///
     /// # Errors
     /// [`LawError::Changed`] if it leaves no possible arm.
@@ -393,7 +394,7 @@ impl<'a> Stage<'a> {
         Ok(self.answer_of(placed.kind, &self.baseline(placed.kind).change(placed)?))
     }
 
-    /// Measured minus model with `more` effects, channel by channel: all of them at once, each acting on what the others say, as in an arm file.
+    /// Measured minus the model with `more` effects, channel by channel. All effects act together, as in an arm file.
     ///
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
@@ -410,7 +411,7 @@ impl<'a> Stage<'a> {
         Ok(self.channels.iter().map(|channel| left(&best, channel)).collect())
     }
 
-    /// Measured minus the model that has `instead` in the place of those effects for which `is_out` holds, channel by channel.
+    /// Measured minus the model in which `instead` replaces the effects for which `is_out` holds, channel by channel.
     ///
     /// # Errors
     /// [`LawError::Changed`] if it leaves no possible arm.
@@ -428,13 +429,14 @@ impl<'a> Stage<'a> {
         Ok(self.channels.iter().map(left).collect())
     }
 
-    /// The share of a small change of each channel that the sensors of the machine with what was found let through, on the kept points: nothing of a torque that has
-    /// reached its limit. `None` of a channel whose sensor bends nothing.
+    /// The share of a small change of each channel that the sensors of the machine with the found effects transmit, on the kept points. The share is
+    /// zero for a torque at its limit. A channel whose sensor bends nothing holds `None`.
     ///
     /// # Errors
     /// [`LawError::Changed`] if what was found leaves no possible arm.
     pub fn let_through(&self) -> Result<Answer, LawError> {
-        // A change so small, beside the channel, that it moves no corner, and the quotient is right to as many figures as the change is below the channel.
+        // The change is so small, relative to the channel, that it moves no corner; the quotient has as many correct figures as the change is below
+        // the channel.
         let small = f64::EPSILON.sqrt();
         let found = self.found.borrow();
         let all = self.known.iter().copied().chain(found.iter().map(|(_, placed)| &**placed));
@@ -474,7 +476,7 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// What the rigid arm `arm` says more than the present one, with the links `shift` off.
+    /// The prediction of the rigid arm `arm`, with the links displaced by `shift`, minus that of the present arm.
     pub fn rigid_answer(&self, arm: &Arm, shift: Option<&[Vec<f64>]>) -> Answer {
         let motion = self.motion();
         let torque = rigid_torques(arm, motion, shift);
@@ -494,7 +496,7 @@ impl<'a> Stage<'a> {
     /// act on that arm; without any, the arm is rigid. Laws that jump take no part: a slightly different arm shifts only the instant of a jump.
     pub fn answers_of(&self, arms: &[Arm]) -> Vec<Answer> {
         let found = self.found.borrow();
-        // The arms have already what the model's laws change of an arm.
+        // The arms include the changes that the model's laws make to an arm.
         let known = self.known.iter().filter(|placed| self.level(placed) != Level::Arm).copied();
         let all = known.chain(found.iter().map(|(_, placed)| &**placed));
         let smooth: Vec<&Placed> = all.filter(|placed| !placed.kind.rough).collect();

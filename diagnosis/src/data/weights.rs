@@ -1,9 +1,9 @@
-//! How much each row says: the noise of the instruments, and the discrepancy δ, by which every law of a real machine is off.
+//! The weight of each row: from the noise of the instruments, and from the discrepancy δ between the laws and a real machine.
 //!
-//! A row i of channel c has the variance v = σ² + off² + s²L²: σ is what the instruments leave, off what the samples can't say, L the local size of what the
-//! channel models, and s the share of it by which the laws are off (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63:425). Neighbouring rows are alike: the
-//! log-likelihood of each is weighed by φ, which turns the number of rows into the effective one, κ rows to one for the noise and for the discrepancy
-//! each.
+//! A row i of channel c has the variance v = σ² + off² + s²L². σ is the standard deviation of the instrument noise, and off that of errors that the
+//! samples can't resolve. L is the local size of the modelled quantity, and s the relative error of the laws (Kennedy & O'Hagan 2001, J. R. Stat.
+//! Soc. B 63:425). Neighbouring rows are correlated: the log-likelihood of each has the weight φ, which turns the number of rows into the effective
+//! number. The weight counts κ rows as one, with a separate κ for the noise and for the discrepancy.
 
 use freeplay_servo::DEGREES_OF_FREEDOM;
 use rand::SeedableRng;
@@ -18,44 +18,45 @@ use crate::data::whitening::Whitening;
 use crate::signals::channel::Kind;
 use crate::statistics::WIDE;
 
-/// Deviation of the half-normal prior of s: laws of rigid bodies and of friction hold to a few per cent on machines that are published.
+/// Standard deviation of the half-normal prior of s: published laws of rigid bodies and of friction are correct to a few per cent.
 pub(crate) const USUAL_SHARE: f64 = 0.02;
-/// Least share s that is tried: no machine follows its laws to a thousandth.
+/// Smallest share s that the fit tries: no machine follows its laws to a thousandth.
 pub(crate) const LEAST_SHARE: f64 = 1e-3;
-/// Factor from one share that is tried to the next: the evidence is flat about its greatest value, so that half such a step changes it by far less than one.
+/// Factor between two consecutive shares that the fit tries: the evidence is flat near its maximum, so that half such a step changes it by far less
+/// than one.
 const FINER: f64 = 1.2;
-/// Recordings of perfect machines from which the noise of the instruments is taken: their mean square is known to a few per cent.
+/// Simulated recordings of perfect machines that determine the instrument noise: three of them give their mean square to a few per cent.
 const DRAWS: u64 = 3;
 
-/// The shares that are tried: none, and from the least on up to a law that says nothing.
+/// The shares that the fit tries: zero, and from the smallest up to that of a law that predicts nothing.
 fn shares() -> impl Iterator<Item = f64> {
     let grid = (0..).map(|k| LEAST_SHARE * FINER.powi(k));
     std::iter::once(0.0).chain(grid.take_while(|share| *share < FINER))
 }
 
-/// How much the rows of one channel say.
+/// The weights of the rows of one channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Rows {
-    /// What no law could say: σ² + off², by row.
+    /// Variance that no law can explain: σ² + off², by row.
     instrument: Vec<f64>,
-    /// Square of the local size of what the channel models, by row.
+    /// Square of the local size of the modelled quantity, by row.
     size: Vec<f64>,
-    /// The weight of each row in the likelihood, φ; zero of rows that don't count.
+    /// The weight of each row in the likelihood, φ; zero for rows that don't count.
     phi: Vec<f64>,
-    /// How far each row is believed, where some are far out: see [`Rows::distrust`].
+    /// Robust weight of each row, below one for an outlier: see [`Rows::distrust`].
     trust: Vec<f64>,
     /// The share s.
     pub share: f64,
-    /// Root of the mean square of what the channel models.
+    /// Root of the mean square of the modelled quantity.
     pub scale: f64,
 }
 
-/// How much all rows say.
+/// The weights of all rows.
 #[derive(Clone, Debug)]
 pub(crate) struct Weights {
     /// By channel.
     pub rows: Vec<Rows>,
-    /// Deviation of the noise of the instruments, over all rows, by channel of a recording.
+    /// Standard deviation of the instrument noise over all rows, by channel of a recording.
     pub noise: Vec<f64>,
 }
 
@@ -74,8 +75,7 @@ impl Rows {
         trusted.map(|((phi, trust), v)| if *phi > 0.0 { phi * trust / v } else { 0.0 }).collect()
     }
 
-    /// Greatest log-likelihood, over all shares, of rows of which `left` remains, with the tails of Student's t under which rows are believed. The prior of the share is
-    /// included.
+    /// Maximum over all shares of the log-likelihood of rows with the residuals `left`, under Student's t. The prior of the share is included.
     pub fn tailed(&self, left: &[f64]) -> f64 {
         let with = |share: f64| {
             let rows =
@@ -88,8 +88,8 @@ impl Rows {
         shares().map(with).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Believes each row by what `left` remains of it, as under Student's t of four degrees of freedom (Lange, Little & Taylor 1989, J. Am. Stat. Assoc.
-    /// 84:881): what shakes at times bends no number.
+    /// Sets the robust weight of each row from its residual in `left`, as under Student's t with four degrees of freedom (Lange, Little & Taylor
+    /// 1989, J. Am. Stat. Assoc. 84:881): occasional disturbances then have little influence on the parameters.
     pub fn distrust(&mut self, left: &[f64]) {
         let v = self.variances(self.share);
         self.trust = left
@@ -99,17 +99,17 @@ impl Rows {
             .collect();
     }
 
-    /// Believes every row alike.
+    /// Sets the robust weight of every row to one.
     pub fn trust_all(&mut self) {
         self.trust.fill(1.0);
     }
 
-    /// The deviation of each row: √v.
+    /// The standard deviation of each row: √v.
     pub fn sizes(&self) -> Vec<f64> {
         self.variances(self.share).map(|v| v.sqrt().max(f64::MIN_POSITIVE)).collect()
     }
 
-    /// Square of how far a perfect model may be off, by row, beside instruments of this `noise`.
+    /// Variance of the error of a perfect model, by row, without the instrument `noise`.
     pub fn squares_off(&self, noise: f64) -> impl Iterator<Item = f64> {
         self.instrument.iter().map(move |square| (square - noise * noise).max(0.0))
     }
@@ -119,7 +119,7 @@ impl Rows {
         self.phi.iter().sum()
     }
 
-    /// Log of the likelihood of rows that leave the squares `left`, by row, with the share `share`, its prior included.
+    /// Log-likelihood of rows with the squared residuals `left`, for the share `share`, its prior included.
     fn log_likelihood(&self, left: &[f64], share: f64) -> f64 {
         let mut sum = -0.5 * (share / USUAL_SHARE).powi(2);
         for ((phi, left), v) in self.phi.iter().zip(left).zip(self.variances(share)) {
@@ -130,31 +130,31 @@ impl Rows {
         sum
     }
 
-    /// Log of the likelihood but for the sum of squares.
+    /// Log-likelihood without the sum of squares.
     pub fn log_volume(&self) -> f64 {
         self.log_likelihood(&vec![0.0; self.phi.len()], self.share)
     }
 
-    /// The most probable share where `left` remains of each row, with `taken` effective rows used up by coefficients, and the log-likelihood with it.
+    /// The most probable share for the residuals `left`, with `taken` effective rows used up by coefficients, and the log-likelihood with it.
     pub fn best(&self, left: &[f64], taken: f64) -> (f64, f64) {
         let squares = self.squares(left, taken);
         let tried = shares().map(|share| (share, self.log_likelihood(&squares, share)));
         tried.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((self.share, 0.0))
     }
 
-    /// By how much the most probable share is more probable than the present one.
+    /// Log-likelihood of the most probable share minus that of the present share.
     pub fn to_gain(&self, left: &[f64], taken: f64) -> f64 {
         self.best(left, taken).1 - self.log_likelihood(&self.squares(left, taken), self.share)
     }
 
-    /// By how much the log-likelihood of rows of which `left` remains is greater with the most probable share than with the greatest one up to `most`.
+    /// Log-likelihood of the residuals `left` with the most probable share, minus that with the best share up to `most`.
     pub fn beyond(&self, left: &[f64], most: f64) -> f64 {
         let squares = self.squares(left, 0.0);
         let (share, likelihood) = self.best(left, 0.0);
         if share > most { likelihood - self.log_likelihood(&squares, most) } else { 0.0 }
     }
 
-    /// The log-likelihood of rows of which `left` remains.
+    /// The log-likelihood of the residuals `left`.
     pub fn score(&self, left: &[f64]) -> f64 {
         self.log_likelihood(&self.squares(left, 0.0), self.share)
     }
@@ -164,8 +164,8 @@ impl Rows {
         left.iter().zip(&self.trust).map(|(x, trust)| trust * scale * x * x).collect()
     }
 
-    /// Sets the share to the most probable one where `left` remains of each row, with `taken` effective rows used up by coefficients; whether it moved by
-    /// more than a step.
+    /// Sets the share to the most probable one for the residuals `left`, with `taken` effective rows used up by coefficients. Returns true if the
+    /// share changed by more than a step.
     pub fn follow(&mut self, left: &[f64], taken: f64) -> bool {
         let (best, _) = self.best(left, taken);
         let step = LEAST_SHARE.max(0.5 * (FINER - 1.0) * self.share);
@@ -178,8 +178,10 @@ impl Rows {
 }
 
 impl Weights {
-    /// The weights of the rows of `data` that are heard, of which `target` is what the model as given leaves, and in which a perfect model may be `off` by so much. Their number is counted by what is `left` with all that
-    /// was found, or, before anything is, by what even shapes without a name leave: where a law is missing that all rows share, that would count none.
+    /// The weights of the active rows of `data`. The model as given has the residuals `target`, and a perfect model has errors with the standard
+    /// deviation `off`. The residuals `left` of the model with all found laws determine the effective number of rows. Before the search, the
+    /// residuals beside shapes without a name determine it: if a law is missing that all rows share, the residuals of the given model would count no
+    /// rows at all.
     pub fn new(
         data: &Data,
         target: &[Vec<f64>],
@@ -238,7 +240,8 @@ impl Weights {
         self.rows.iter().map(Rows::weights).collect()
     }
 
-    /// The same rows, in which a perfect model may be `off` by so much instead. As many of them count, so that their evidence may be compared.
+    /// The same rows with the standard deviations `off` of a perfect model's error instead. The effective number of rows stays the same, so that
+    /// their evidence may be compared.
     pub fn with_off(&self, off: &[Vec<f64>]) -> Self {
         let of_channel = |(c, rows): (usize, &Rows)| {
             let square = self.noise[c % self.noise.len()].powi(2);
@@ -247,17 +250,18 @@ impl Weights {
         Self { rows: self.rows.iter().enumerate().map(of_channel).collect(), noise: self.noise.clone() }
     }
 
-    /// The error that each row may have, by channel: `off`, and a share of the deviation `apart` between several courses. One share holds for all channels, because one bearing
-    /// throws its journal as far in each. It is the share that makes the rows of which `left` remains most probable.
+    /// Standard deviation of the error of each row, by channel: `off`, and a share of the deviation `apart` between several solutions. One share
+    /// holds for all channels, because one bearing displaces its journal equally in each. It is the share with the largest likelihood of the
+    /// residuals `left`.
     pub fn most_probable_off(
         &self,
         off: &[Vec<f64>],
         apart: &[Option<Vec<f64>>],
         left: &[Vec<f64>],
     ) -> Vec<Vec<f64>> {
-        /// The greatest share that is tried: the courses are then as far from the model as they are apart.
+        /// The largest share that the fit tries: the solutions then deviate from the model as much as from each other.
         const MOST: f64 = 2.0;
-        /// How many such shares are tried: each is smaller by a factor of √2 than the one before, down to a tenth. Zero is tried, too.
+        /// Number of such shares: each is smaller by a factor of √2 than the one before, down to a tenth. The fit tries zero, too.
         const COUNT: i32 = 10;
         if apart.iter().all(Option::is_none) {
             return off.to_vec();
@@ -278,7 +282,7 @@ impl Weights {
             .map_or_else(Vec::new, |best| best.1)
     }
 
-    /// Greatest log-likelihood of rows of which `left` remains: see [`Rows::tailed`].
+    /// Maximum log-likelihood of the residuals `left`: see [`Rows::tailed`].
     pub fn tailed(&self, left: &[Vec<f64>]) -> f64 {
         self.rows.iter().zip(left).map(|(rows, left)| rows.tailed(left)).sum()
     }
@@ -301,13 +305,13 @@ impl Weights {
         Self { rows: (0..data.channels()).map(of_channel).collect(), noise: deviation.to_vec() }
     }
 
-    /// The wandering of what is `left` of the rows of `data` that are heard.
+    /// Fits the drift models to the residuals `left` of the active rows of `data`.
     pub fn whitening(&self, data: &Data, left: &[Vec<f64>]) -> Whitening {
         let sizes: Vec<Vec<f64>> = self.rows.iter().map(Rows::sizes).collect();
         Whitening::of(data, left, &sizes, &self.noise)
     }
 
-    /// Weights of rows that `whitening` made independent: each says as much as its channel's deviation leaves it.
+    /// Weights of the rows that `whitening` made independent: each has the standard deviation of its channel.
     pub fn white(data: &Data, whitening: &Whitening) -> Self {
         let of_channel = |c: usize| {
             let wandering = whitening.channel(c);
@@ -330,12 +334,12 @@ impl Weights {
         Self { rows: (0..data.channels()).map(of_channel).collect(), noise }
     }
 
-    /// The same noise and shares for rows in other `parts`.
+    /// The weights of the rows in other `parts`, with the same noise and shares.
     pub fn on(&self, data: &Data, parts: &[Part]) -> Self {
         let per_stage = data.per_stage();
         let of_channel = |channel: usize| {
             let mask = data.mask(channel, parts);
-            // The share and the number of rows to one are those of the channel in a recording of the fit.
+            // The share and the effective number of rows are those of the same channel in a recording with rows in the fit part.
             let same = (channel % per_stage..data.channels()).step_by(per_stage);
             let fitted = same.map(|c| &self.rows[c]).find(|rows| rows.effective() > 0.0);
             let own = &self.rows[channel];
@@ -355,17 +359,17 @@ impl Weights {
     }
 }
 
-/// How many rows of `residual` where `mask` is one are worth one: 1 + 2Σρ, at least one.
+/// Number of correlated rows of `residual`, where `mask` is one, that are equivalent to one independent row: 1 + 2Σρ, at least one.
 fn alike(residual: &[f64], mask: &[f64]) -> f64 {
     let counted: Vec<f64> = residual.iter().zip(mask).filter(|(_, m)| **m > 0.0).map(|(x, _)| *x).collect();
     (counted.len() as f64 / effective_samples(&counted).max(1.0)).max(1.0)
 }
 
-/// Square of the local size of what the channel number `channel` models: of a torque itself; of a pose, which the rigid arm says exactly, of what is left to
-/// explain. Nowhere less than a third of the channel's own.
+/// Square of the local size of the quantity that the channel number `channel` models: the torque itself; of a pose, which the rigid arm predicts
+/// exactly, its residual. It is nowhere below a third of the channel's own size.
 fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
-    /// Least local size over that of the whole channel: where a channel is near zero, what makes it up, as gravity and friction against each other, is not;
-    /// each of them is off by its share.
+    /// Smallest local size over that of the whole channel: where a channel is near zero, its components, such as gravity and friction against each
+    /// other, are not; each of them has an error of its share.
     const LEAST: f64 = 1.0 / 3.0;
     let (stage, of_stage) = data.place(channel);
     let stage = &data.stages[stage];
@@ -377,7 +381,8 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
     let mut local = vec![0.0; squares.len()];
     for (stretch, step) in data.stretches(channel) {
-        // The local size of a row is taken over one settling time of the low-pass on either side: the low-pass makes the row of no other rows.
+        // The local size of a row is taken over one settling time of the low-pass on either side, because the low-pass computes the row from these
+        // rows only.
         let half = ((stage.ground.treatment.filter().settling_time() / step) as usize).max(1);
         let mut sums = vec![0.0];
         for square in &squares[stretch.clone()] {
@@ -391,8 +396,8 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
     local.iter().map(|square| square.max(LEAST * LEAST * mean)).collect()
 }
 
-/// Measured minus model in every channel of `data`, were nothing missing and every number of the model exact: what noise and rounding of positions and
-/// channels leave, by the random numbers of `seed`.
+/// Simulated residuals of every channel of `data` for a perfect model, with the random numbers of `seed`: the effect of noise and rounding of
+/// positions and channels.
 fn instruments(data: &Data, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut left: Vec<Vec<f64>> = data.stages.iter().flat_map(|stage| read_badly(stage, &mut rng)).collect();
@@ -409,7 +414,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    /// Rows that lie off by half of what courses lie apart, where these lie apart at all, are told to lie off by that.
+    /// The estimate of the row errors is half of the deviation between solutions, where the rows were made with this error.
     #[test]
     fn how_far_rows_lie_off_is_told_by_what_is_left() {
         const COUNT: usize = 4000;

@@ -1,28 +1,30 @@
-//! Rows of which each says something new: what a channel wanders, and so its past says of a row, is taken off it.
+//! Whitening: a filter subtracts from each row the part that the earlier rows of its channel predict.
 //!
-//! What laws leave of a real machine wanders, and a push of a tenth of a second hides in it, as long as rows count as alike on the average. Here a channel is
-//! the sum of a wandering of some size that forgets in some time (Ornstein & Uhlenbeck 1930, Phys. Rev. 36:823) and of noise. A Kalman filter of that model (Kalman 1960, J. Basic
-//! Eng. 82:35) turns rows and columns into what its past does not say of each: neighbours are then independent, generalised least squares are plain ones, and rows that
-//! do not count leave a gap of which the filter knows how much it forgets there.
+//! The residuals of the laws on a real machine drift slowly. A push of a tenth of a second stays hidden in this drift, as long as the likelihood uses
+//! one average correlation for all rows. Here a channel is the sum of a drift, an Ornstein–Uhlenbeck process with a size and a time constant
+//! (Ornstein & Uhlenbeck 1930, Phys. Rev. 36:823), and of white noise. A Kalman filter of that model (Kalman 1960, J. Basic Eng. 82:35) turns rows
+//! and columns into their innovations. Neighbouring innovations are independent, so that generalised least squares become ordinary least squares.
+//! Rows that do not count leave a gap, over which the filter lets the drift decay.
 
 use crate::data::columns::Column;
 use crate::data::stacked::Data;
 use crate::statistics::{Moments, Quantile};
 
-/// Times in which a wandering forgets that are tried, in periods of the low-pass's cutoff: from the next row to the whole of a motion.
+/// Time constants of the drift that the fit tries, in periods of the low-pass's cutoff: from the next row to the whole of a motion.
 const FORGETS: [f64; 6] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
-/// Ratios of the deviation of the wandering to that of the noise that are tried, in factors of two or three: from no wandering to no noise that shows.
+/// Ratios of the standard deviation of the drift to that of the noise that the fit tries, in factors of two or three: from no drift to noise too
+/// small to see.
 const RATIOS: [f64; 8] = [0.0, 0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 
-/// The wanderings of all channels.
+/// The drift models of all channels.
 #[derive(Clone)]
 pub(crate) struct Whitening {
     channels: Vec<Wandering>,
 }
 
 impl Whitening {
-    /// Of what is `left` of the rows that are heard. `sizes` are those of the rows by channel, and `noise` is what the instruments leave of rows that count alike, by channel of
-    /// a recording.
+    /// Fits the drift models to the residuals `left` of the active rows. `sizes` are the standard deviations of the rows by channel. `noise` is the
+    /// standard deviation of the instrument noise by channel of a recording.
     pub fn of(data: &Data, left: &[Vec<f64>], sizes: &[Vec<f64>], noise: &[f64]) -> Self {
         let of_channel = |c: usize| {
             let noise = noise[c % data.per_stage()];
@@ -32,17 +34,17 @@ impl Whitening {
         Self { channels: (0..data.channels()).map(of_channel).collect() }
     }
 
-    /// That of the channel number `channel`.
+    /// The drift model of the channel number `channel`.
     pub fn channel(&self, channel: usize) -> &Wandering {
         &self.channels[channel]
     }
 
-    /// The deviation that the instruments leave of a white row, by channel.
+    /// Standard deviation of a white row that the instrument noise alone causes, by channel.
     pub fn least(&self) -> Vec<f64> {
         self.channels.iter().map(|channel| channel.least).collect()
     }
 
-    /// The rows of every channel of a column, white.
+    /// Whitens the rows of every channel of a column.
     pub fn column(&self, column: &Column) -> Column {
         column
             .iter()
@@ -52,30 +54,31 @@ impl Whitening {
     }
 }
 
-/// The wandering of one channel.
+/// The drift model of one channel.
 #[derive(Clone)]
 pub(crate) struct Wandering {
-    /// Share of it that is remembered from each row to the next; zero at the beginning of a stretch.
+    /// Correlation of the drift between each row and the row before; zero at the beginning of a stretch.
     remembers: Vec<f64>,
-    /// Rows that are heard.
+    /// The rows that the model uses.
     heard: Vec<bool>,
-    /// The size of each row: where an arm moves fast, laws are off by more.
+    /// The standard deviation of each row: the errors of the laws are larger where an arm moves fast.
     sizes: Vec<f64>,
-    /// Square of the ratio of the wandering to the noise.
+    /// Square of the ratio of the drift to the noise.
     ratio: f64,
-    /// Deviation of a white row.
+    /// Standard deviation of a white row.
     deviation: f64,
-    /// The least that it may be: what the instruments leave.
+    /// Lower limit of this deviation: the instrument noise.
     least: f64,
 }
 
 impl Wandering {
-    /// That under which what is `left` of the rows of the channel number `channel` that are heard, of these `sizes`, is most probable; the deviation of a white row is `least`
-    /// at least.
+    /// The model with the largest likelihood for the residuals `left` of the active rows of the channel number `channel`. The rows have the standard
+    /// deviations `sizes`; a white row has a standard deviation of at least `least`.
     pub fn of(data: &Data, channel: usize, left: &[f64], sizes: &[f64], least: f64) -> Self {
         let mut heard: Vec<bool> = data.heard(channel).iter().map(|heard| *heard > 0.0).collect();
         let period = 1.0 / data.stages[data.place(channel).0].ground.treatment.filter().cutoff_hz();
-        // Behind a low-pass neighbouring rows say the same; rows half a period of its cutoff apart are independent where the noise is (Shannon 1949).
+        // Neighbouring rows behind a low-pass are copies of each other. Rows half a period of its cutoff apart are independent if the noise is
+        // (Shannon 1949).
         for (stretch, step) in data.stretches(channel) {
             let every = ((0.5 * period / step) as usize).max(1);
             heard[stretch].iter_mut().enumerate().for_each(|(k, heard)| *heard &= k % every == 0);
@@ -101,23 +104,23 @@ impl Wandering {
         best
     }
 
-    /// One with these numbers, as its fields have them.
+    /// A model with these values of its fields.
     #[cfg(test)]
     pub fn with(remembers: Vec<f64>, sizes: Vec<f64>, heard: Vec<bool>, ratio: f64, deviation: f64) -> Self {
         Self { remembers, heard, sizes, ratio, deviation, least: 0.0 }
     }
 
-    /// Deviation of a white row.
+    /// Standard deviation of a white row.
     pub fn deviation(&self) -> f64 {
         self.deviation
     }
 
-    /// Rows that say something: those that are heard, at most two in a period of the low-pass's cutoff; 1 or 0.
+    /// The mask of the rows that the model uses, 1 or 0: active rows, at most two in a period of the low-pass's cutoff.
     pub fn says(&self) -> impl Iterator<Item = f64> {
         self.heard.iter().map(|heard| f64::from(u8::from(*heard)))
     }
 
-    /// `rows`, white; zero where they are not heard.
+    /// `rows`, whitened; zero where the model does not use them.
     pub fn rows(&self, rows: &[f64]) -> Vec<f64> {
         let mut place = 0.0;
         let steps = self.steps().into_iter().zip(&self.remembers).zip(&self.sizes);
@@ -150,7 +153,7 @@ impl Wandering {
         back
     }
 
-    /// Its rows that are heard, by number, and the wandering of these alone.
+    /// The numbers of the rows that the model uses, and the model of these rows alone.
     pub fn condensed(&self) -> (Vec<usize>, Self) {
         let rows: Vec<usize> = (0..self.heard.len()).filter(|&row| self.heard[row]).collect();
         let mut from = 0;
@@ -168,8 +171,8 @@ impl Wandering {
         (rows, condensed)
     }
 
-    /// WᵀW of a `step` that is zero before the row `first` and one from the row `last` on, all rows being heard: what is less than `over` of it is left out. The first row of it, and
-    /// its sums from each row on to the end.
+    /// WᵀW applied to a `step` that is zero before the row `first` and one from the row `last` on, if the model uses all rows. The method omits
+    /// values below `over`. It returns the first row of the result, and the sums of the result from each row to the end.
     pub fn of_step(
         &self,
         steps: &[(f64, f64)],
@@ -204,7 +207,8 @@ impl Wandering {
         (begin, sums)
     }
 
-    /// By row, the share of what is new that the wandering follows, and the deviation of what is new in units of the noise: zero where the row is not heard.
+    /// By row, the Kalman gain of the drift, and the standard deviation of the innovation in units of the noise; zero for rows that the model does
+    /// not use.
     pub fn steps(&self) -> Vec<(f64, f64)> {
         let mut spread = self.ratio;
         let step = |(remembers, heard): (&f64, &bool)| {
@@ -224,7 +228,7 @@ impl Wandering {
         rows.iter().zip(&self.heard).filter(|(_, heard)| **heard).map(|(x, _)| *x).collect()
     }
 
-    /// Minus the log-likelihood of what is `left`, the deviation that of its median: pushes do not count.
+    /// Negative log-likelihood of the residuals `left`. The median determines the standard deviation, so that pushes have no influence.
     fn lost(&self, left: &[f64], least: f64) -> f64 {
         let (mut volume, mut count) = (0.0, 0.0);
         for (_, unsure) in self.steps().into_iter().filter(|(_, unsure)| *unsure > 0.0) {
@@ -237,7 +241,7 @@ impl Wandering {
     }
 }
 
-/// The deviation of a normal with the median amount of `rows`.
+/// Standard deviation of the normal distribution that has the median of |x| of `rows`.
 fn size(rows: &[f64]) -> f64 {
     let mut amounts: Vec<f64> = rows.iter().map(|x| x.abs()).collect();
     if amounts.is_empty() {
@@ -255,7 +259,7 @@ mod tests {
     use super::{Wandering, size};
     use crate::random::normal;
 
-    /// Rows of a wandering and noise are white once filtered: of the size of the noise, and no two neighbours alike, gaps or none.
+    /// Whitened rows of a drift with noise have the standard deviation of the noise, and neighbours are not correlated, with and without gaps.
     #[test]
     fn what_is_filtered_is_white() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
@@ -282,7 +286,7 @@ mod tests {
         assert!((size(&white) - 0.3).abs() < 0.01 && alike.abs() < 0.02);
     }
 
-    /// Back and forth are transposes of each other.
+    /// The two filters are transposes of each other.
     #[test]
     fn back_is_the_transpose() {
         let mut rng = ChaCha8Rng::seed_from_u64(4);

@@ -26,8 +26,8 @@ use crate::report::settings::{DiagnoseError, DiagnoseSettings};
 use crate::search::moves::{Answer, Found, Search};
 use crate::signals::residual::check_joints;
 
-/// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on the test part of the data, which no search
-/// sees: it says which laws fall, and nothing else. `progress` is told what is being done.
+/// Locates the differences between `recordings` and the model `file`, names and fits the missing effects, and shows the gain on the test part of the
+/// data. No search uses that part: it can only reject laws. The function reports each step to `progress`.
 ///
 /// # Errors
 /// See [`DiagnoseError`].
@@ -65,7 +65,7 @@ pub(crate) fn diagnose(
     let target = data.target();
     let (candidates, untestable) = candidates(&data, progress);
     let (laid, found) = {
-        // Pieces of any law look like pushes: what lasts is asked for first.
+        // Pieces of any law resemble pushes, so that the search for lasting laws comes first.
         let lasting = candidates.into_iter().filter(|candidate| !candidate.kind.happens()).collect();
         let weights = Weights::new(&data, &target, None, &data.off, settings.seed);
         let system = System::new(&data, target.clone(), weights).ok_or(DiagnoseError::Singular)?;
@@ -76,20 +76,20 @@ pub(crate) fn diagnose(
     study.concluded(data, found, progress)
 }
 
-/// What a diagnosis rests on once laws that last were searched for.
+/// The input of a diagnosis after the search for lasting laws.
 struct Study<'s> {
     file: &'s ArmFile,
     settings: &'s DiagnoseSettings,
-    /// The model as given leaves this of every row.
+    /// The residuals of the given model.
     target: &'s [Vec<f64>],
-    /// All laws that last, as they are beside what was found.
+    /// All lasting laws, linearised on the machine with the found laws.
     laid: Vec<Candidate>,
     notes: Vec<String>,
     untestable: Vec<Untestable>,
 }
 
 impl Study<'_> {
-    /// The diagnosis from what the search `found` in `data`, and from what happened beside it.
+    /// The diagnosis from the laws that the search `found` in `data`, and from the events beside them.
     fn concluded(
         mut self,
         mut data: Data,
@@ -109,7 +109,7 @@ impl Study<'_> {
         };
         if events.is_empty() {
             let stood = self.standing(&data, &left, with, progress)?;
-            // Laws that the test part does not bear out may have imitated what happens at a time.
+            // Laws that the test part rejects may have imitated events.
             if stood.leaves_more || stood.is_less {
                 events = self.happened_first(&mut data, &stood.found, &parts);
             }
@@ -121,7 +121,7 @@ impl Study<'_> {
                 self.weights(&data, &events, &less(&left, &said_by(&events, self.target)), &stood.off);
             with = self.confirmed(&data, &events, weights, &stood.members, progress)?;
         }
-        // A law that is found late says what seemed to happen.
+        // A law found after the events may explain what they seemed to explain.
         let without = {
             let weights = self.weights(&data, &[], &found.left, &with.off);
             let (mut search, members) = self.search(&data, &[], weights, &with.members)?;
@@ -153,8 +153,8 @@ impl Study<'_> {
         self.conclusion(&mut search, &answer, &events)
     }
 
-    /// `found`, once each law that may take one of several courses, or stands where such a law could, was compared with its rivals: each under the rows that
-    /// it foretells or leaves open. The ones that lost are looked for no more.
+    /// Compares each law of `found` that has several possible solutions, or that replaces such a law, with its rivals. Each is compared under the row
+    /// errors that follow from its own solutions. The search then excludes the rejected laws.
     fn rivals_resolved(
         &mut self,
         data: &Data,
@@ -193,7 +193,8 @@ impl Study<'_> {
         Ok(found)
     }
 
-    /// Confirms `members` by rows with these `weights` beside `events`: the search may change members, drop them or add others. The laws that result.
+    /// Confirms `members` by rows with these `weights` beside `events`: the search may change members, drop them or add others. Returns the resulting
+    /// laws.
     fn confirmed(
         &self,
         data: &Data,
@@ -208,7 +209,8 @@ impl Study<'_> {
         found.ok_or(DiagnoseError::Singular)
     }
 
-    /// The laws of `confirmed` that stand. Where these laws leave an error, the search begins anew before they are tested. The first search left the errors `left`, by which rows are counted.
+    /// The laws of `confirmed` that the test part does not reject. If these laws leave an unexplained error, the search starts again before their
+    /// test. The residuals `left` of the first search determine the effective number of rows.
     fn standing(
         &self,
         data: &Data,
@@ -232,52 +234,53 @@ impl Study<'_> {
             if found.members.len() >= count {
                 return Ok(Stood { found, leaves_more, is_less });
             }
-            // The rows lose the variance that the fallen law gave them, and the other laws are judged anew.
+            // The rows lose the variance that the rejected law gave them, and the loop tests the other laws again.
             (confirmed, is_less) = (found, true);
         }
     }
 
-    /// The diagnosis by the laws that were `found`.
+    /// The diagnosis from the laws `found`, without events.
     fn by_laws(&mut self, data: &Data, left: &[Vec<f64>], found: Found) -> Result<Diagnosis, DiagnoseError> {
         let found = self.rivals_resolved(data, &[], found)?;
         let weights = self.weights(data, &[], left, &found.off);
         let (mut search, members) = self.search(data, &[], weights, &found.members)?;
-        // Rows that a law leaves open count for less now than when its numbers were found.
+        // Rows with several possible solutions have less weight now than during the search for the law's parameters.
         let answer = search.refitted(members).ok_or(DiagnoseError::Singular)?;
         self.conclusion(&mut search, &answer, &[])
     }
 
-    /// The events beside the laws `found`. The rows in which these events act are taken out of the test part of `parts`.
+    /// The events beside the laws `found`. The method removes the rows of these events from the test part of `parts`.
     fn happened_first(&self, data: &mut Data, found: &Found, parts: &[Vec<Part>]) -> Vec<Event> {
         let events = self.happened_beside(data, found, &[]);
         data.parts.clone_from_slice(parts);
-        // Events that act in nearly every row are no events: a law without a name describes them.
+        // Events in nearly every row are no events, but a law without a name.
         if data.give_moments(columns_of(&events)) { events } else { Vec::new() }
     }
 
-    /// What happens at a time beside what was `found`, in all parts. Nothing tells a push from the knocks of parts that come apart and meet again.
+    /// The events beside the laws `found`, in all parts. The data don't distinguish a push from the impacts of parts that separate and meet again.
     fn happened_beside(&self, data: &mut Data, found: &Found, events: &[Event]) -> Vec<Event> {
         if found.members.iter().any(|candidate| candidate.kind.shakes) {
             return Vec::new();
         }
-        // What the search did not see is left, too.
+        // The residuals include the events, because the search did not see them.
         let mut left = found.left.clone();
         add_all(&mut left, events.iter().flat_map(Event::columns));
         let heard = std::mem::replace(&mut data.heard, Part::ALL.to_vec());
         let sizes = self.weights(data, &[], &left, &found.off);
-        // Where the rows are exact nothing wanders, and nothing happens that the laws don't say.
+        // Exact rows have no drift and leave no residual for an event.
         let happened = happenings(data, &left, &self.laid, &sizes, self.settings.seed).unwrap_or_default();
         data.heard = heard;
         happened
     }
 
-    /// The weights of the rows of `data` that are heard beside `events`, where so much is `left` with all that is known, and a perfect model may be `off` by so much.
+    /// The weights of the active rows of `data` beside `events`. `left` are the residuals of the present model, and `off` is the standard deviation
+    /// of a perfect model's error.
     fn weights(&self, data: &Data, events: &[Event], left: &[Vec<f64>], off: &[Vec<f64>]) -> Weights {
         let target = less(self.target, &said_by(events, self.target));
         Weights::new(data, &target, Some(left), off, self.settings.seed)
     }
 
-    /// The search by the rows of `data` with these `weights`, less what the `events` say; and the numbers of its `members`.
+    /// The search in the rows of `data` with these `weights`, after the subtraction of the `events`; and the numbers of its `members`.
     fn search<'d, 'a>(
         &self,
         data: &'d Data<'a>,
@@ -317,7 +320,7 @@ impl Study<'_> {
         diagnosis.ok_or(DiagnoseError::Singular)
     }
 
-    /// The `answer` beside `events`, as the test part judges it.
+    /// The `answer` beside `events`, ready for the judgement by the test part.
     fn tested<'c, 'd, 'a>(
         &'c self,
         search: &'c mut Search<'d, 'a>,
@@ -328,7 +331,7 @@ impl Study<'_> {
     }
 }
 
-/// Laws that stand.
+/// Laws that the test part did not reject.
 struct Stood {
     found: Found,
     /// Whether `found` leaves errors so large that a law must act that the catalogue does not have.
@@ -337,7 +340,7 @@ struct Stood {
     is_less: bool,
 }
 
-/// `answer`, or, where it leaves something, what the search finds with all that may be seen; `None` if the system is singular.
+/// `answer`, or, if it leaves an unexplained error, the result of a new search in all active rows; `None` if the system is singular.
 fn explained(search: &mut Search, answer: Answer, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
     let fit = search.system.held_fit(&answer.members)?;
     if is_unexplained(&search.system, &fit, &search.system.weights) {
@@ -353,12 +356,13 @@ fn columns_of(events: &[Event]) -> impl Iterator<Item = &Column> {
     ending.flat_map(|one| one.columns.iter())
 }
 
-/// Whether `one` and `other` are the same effects in whatever form.
+/// Returns true if `one` and `other` are the same effects, in any forms.
 fn are_the_same(one: &[Candidate], other: &[Candidate]) -> bool {
     one.len() == other.len() && one.iter().all(|one| other.iter().any(|other| one.same_effect(other)))
 }
 
-/// The most probable answer of `search` by the fit and the choice part, and all candidates as they are beside it; `None` if the system is singular.
+/// The most probable answer of `search` from the fit and the choice part, and all candidates linearised on its machine; `None` if the system is
+/// singular.
 fn searched(
     search: &mut Search,
     seed: u64,
@@ -372,7 +376,7 @@ fn searched(
     Some((search.candidates(&search.laid), search.found(&answer, seed)?))
 }
 
-/// There are recordings, of this arm, with the same columns.
+/// Checks that there are recordings, that they fit this arm, and that they have the same columns.
 pub(crate) fn check(arm: &Arm, recordings: &[Recording]) -> Result<(), DiagnoseError> {
     let first = recordings.first().ok_or(DiagnoseError::NoRecording)?;
     let columns = |recording: &Recording| {

@@ -1,7 +1,7 @@
 //! The linear model under the weights of its rows: y = Nη + Σ Zβ + ε, with η ~ N(0, Λ) eliminated.
 //!
-//! With W the weights and K = NᵀWN + Λ⁻¹, what a block Z of columns explains beside the tolerances is in G = ZᵀWZ − ZᵀWN K⁻¹ NᵀWZ and
-//! h = ZᵀWy − ZᵀWN K⁻¹ NᵀWy: small matrices, whatever the number of rows. The evidence of a set of blocks is in closed form in these.
+//! With W the weights and K = NᵀWN + Λ⁻¹, two products describe a block Z of columns after the elimination of the tolerances: G = ZᵀWZ − ZᵀWN K⁻¹
+//! NᵀWZ and h = ZᵀWy − ZᵀWN K⁻¹ NᵀWy. These matrices are small for any number of rows. The evidence of a set of blocks has a closed form in them.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -21,39 +21,40 @@ use crate::evidence::block::{Block, Channel, Products, Weighed, half_log_determi
 use crate::evidence::bvls::bounded;
 use crate::statistics::blocks as blocks_of;
 
-/// Precision with which a tolerance is held at an edge, and a coefficient at its usual value: far above what any recording says, far below what rounding spoils.
+/// Precision that holds a tolerance at a limit, and a coefficient at its usual value: far above the information of any recording, far below the limit
+/// of rounding errors.
 const STIFF: f64 = 1e9;
 
-/// Size of a law before it is fitted, as a share of its channel: it may be as large as the channel or nothing, and halfway favours neither.
+/// Prior standard deviation of a law, as a share of its channel: the law may be as large as the channel or zero, and halfway favours neither.
 const HALF: f64 = 0.5;
 
-/// The answer to the question what a set of blocks explains.
+/// The fit of a set of blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
     /// The numbers of the blocks.
     pub members: Vec<usize>,
     /// Their coefficients, stacked.
     pub beta: DVector<f64>,
-    /// The log of the evidence but for what the same weights make the same.
+    /// The log of the evidence without the terms that are equal for all sets with the same weights.
     pub value: f64,
-    /// What of it is not the sum of squares: volumes and prior odds.
+    /// The part of the value that does not come from the sum of squares: volumes and prior odds.
     pub log_prior: f64,
     /// The normal matrix of the coefficients: the inverse of their covariance.
     pub normal: DMatrix<f64>,
-    /// The coefficients of the tolerances, where these are held inside them.
+    /// The coefficients of the tolerances in a fit that holds them inside their limits.
     eta: Option<DVector<f64>>,
 }
 
-/// What one block more would explain.
+/// The gain from one more block.
 #[derive(Clone, Debug)]
 pub(crate) struct Gain {
-    /// By how much the log of the evidence rises, prior odds included.
+    /// Increase of the log of the evidence, prior odds included.
     pub value: f64,
-    /// What of it is the fall of half the weighed squares.
+    /// The part of the increase that comes from the decrease of half the weighted squares.
     pub explained: f64,
     /// The block's coefficients.
     pub beta: DVector<f64>,
-    /// Whether they are inside their bounds without being held there.
+    /// Whether the coefficients are inside their bounds without being held there.
     pub is_inside: bool,
 }
 
@@ -66,25 +67,25 @@ pub(crate) struct System<'d, 'a> {
     tolerances: Vec<Column>,
     precision: Vec<f64>,
     channels: Vec<Channel>,
-    /// The channels as they were before their weights moved the last time.
+    /// The channels before the last change of their weights.
     before: Vec<Option<Channel>>,
-    /// How often the weights of any channel moved.
+    /// Number of changes of the weights of any channel.
     versions: u64,
     factor: Cholesky<f64, Dyn>,
-    /// K and NᵀWy with no tolerance held at an edge.
+    /// K and NᵀWy with no tolerance held at a limit.
     free: (DMatrix<f64>, DVector<f64>),
     /// L⁻¹NᵀWy.
     whitened_target: DVector<f64>,
-    /// Half the log of the determinant of K with no tolerance held at an edge.
+    /// Half the log of the determinant of K with no tolerance held at a limit.
     log_volume: f64,
-    /// The tolerances that are held at an edge of their width, where a set of blocks would have them beyond it.
+    /// The tolerances that are held at a limit, because a set of blocks would move them beyond it.
     pins: Vec<Option<f64>>,
     blocks: Vec<Block>,
     /// ZᵢᵀWZⱼ by the numbers of the later and the earlier block.
     crosses: RefCell<BTreeMap<(usize, usize), Cross>>,
 }
 
-/// Products of two blocks over the channels that both show in.
+/// Products of two blocks over their common channels.
 #[derive(Debug)]
 struct Cross {
     by_channel: Vec<(usize, Weighed<DMatrix<f64>>)>,
@@ -92,12 +93,12 @@ struct Cross {
 }
 
 impl<'d, 'a> System<'d, 'a> {
-    /// The system of the rows of `data` that are heard, under `weights`; `None` if the tolerances are singular.
+    /// The system of the active rows of `data`, under `weights`; `None` if the tolerances are singular.
     pub fn new(data: &'d Data<'a>, target: Vec<Vec<f64>>, weights: Weights) -> Option<Self> {
         Self::over(data, target, weights, None)
     }
 
-    /// The same of rows of which each says something new by `whitening`, all columns with them.
+    /// The system of rows that `whitening` makes independent; it whitens all columns, too.
     pub fn white(
         data: &'d Data<'a>,
         target: &[Vec<f64>],
@@ -151,14 +152,14 @@ impl<'d, 'a> System<'d, 'a> {
         &self.blocks[index].candidate
     }
 
-    /// Takes `candidate` into the system, and gives its number; `None` if the rows show nothing of it.
+    /// Adds `candidate` to the system, and returns its number; `None` if the rows show nothing of it.
     pub fn take(&mut self, candidate: Candidate) -> Option<usize> {
         let block = self.block(candidate)?;
         self.blocks.push(block);
         Some(self.blocks.len() - 1)
     }
 
-    /// Forgets the block number `index`, if it is the last.
+    /// Removes the block number `index`, if it is the last.
     pub fn forget(&mut self, index: usize) {
         if index + 1 == self.blocks.len() {
             self.blocks.pop();
@@ -191,7 +192,7 @@ impl<'d, 'a> System<'d, 'a> {
         Some(Block::new(candidate, channels, precision, log_prior))
     }
 
-    /// The channels in which `candidate` shows, and the precision of a prior under which it says half of what they measure.
+    /// The channels with columns of `candidate`, and the precision of a prior under which its contribution is half of their measured size.
     fn precision_of_a_channel(&self, candidate: &Candidate) -> Option<(Vec<usize>, DMatrix<f64>)> {
         let mut precision = DMatrix::zeros(candidate.size(), candidate.size());
         let (mut channels, mut count) = (Vec::new(), 0.0);
@@ -208,8 +209,8 @@ impl<'d, 'a> System<'d, 'a> {
         (count > 0.0).then(|| (channels, precision / count))
     }
 
-    /// The same under which it is as large as the rows have it: no machine suggests how large something is that happens (local empirical Bayes, Hansen & Yu 2001, J. Am. Stat.
-    /// Assoc. 96:746). The prior says as much as all rows where they say nothing of it.
+    /// The same channels, with a prior whose size comes from the rows: no machine suggests the size of an event (local empirical Bayes, Hansen & Yu
+    /// 2001, J. Am. Stat. Assoc. 96:746). If the rows hold no information about the event, the prior holds as much as all rows.
     fn precision_of_its_own_size(&self, candidate: &Candidate) -> Option<(Vec<usize>, DMatrix<f64>)> {
         let size = candidate.size();
         let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
@@ -232,13 +233,13 @@ impl<'d, 'a> System<'d, 'a> {
         candidate.channels.iter().copied().filter(|&c| !self.channels[c].span.is_empty())
     }
 
-    /// What the block number `index` explains beside the tolerances.
+    /// The products of the block number `index` after the elimination of the tolerances.
     fn products(&self, index: usize) -> &Products {
         let block = &self.blocks[index];
         block.products(&self.channels, self.tolerances.len(), &self.factor, &self.whitened_target)
     }
 
-    /// ZᵢᵀWZⱼ less what goes through the tolerances.
+    /// ZᵢᵀWZⱼ minus its part through the tolerances.
     fn cross(&self, i: usize, j: usize) -> DMatrix<f64> {
         if i > j {
             return self.cross(j, i).transpose();
@@ -255,7 +256,7 @@ impl<'d, 'a> System<'d, 'a> {
         sum.get(self.versions, parts) - through
     }
 
-    /// The channels in which the blocks `i` and `j` both show, without their products.
+    /// The common channels of the blocks `i` and `j`, without their products.
     fn shared_channels(&self, i: usize, j: usize) -> Cross {
         let (left, right) = (self.candidate(i), self.candidate(j));
         let shared = left.channels.iter().filter(|c| right.channels.contains(c));
@@ -279,7 +280,7 @@ impl<'d, 'a> System<'d, 'a> {
         cross
     }
 
-    /// What `members` explain together; `None` if they are singular.
+    /// The joint fit of `members`; `None` if they are singular.
     pub fn fit(&self, members: &[usize]) -> Option<Fit> {
         let sizes: Vec<usize> = members.iter().map(|&i| self.candidate(i).size()).collect();
         let all: usize = sizes.iter().sum();
@@ -308,18 +309,19 @@ impl<'d, 'a> System<'d, 'a> {
         Some(Fit { members: members.to_vec(), beta, value, log_prior, normal, eta: None })
     }
 
-    /// The same with every tolerance held inside its width: what is said of a machine of this data sheet. Its value is to be compared with those of other held
+    /// The fit with every tolerance inside its limits, for a machine within its data sheet. Its value is comparable only with those of other such
     /// fits.
     pub fn held_fit(&self, members: &[usize]) -> Option<Fit> {
         self.held_within(members, &self.widths(members))
     }
 
-    /// The width of each tolerance beside `members`, in standard deviations: none of one that a member says, no end of one that no prior binds.
+    /// The limits of each tolerance beside `members`, in standard deviations: zero for a tolerance that a member replaces, infinite for one without a
+    /// prior.
     fn widths(&self, members: &[usize]) -> Vec<[f64; 2]> {
         let width = |(precision, is_named): (&f64, bool)| match (*precision < 1.0, is_named) {
             (true, _) => [f64::NEG_INFINITY, f64::INFINITY],
             (false, true) => [0.0, 0.0],
-            // Half the width of an even spread of deviation one.
+            // Half the width of a uniform distribution with the standard deviation one.
             (false, false) => [-1.0 / even(), 1.0 / even()],
         };
         self.precision.iter().zip(self.named_by(members)).map(width).collect()
@@ -359,11 +361,11 @@ impl<'d, 'a> System<'d, 'a> {
         })
     }
 
-    /// Holds the tolerances that `fit` would have beyond an edge of their width at that edge; whether any was taken up or let go.
+    /// Holds the tolerances that `fit` would move beyond a limit at that limit. Returns true if the set of held tolerances changed.
     pub fn pin(&mut self, fit: &Fit) -> Option<bool> {
         let widths = self.widths(&fit.members);
         let held = self.held_within(&fit.members, &widths)?.eta?;
-        // Without a width the edge is zero; without an end no tolerance is at it.
+        // Zero limits hold a tolerance at zero; an infinite limit never holds one.
         let edge = |(eta, [_, most]): (&f64, &[f64; 2])| {
             (eta.abs() >= most * (1.0 - 1e-9)).then(|| most.copysign(*eta))
         };
@@ -376,10 +378,10 @@ impl<'d, 'a> System<'d, 'a> {
         Some(moved)
     }
 
-    /// Which tolerances say what one of `members` says, whatever its coefficients: what has a name is no tolerance any more.
+    /// The tolerances that have the same effect as one of `members`, with any coefficients: a named effect replaces its tolerance.
     fn named_by(&self, members: &[usize]) -> Vec<bool> {
-        /// Share of a column's square that another says for both to be the same: what is left, a tenth of the deviation, no recording tells from noise beside a
-        /// tolerance.
+        /// Share of a column's square that another column explains for both to be the same: the rest, a tenth of the standard deviation, can't be
+        /// distinguished from noise beside a tolerance.
         const SAME: f64 = 0.99;
         let squares: Vec<f64> = (0..self.precision.len())
             .map(|k| {
@@ -405,14 +407,14 @@ impl<'d, 'a> System<'d, 'a> {
         named
     }
 
-    /// Lets all tolerances go.
+    /// Releases all tolerances.
     pub fn unpin(&mut self) -> Option<()> {
         self.pins.fill(None);
         self.eliminate_anew()
     }
 
-    /// The normal matrix of the coefficients of `members` with every tolerance as wide as the data sheet says, one that a member says included: what the data tell is
-    /// the sum of both.
+    /// The normal matrix of the coefficients of `members` with every tolerance as wide as in the data sheet, including those that a member replaces:
+    /// the data determine only the sum of both.
     pub fn normal_beside_all(&mut self, members: &[usize]) -> Option<DMatrix<f64>> {
         let pins = self.pins.clone();
         self.unpin()?;
@@ -422,7 +424,7 @@ impl<'d, 'a> System<'d, 'a> {
         normal
     }
 
-    /// What each of `candidates` would explain more beside the members of `fit`.
+    /// The gain from each of `candidates` beside the members of `fit`.
     pub fn gains(&self, fit: &Fit, candidates: &[usize]) -> Vec<Option<Gain>> {
         let factor = Cholesky::new(fit.normal.clone());
         let gain = |&index: &usize| {
@@ -450,13 +452,13 @@ impl<'d, 'a> System<'d, 'a> {
         candidates.iter().map(gain).collect()
     }
 
-    /// The weighed squares that the tolerances leave.
+    /// The weighted squares of the residuals after the fit of the tolerances alone.
     pub fn square_left(&self) -> f64 {
         let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
         squares - self.whitened_target.norm_squared()
     }
 
-    /// The log of the evidence but for what no weight changes: what all sets under the same weights share.
+    /// The log of the evidence without constant terms, as far as it is common to all sets under the same weights.
     pub fn shared(&self) -> f64 {
         let volumes: f64 = self.weights.rows.iter().map(Rows::log_volume).sum();
         let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
@@ -479,7 +481,7 @@ impl<'d, 'a> System<'d, 'a> {
         upper.solve_upper_triangular(&right).unwrap_or(right)
     }
 
-    /// What `fit` leaves of every row of the data, of all parts.
+    /// The residuals of `fit` in every row of the data, of all parts.
     pub fn left(&self, fit: &Fit) -> Vec<Vec<f64>> {
         let mut left = self.target.clone();
         for (column, eta) in self.tolerances.iter().zip(self.tolerances_beside(fit).iter()) {
@@ -491,10 +493,10 @@ impl<'d, 'a> System<'d, 'a> {
         left
     }
 
-    /// What each block of neighbouring rows pulls at the coefficients of `fit`, the tolerances eliminated: ZᵀW(what is left) of the block.
+    /// The score of each block of neighbouring rows at the coefficients of `fit`, the tolerances eliminated: ZᵀW(residual) of the block.
     pub fn pulls(&self, fit: &Fit) -> Vec<DVector<f64>> {
         let left = self.left(fit);
-        // The columns beside the tolerances, Z − N K⁻¹NᵀWZ, channel by channel.
+        // The columns after the elimination of the tolerances, Z − N K⁻¹NᵀWZ, channel by channel.
         let upper = self.factor.l().transpose();
         let through: Vec<DMatrix<f64>> = fit
             .members
@@ -535,7 +537,7 @@ impl<'d, 'a> System<'d, 'a> {
         blocks.into_values().collect()
     }
 
-    /// `rows` less what the tolerances with the coefficients `eta` say, those aside that no prior binds.
+    /// Subtracts from `rows` the tolerances with the coefficients `eta`, except those without a prior.
     pub fn without_tolerances(&self, rows: &mut [Vec<f64>], eta: &DVector<f64>) {
         let bound = self.tolerances.iter().zip(&self.precision).zip(eta.iter());
         bound
@@ -548,14 +550,14 @@ impl<'d, 'a> System<'d, 'a> {
         members.iter().flat_map(|&member| self.candidate(member).columns.iter())
     }
 
-    /// The members of `fit` on `arm` that an arm file can say, those aside that `may` refuses.
+    /// The members of `fit` on `arm` that an arm file can describe and that `may` accepts.
     pub fn placed(&self, fit: &Fit, arm: &Arm, may: impl Fn(&Candidate) -> bool) -> Vec<Placed> {
         let members = fit.members.iter().map(|&member| self.candidate(member)).enumerate();
         let wanted = members.filter(|(_, candidate)| may(candidate));
         wanted.filter_map(|(place, candidate)| candidate.placed(arm, self.coefficients(fit, place))).collect()
     }
 
-    /// The members of `fit` on `arm` in the recording number `stage` that an arm file can say, their journals where they begin there.
+    /// The members of `fit` on `arm` in the recording number `stage` that an arm file can describe, each with its initial state there.
     pub fn placed_in(&self, fit: &Fit, arm: &Arm, stage: usize) -> Vec<Placed> {
         let placed = |(place, &member): (usize, &usize)| {
             self.candidate(member).placed_in(arm, self.coefficients(fit, place), stage)
@@ -569,7 +571,7 @@ impl<'d, 'a> System<'d, 'a> {
         &fit.beta.as_slice()[at..at + self.candidate(fit.members[place]).size()]
     }
 
-    /// Follows the shares of discrepancy to what `fit` leaves; whether any moved. `None` if that makes the tolerances singular.
+    /// Updates the shares of discrepancy to the residuals of `fit`. Returns true if any changed; `None` if that makes the tolerances singular.
     pub fn follow(&mut self, fit: &Fit) -> Option<bool> {
         let left = self.left(fit);
         let moved: Vec<usize> = (0..self.channels.len())
@@ -582,7 +584,8 @@ impl<'d, 'a> System<'d, 'a> {
         Some(!moved.is_empty())
     }
 
-    /// Believes each row by what `fit` leaves of it: see [`crate::data::weights::Rows::distrust`]. `None` if that makes the tolerances singular.
+    /// Sets the robust weight of each row from the residual of `fit`: see [`crate::data::weights::Rows::distrust`]. `None` if that makes the
+    /// tolerances singular.
     pub fn distrust(&mut self, fit: &Fit) -> Option<()> {
         let left = self.left(fit);
         let heard: Vec<usize> =
@@ -591,13 +594,13 @@ impl<'d, 'a> System<'d, 'a> {
         self.weigh_anew(&heard)
     }
 
-    /// Believes every row alike. `None` if that makes the tolerances singular.
+    /// Sets the robust weight of every row to one. `None` if that makes the tolerances singular.
     pub fn trust_all(&mut self) -> Option<()> {
         self.weights.rows.iter_mut().for_each(Rows::trust_all);
         self.weigh_anew(&(0..self.channels.len()).collect::<Vec<_>>())
     }
 
-    /// Sets the shares of discrepancy to those of `weights`.
+    /// Sets the shares of discrepancy to `shares`. `None` if that makes the tolerances singular.
     pub fn set_shares(&mut self, shares: &[f64]) -> Option<()> {
         let moved: Vec<usize> =
             (0..self.channels.len()).filter(|&c| self.weights.rows[c].share != shares[c]).collect();
@@ -605,13 +608,13 @@ impl<'d, 'a> System<'d, 'a> {
         self.weigh_anew(&moved)
     }
 
-    /// By how much the evidence of `fit` would rise, were the shares of discrepancy its own.
+    /// Increase of the evidence of `fit` if the shares of discrepancy were those of its own residuals.
     pub fn to_gain(&self, fit: &Fit) -> f64 {
         let left = self.left(fit);
         (0..self.channels.len()).map(|c| self.weights.rows[c].to_gain(&left[c], self.taken(fit, c))).sum()
     }
 
-    /// Number of coefficients of `fit` that show in the channel number `c`.
+    /// Number of coefficients of `fit` with columns in the channel number `c`.
     fn taken(&self, fit: &Fit, c: usize) -> f64 {
         let members = fit.members.iter().map(|&member| &self.blocks[member].candidate);
         members
@@ -625,7 +628,7 @@ impl<'d, 'a> System<'d, 'a> {
         self.weights.rows.iter().map(|rows| rows.share).collect()
     }
 
-    /// Weighs the rows of the channels `moved` anew.
+    /// Recomputes the products of the channels `moved` after a change of their weights.
     fn weigh_anew(&mut self, moved: &[usize]) -> Option<()> {
         if moved.is_empty() {
             return Some(());
@@ -645,7 +648,7 @@ impl<'d, 'a> System<'d, 'a> {
         self.eliminate_anew()
     }
 
-    /// Eliminates the tolerances anew.
+    /// Eliminates the tolerances again.
     fn eliminate_anew(&mut self) -> Option<()> {
         (self.factor, self.whitened_target) = eliminated(&self.free, &self.pins)?;
         self.blocks.iter_mut().for_each(Block::forget);
@@ -671,12 +674,12 @@ fn normal_equations(channels: &[Channel], precision: &[f64]) -> (DMatrix<f64>, D
             }
         }
     }
-    // A zero of a link encoder without a row would be singular.
+    // Without this term, the zero of a link encoder without rows would be singular.
     (0..n).for_each(|k| normal[(k, k)] += f64::MIN_POSITIVE);
     (normal, right)
 }
 
-/// The factor of K, and L⁻¹NᵀWy, with the tolerances that `pins` holds at an edge.
+/// The factor of K, and L⁻¹NᵀWy, with the tolerances of `pins` held at a limit.
 fn eliminated(
     free: &(DMatrix<f64>, DVector<f64>),
     pins: &[Option<f64>],
@@ -691,7 +694,7 @@ fn eliminated(
     Some((factor, right))
 }
 
-/// The log of the determinant of a positive definite matrix; `None` if it is none.
+/// The log of the determinant of a positive definite matrix; `None` for any other matrix.
 fn log_determinant(matrix: &DMatrix<f64>) -> Option<f64> {
     Some(2.0 * half_log_determinant(&Cholesky::new(matrix.clone())?))
 }

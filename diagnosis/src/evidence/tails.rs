@@ -1,13 +1,13 @@
-//! How probable rows are whose tails may be heavier than those of a normal.
+//! Likelihood of rows whose tails may be heavier than those of a normal distribution.
 
 use crate::statistics::MOST_ROUNDS;
 
-/// Degrees of freedom of Student's t that are tried: from what has no variance to what no recording tells from a normal, and denser where the tails change
-/// most.
+/// Degrees of freedom of Student's t that the fit tries: from a distribution without variance to one that no recording distinguishes from a normal,
+/// and denser where the tails change most.
 const FREEDOMS: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 20.0, 100.0];
 
-/// Log of the likelihood of `rows` under Student's t of the scale, `least` or more, and the degrees of freedom that make them most probable (Lange, Little & Taylor 1989, J. Am.
-/// Stat. Assoc. 84:881).
+/// Maximum log-likelihood of `rows` under Student's t, over its degrees of freedom and its scale, which is at least `least` (Lange, Little & Taylor
+/// 1989, J. Am. Stat. Assoc. 84:881).
 pub(crate) fn log_likelihood(rows: &[f64], least: f64) -> f64 {
     let count = rows.len() as f64;
     let mean = (rows.iter().map(|x| x * x).sum::<f64>() / count.max(1.0)).max(least * least);
@@ -37,7 +37,8 @@ mod tests {
     use super::log_likelihood;
     use crate::random::normals;
 
-    /// Of normal rows the log-likelihood is that of a normal, but for what the choice of the tails gains; a row far out costs less than its square.
+    /// The log-likelihood of normal rows is that of a normal distribution, except for the gain from the choice of the tails; an outlier costs less
+    /// than its square.
     #[test]
     fn normal_rows_are_as_probable_as_under_a_normal() {
         let mut rng = ChaCha8Rng::seed_from_u64(8);

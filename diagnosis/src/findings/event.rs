@@ -1,4 +1,4 @@
-//! What happened at a time, as a diagnosis knows it.
+//! Events: effects that begin or end at a time, as a diagnosis represents them.
 
 use std::collections::BTreeMap;
 
@@ -10,34 +10,34 @@ use crate::evidence::gain::Gain;
 use crate::report::diagnosis::{Alternative, Effect, Evidence, Parameter};
 use crate::report::words;
 
-/// Something that happened at a time: found and weighed among rows as they differ from their past.
+/// An effect that begins or ends at a time, with its evidence from whitened rows.
 #[derive(Clone, Debug)]
 pub(crate) struct Event {
-    /// What it is.
+    /// The effect.
     pub candidate: Candidate,
-    /// Its coefficients.
+    /// The coefficients of the effect.
     pub beta: Vec<f64>,
-    /// The log odds for it.
+    /// The log odds for the event.
     pub log_odds: f64,
-    /// The part of the log odds that the rows don't bring: the odds before the data, and the volume.
+    /// The part of the log odds that does not come from the rows: the prior odds, and the volume.
     pub log_prior: f64,
-    /// Its parameters.
+    /// The parameters of the effect.
     pub parameters: BTreeMap<String, Parameter>,
-    /// The weighed squares that it takes away, and the channels in which it does, most first.
+    /// The reduction of the weighted squares by the event, and the channels with a reduction, largest first.
     pub removed: (f64, Vec<String>),
-    /// How much of the error of its own rows it takes away.
+    /// The reduction of the error in the event's own rows.
     pub gain: Gain,
-    /// What else may have happened from the same beginning to the same end.
+    /// Other effects with the same start and end.
     pub alternatives: Vec<Alternative>,
 }
 
 impl Event {
-    /// Its columns and their coefficients: the sum of their products is what it says of every row.
+    /// The columns of the event and their coefficients: the sum of their products is its contribution to every row.
     pub fn columns(&self) -> impl Iterator<Item = (&Column, f64)> {
         self.candidate.columns.iter().zip(self.beta.iter().copied())
     }
 
-    /// The finding, and the table of an arm file that says it; its share is still in squares.
+    /// The finding, and the table of an arm file for it; its share is still in squares.
     pub fn finding(&self, arm: &Arm) -> (EffectTable, Effect) {
         let Self { candidate, parameters, .. } = self;
         let table = candidate.table(arm, &self.beta);
@@ -64,7 +64,7 @@ impl Event {
     }
 }
 
-/// What all `events` say of every row, as many as `rows` are.
+/// The contribution of all `events` to every row, with the shape of `rows`.
 pub(crate) fn said_by(events: &[Event], rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     sum_of(events.iter().flat_map(Event::columns), rows)
 }

@@ -1,4 +1,4 @@
-//! This search finds what happened at a time beside the laws that were found. It takes rows as they differ from their past.
+//! The search for events beside the found laws, in whitened rows.
 
 use freeplay_laws::kinds;
 
@@ -20,9 +20,9 @@ use crate::search::moves::Search;
 use crate::search::tried::LISTED;
 use crate::statistics::{STRONG, is_told};
 
-/// The events in the rows that are heard. The laws that were found leave `left` of these rows. An event has to be more probable than none, and no law of `lasting` may say the same. Rows are
-/// taken as they differ from their past, so that a push is not counted as if it were as slow as what else is left. The evidence is that of the diagnosis. `None` if the system is
-/// singular.
+/// The events in the active rows. The found laws leave the residuals `left`. An event must be more probable than none, and no law of `lasting` may
+/// explain its rows as well. The search uses whitened rows, so that the slow drift of the other residuals does not hide a push. The evidence is that
+/// of the diagnosis. `None` if the system is singular.
 pub(crate) fn happenings(
     data: &Data,
     left: &[Vec<f64>],
@@ -30,7 +30,7 @@ pub(crate) fn happenings(
     sizes: &Weights,
     seed: u64,
 ) -> Option<Vec<Event>> {
-    // What was found wanders no more: the second time rows are as white as what it leaves.
+    // The found events are no part of the drift: the second pass whitens the rows by the residuals beside these events.
     let (search, members) = found_among(data, left, &sizes.whitening(data, left), Vec::new())?;
     if members.is_empty() {
         return Some(Vec::new());
@@ -70,8 +70,8 @@ pub(crate) fn happenings(
     Some(events)
 }
 
-/// The search for events in rows that `whitening` makes independent, of which so much is `left`, and the numbers of the events that it found, the `known` ones among them. `None` if the
-/// system is singular.
+/// The search for events in the residuals `left`, which `whitening` makes independent, and the numbers of the found events, the `known` ones among
+/// them. `None` if the system is singular.
 fn found_among<'d, 'a>(
     data: &'d Data<'a>,
     left: &[Vec<f64>],
@@ -88,14 +88,15 @@ fn found_among<'d, 'a>(
     Some((search, members))
 }
 
-/// For each of `members`, the part of its log odds that the rows don't bring: the odds before the data, and the volume. `None` if the system is singular.
+/// For each of `members`, the part of its log odds that does not come from the rows: the prior odds, and the volume. `None` if the system is
+/// singular.
 fn log_priors(search: &Search, members: &[usize]) -> Option<Vec<f64>> {
     let all = search.system.fit(members)?.log_prior;
     let of = |place: usize| Some(all - search.system.fit(&all_but(members, place))?.log_prior);
     (0..members.len()).map(of).collect()
 }
 
-/// The log odds for each of `members`, and what else each may be. `None` if the system is singular.
+/// The log odds of each of `members`, and its alternatives. `None` if the system is singular.
 fn odds(
     data: &Data,
     search: &mut Search,
@@ -121,7 +122,8 @@ fn odds(
     Some(odds)
 }
 
-/// `members` and what else happens, as long as it makes what is `left` of the rows more probable. What is found says where the next one is.
+/// Adds events to `members`, as long as each makes the residuals `left` more probable. The residuals beside the found events give the candidate
+/// windows of the next one.
 fn one_by_one(
     data: &Data,
     search: &mut Search,
@@ -146,7 +148,7 @@ fn one_by_one(
     }
     let mut members = now.members;
     for place in 0..members.len() {
-        // An edge that is a row off leaves what looks like another push.
+        // An edge with an error of one row leaves a residual that resembles another push.
         let member = members.remove(place);
         let better = search.refined(&members, member)?;
         let fit = search.system.fit(&members)?;
@@ -162,7 +164,7 @@ fn one_by_one(
     Some(search.improve(members, &mut |_| {})?.members)
 }
 
-/// What else may happen from the same beginning to the same end as `member`.
+/// The candidates with the same start and end as `member`.
 fn at_the_same_time(data: &Data, search: &mut Search, member: usize) -> Vec<usize> {
     let own = search.system.candidate(member).clone();
     if window(&own.form.shape).is_none() {
@@ -179,8 +181,8 @@ fn at_the_same_time(data: &Data, search: &mut Search, member: usize) -> Vec<usiz
     all
 }
 
-/// Those of `members` that are sure: without any of them the rows are less probable even if they have heavier tails. A law that is off in some places is off in
-/// more of them than something happens.
+/// The certain ones of `members`: without any of them the rows are less probable, even with heavier tails. A law that is wrong at some places is
+/// wrong at more places than events occur.
 fn told(data: &Data, search: &Search, mut members: Vec<usize>, least: &[f64]) -> Option<Vec<usize>> {
     loop {
         let all = probability(data, search, &members, least)?;
@@ -198,7 +200,8 @@ fn told(data: &Data, search: &Search, mut members: Vec<usize>, least: &[f64]) ->
     }
 }
 
-/// Log of the probability of white rows beside `members`, their tails as heavy as makes them most probable, where the instruments leave `least` of each channel.
+/// Log-likelihood of the white rows beside `members`, with the most probable degrees of freedom of Student's t. The instruments leave the standard
+/// deviation `least` in each channel.
 fn probability(data: &Data, search: &Search, members: &[usize], least: &[f64]) -> Option<f64> {
     let fit = search.system.fit(members)?;
     let left = search.system.left(&fit);
@@ -211,8 +214,8 @@ fn probability(data: &Data, search: &Search, members: &[usize], least: &[f64]) -
     Some((0..data.channels()).map(of_channel).sum::<f64>() + fit.log_prior)
 }
 
-/// Those of `members` that tell beside shapes of the motion without a name: what goes with the motion does not happen at a time, whether it has a name or not. `None` if the
-/// system is singular.
+/// Those of `members` that remain probable beside shapes of the motion without a name: a torque that follows the motion is no event, whether a law
+/// explains it or not. `None` if the system is singular.
 fn beside_shapes(data: &Data, search: &Search, members: Vec<usize>, left: &[Vec<f64>]) -> Option<Vec<usize>> {
     let places: Vec<Option<JointRange>> =
         members.iter().map(|&member| joint_range(data, search.system.candidate(member))).collect();
@@ -223,7 +226,7 @@ fn beside_shapes(data: &Data, search: &Search, members: Vec<usize>, left: &[Vec<
     };
     let mut events: Vec<usize> = (0..members.len()).collect();
     let mut all = evidence(&events, &[])?;
-    // Pieces of one shape go together.
+    // Several events may be pieces of one shape, so that the shapes must first exceed all of them together.
     if evidence(&[], &[])? >= all {
         return Some(Vec::new());
     }
@@ -246,10 +249,10 @@ fn beside_shapes(data: &Data, search: &Search, members: Vec<usize>, left: &[Vec<
     Some(events.into_iter().map(|event| members[event]).collect())
 }
 
-/// Those of `events` that no place of a joint explains: where a joint meets the same torque whenever it comes to a place, nothing happens at a time, whether that has a
-/// name or not. An event shows the place of its number among `places`. `value` is the log of the probability of events and places, each place as probable before the
-/// data as the event that shows it. A joint that comes to a place but once tells neither from the other: the event stays unless the place is the better one by the odds of a name.
-/// `None` if `value` is.
+/// Those of `events` that no position-dependent torque of a joint explains: if a joint meets the same torque at each passage of a position, there is
+/// no event, whether a law explains it or not. The number of an event is that of its place among `places`. `value` is the log of the probability of
+/// events and places; each place has the prior of the event at it. If a joint passes a position only once, the data don't distinguish the two: the
+/// event stays unless the place is better by the odds of a name. `None` if `value` is.
 fn beside_places(
     mut events: Vec<usize>,
     places: &[Option<JointRange>],
@@ -274,7 +277,7 @@ fn beside_places(
     }
 }
 
-/// Where the joint on which `candidate` acts is while it acts; `None` if it acts on no single joint or does not end.
+/// Range of the joint's position while `candidate` acts on it; `None` if the candidate acts on no single joint or does not end.
 fn joint_range(data: &Data, candidate: &Candidate) -> Option<JointRange> {
     let (joint, [begin, end]) = (candidate.joint?, window(&candidate.form.shape)?);
     let motion = data.stages[candidate.form.only.unwrap_or(0)].motion();
@@ -284,8 +287,8 @@ fn joint_range(data: &Data, candidate: &Candidate) -> Option<JointRange> {
     (range[0] <= range[1]).then_some(JointRange { joint, range })
 }
 
-/// Those of `members` that no law of `lasting` makes needless: pieces of a law look like pushes, and rows of which each says something new tell of laws that are too small to be
-/// named. `None` if the system is singular.
+/// Those of `members` that no law of `lasting` replaces: pieces of a law resemble pushes, and whitened rows are sensitive to laws that are too small
+/// to be named. `None` if the system is singular.
 fn beside_laws(search: &mut Search, members: Vec<usize>, lasting: &[Candidate]) -> Option<Vec<usize>> {
     if members.is_empty() {
         return Some(members);
@@ -299,8 +302,9 @@ fn beside_laws(search: &mut Search, members: Vec<usize>, lasting: &[Candidate]) 
     Some(now.members)
 }
 
-/// Whether what happens in the form of `candidate` begins after its recording does, and ends before, if it ends at all: what is there from the first sample on may have been
-/// there for ever. What lasts for less than half a period of the low-pass's cutoff is the edge of something else (Shannon 1949).
+/// Returns true if the event in the form of `candidate` begins after the start of its recording, and ends before its end, if it ends at all: an
+/// effect from the first sample on may have existed for any time. An event shorter than half a period of the low-pass's cutoff is the edge of another
+/// effect (Shannon 1949).
 fn is_inside(data: &Data, candidate: &Candidate) -> bool {
     let stage = &data.stages[candidate.form.only.unwrap_or(0)];
     let t = &stage.motion().t;
@@ -312,7 +316,7 @@ fn is_inside(data: &Data, candidate: &Candidate) -> bool {
     begin > first + edge && end < last - edge && end - begin > edge
 }
 
-/// What `members` say of every row, as it is.
+/// The contribution of `members` to every row, before whitening.
 fn said(search: &Search, members: &[usize], rows: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let system = &search.system;
     let fit = system.fit(members)?;

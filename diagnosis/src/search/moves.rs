@@ -1,4 +1,4 @@
-//! Which set of effects is the most probable: add, drop, swap and nest, as long as the evidence rises.
+//! The search for the most probable set of effects: it adds, drops, swaps and exchanges members, as long as the evidence rises.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -9,13 +9,13 @@ use crate::candidates::candidate::{Candidate, Form};
 use crate::evidence::system::{Fit, Gain, System, all_but};
 use crate::statistics::BACKTRACKING;
 
-/// Most candidates of which each is tried in the place of several members: more are far behind, and each takes a fit.
+/// Largest number of candidates that the search tries in the place of several members: others are far less probable, and each trial takes a fit.
 const TRIED: usize = 12;
-/// Steps of the logarithm of a shape's number: from one shape that is laid out to the next, down to what no motion tells apart.
+/// Steps of the logarithm of a shape's parameter: from the distance between two candidate shapes down to a difference that no motion shows.
 const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
-/// Most effects a joint: an arm that lacks more is not known by its laws, and more of them would only follow its shapes.
+/// Largest number of effects per joint: an arm that lacks more is not known by its laws, and more of them would only imitate its shapes.
 const MOST: usize = 3;
-/// Share of the log of the evidence that is worth another step: less is far below what any odds are said to, and rounding makes some of it.
+/// Smallest increase of the log evidence that justifies another step: less is far below the resolution of any odds, and partly a rounding error.
 pub const WORTH: f64 = 0.01;
 
 /// A set of effects with its evidence.
@@ -23,7 +23,7 @@ pub const WORTH: f64 = 0.01;
 pub(crate) struct Answer {
     /// The numbers of its blocks.
     pub members: Vec<usize>,
-    /// The shares of discrepancy beside it.
+    /// The shares of discrepancy for this set.
     pub shares: Vec<f64>,
     /// The log of its evidence.
     pub evidence: f64,
@@ -33,27 +33,28 @@ pub(crate) struct Answer {
 pub(crate) struct Search<'d, 'a> {
     /// The linear model.
     pub system: System<'d, 'a>,
-    /// The blocks that were laid out.
+    /// The blocks of all candidates.
     pub laid: Vec<usize>,
-    /// All answers that were met, the best first.
+    /// All visited answers, the most probable first.
     pub met: Vec<Answer>,
-    /// Forms that were tried of late.
+    /// A cache of candidates in recently tried forms.
     tried: Tried,
 }
 
-/// Candidates in forms that were tried of late: most steps of a search try the same forms beside other members. They take no more memory than what was laid out.
+/// A cache of candidates in recently tried forms: most steps of a search try the same forms beside other members. The cache takes no more memory than
+/// the first candidates.
 #[derive(Default)]
 struct Tried {
-    /// By kind, place and form; `None` where the motion shows nothing of it.
+    /// By kind, place and form; `None` if the motion shows nothing of the candidate.
     known: BTreeMap<String, Option<Candidate>>,
-    /// The same names, those that were tried first in front.
+    /// The keys in the order of their first use, the oldest first.
     order: VecDeque<String>,
-    /// Numbers in the columns of all, and how many there may be.
+    /// Number of values in all cached columns, and its limit.
     numbers: [usize; 2],
 }
 
 impl Tried {
-    /// `candidate` in another `form`, from memory or made by `make`.
+    /// `candidate` in another `form`, from the cache or made by `make`.
     fn get(
         &mut self,
         candidate: &Candidate,
@@ -76,20 +77,20 @@ impl Tried {
         made
     }
 
-    /// Forgets all: what they act on has changed.
+    /// Empties the cache, because the machine on which the candidates act has changed.
     fn clear(&mut self) {
         *self = Self { numbers: [0, self.numbers[1]], ..Self::default() };
     }
 }
 
-/// What a search found, for the next one.
+/// The result of a search, and the input of the next one.
 pub(crate) struct Found {
     /// The effects.
     pub members: Vec<Candidate>,
-    /// The error that each row may have although the model has these effects: see [`Data::off_with`](crate::data::stacked::Data::off_with) and
+    /// Standard deviation of the error of each row for a model with these effects: see [`Data::off_with`](crate::data::stacked::Data::off_with) and
     /// [`Weights::most_probable_off`](crate::data::weights::Weights::most_probable_off).
     pub off: Vec<Vec<f64>>,
-    /// What they leave of every row.
+    /// The residuals of the model with these effects.
     pub left: Vec<Vec<f64>>,
     /// The part of their log evidence that comes from the priors, not from the rows.
     pub log_prior: f64,
@@ -104,9 +105,10 @@ impl<'d, 'a> Search<'d, 'a> {
         Self { system, laid, met: Vec::new(), tried: Tried { numbers: [0, most], ..Tried::default() } }
     }
 
-    /// Searches from `known` alone and from that and what is common, and goes back to the best; `None` if the system is singular.
+    /// Searches once from `known` alone and once from `known` with the common effects, and restores the better answer; `None` if the system is
+    /// singular.
     pub fn run(&mut self, known: &[usize], progress: &mut dyn FnMut(&str)) -> Option<Answer> {
-        /// Turns in which they settle: what a sensor reads changes with what is found, and that with the sensor.
+        /// Turns until both settle: the columns of a sensor change with the found effects, and the found effects change with the sensor.
         const TURNS: usize = 2;
         let first = self.system.shares();
         let from_nothing = self.improve(known.to_vec(), progress)?;
@@ -136,7 +138,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(best)
     }
 
-    /// Whether `one` and `other` are the same effects in whatever form.
+    /// Returns true if `one` and `other` are the same effects, in any forms.
     pub fn same_effects(&self, one: &[usize], other: &[usize]) -> bool {
         let has = |all: &[usize], index: usize| {
             all.iter().any(|&known| self.system.candidate(known).same_effect(self.system.candidate(index)))
@@ -144,8 +146,8 @@ impl<'d, 'a> Search<'d, 'a> {
         one.len() == other.len() && one.iter().all(|&index| has(other, index))
     }
 
-    /// Lets what sensors do, and the members of `answer`, act on the machine that has these members: what clips, is late or grows with the load does so with
-    /// all that was found. The members as they are then.
+    /// Recomputes the columns of the sensors and of the members of `answer` on the machine with these members: torque limits, delays and
+    /// load-dependent friction act on all found effects. Returns the recomputed members.
     fn laid_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
         let members = self.members_upon(answer)?;
         for place in 0..self.laid.len() {
@@ -157,7 +159,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(members)
     }
 
-    /// The same for the members alone.
+    /// Recomputes the members of `answer` alone.
     fn members_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
         let fit = self.system.fit(&answer.members)?;
         let data = self.system.data;
@@ -171,7 +173,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(answer.members.iter().map(|&member| self.anew(member)).collect())
     }
 
-    /// The number of the block `index` as it is on the machine of now.
+    /// The number of the block `index`, recomputed on the present machine.
     fn anew(&mut self, index: usize) -> usize {
         let candidate = self.system.candidate(index);
         if candidate.changes_arm {
@@ -181,7 +183,7 @@ impl<'d, 'a> Search<'d, 'a> {
         laid.and_then(|laid| self.system.take(laid)).unwrap_or(index)
     }
 
-    /// The most probable form of each effect that is common on machines, beside `members`.
+    /// The effects that are common on machines and improve the evidence beside `members`.
     fn common(&self, members: &[usize]) -> Vec<usize> {
         let odds = |index: usize| self.system.candidate(index).kind.occurs.odds();
         let candidates: Vec<usize> =
@@ -193,7 +195,7 @@ impl<'d, 'a> Search<'d, 'a> {
         found.map(|(&index, _)| index).collect()
     }
 
-    /// Improves `members` until nothing makes them more probable.
+    /// Improves `members` until no step makes them more probable.
     pub fn improve(&mut self, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
         let mut now = self.settled(members)?;
         loop {
@@ -216,10 +218,10 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(now)
     }
 
-    /// `answer` with its numbers brought into agreement with what each law acts on, and with rows that are far out believed less. `None` if the system is
+    /// Makes the coefficients of `answer` consistent with the machine on which each law acts, and gives outliers less weight. `None` if the system is
     /// singular.
     pub fn agreed(&mut self, answer: &Answer) -> Option<Answer> {
-        /// Turns in which they settle: one law changes what another acts on, and that the first once more.
+        /// Turns until the coefficients settle: one law changes the machine of another, and that changes the machine of the first.
         const TURNS: usize = 4;
         let mut now = answer.clone();
         for _ in 0..TURNS {
@@ -231,7 +233,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(now)
     }
 
-    /// Keeps `answer` among those that were met.
+    /// Adds `answer` to the visited ones.
     fn meet(&mut self, answer: &Answer) {
         if self.met.iter().all(|known| known.members != answer.members) {
             self.met.push(answer.clone());
@@ -239,9 +241,9 @@ impl<'d, 'a> Search<'d, 'a> {
         }
     }
 
-    /// `members` with the shares of discrepancy that are most probable beside them.
+    /// `members` with the most probable shares of discrepancy.
     pub fn settled(&mut self, members: Vec<usize>) -> Option<Answer> {
-        /// Most turns: a share moves by less at each, and the grid of shares ends it.
+        /// Largest number of turns: a share changes less in each turn, and the grid of shares ends the loop.
         const TURNS: usize = 4;
         for _ in 0..TURNS {
             let fit = self.system.fit(&members)?;
@@ -255,13 +257,13 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(Answer { members, shares: self.system.shares(), evidence })
     }
 
-    /// The evidence of `members` with shares of their own, about.
+    /// The evidence of `members` with their own shares, approximately.
     fn about(&self, members: &[usize]) -> Option<f64> {
         let fit = self.system.fit(members)?;
         Some(fit.value + self.system.shared() + self.system.to_gain(&fit))
     }
 
-    /// `members` settled, if that makes them more probable than `now`; else the system as it was.
+    /// `members` with their own shares, if that makes them more probable than `now`; else the method restores the system.
     fn accepted(&mut self, now: &Answer, members: Vec<usize>) -> Option<Option<Answer>> {
         let there = self.settled(members)?;
         let there = self.sharpened(there)?;
@@ -273,7 +275,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(None)
     }
 
-    /// Sets the system back to where `answer` was settled.
+    /// Restores the shares and the held tolerances of `answer`.
     pub fn back(&mut self, answer: &Answer) -> Option<()> {
         self.system.set_shares(&answer.shares)?;
         let fit = self.system.fit(&answer.members)?;
@@ -281,7 +283,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(())
     }
 
-    /// `answer` with its last member in the form that explains most now that tolerances which say the same have given way to it.
+    /// `answer` with its last member in the best form, after tolerances with the same effect have become zero.
     fn sharpened(&mut self, answer: Answer) -> Option<Answer> {
         let Some((&last, others)) = answer.members.split_last() else { return Some(answer) };
         let index = self.refined(others, last)?;
@@ -291,13 +293,13 @@ impl<'d, 'a> Search<'d, 'a> {
         self.settled(others.iter().copied().chain([index]).collect())
     }
 
-    /// `members`, each in the form that explains most beside the others and beside what it acts on.
+    /// `members`, each in the best form beside the others on the machine with them.
     pub fn polished(&mut self, mut members: Vec<usize>) -> Option<Answer> {
-        /// Turns in which they settle: a law that acts on others moves with them, and they with it.
+        /// Turns until the forms settle: a law that acts on others changes with them, and they change with it.
         const TURNS: usize = 3;
         let mut now = self.settled(members.clone())?;
         for _ in 0..TURNS {
-            // Where an earlier form had a tolerance at an edge, a better one need not.
+            // A tolerance that reached its limit beside an earlier form need not reach it beside a better one.
             self.system.unpin()?;
             let refined = self.each_refined(members.clone(), |_| true)?;
             let is_still = refined == members;
@@ -311,7 +313,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(now)
     }
 
-    /// `members` with the numbers of their shapes, and then all coefficients, fitted to the rows as they count now.
+    /// Fits the shape parameters of `members`, and then all coefficients, to the rows with their present weights.
     pub fn refitted(&mut self, members: Vec<usize>) -> Option<Answer> {
         let members = self.settled(members)?.members;
         let members = self.each_refined(members, |candidate| !candidate.numbers().is_empty())?;
@@ -319,7 +321,7 @@ impl<'d, 'a> Search<'d, 'a> {
         self.agreed(&settled)
     }
 
-    /// `members`, each for which `is_moved` holds in the form that explains most beside the others.
+    /// Refines the form of each member for which `is_moved` holds, beside the others.
     fn each_refined(
         &mut self,
         mut members: Vec<usize>,
@@ -335,7 +337,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(members)
     }
 
-    /// Whether an arm with `members` can exist: no link of it weighs less than nothing.
+    /// Returns true if an arm with `members` is physical: no mass is negative.
     fn can_exist(&self, members: &[usize]) -> bool {
         let arm = self.system.data.arm();
         let Some(fit) = self.system.fit(members) else { return false };
@@ -343,7 +345,7 @@ impl<'d, 'a> Search<'d, 'a> {
         placed.len() == members.len() && changed(arm, &placed).is_ok()
     }
 
-    /// The effects of `answer`, and what they leave.
+    /// The effects of `answer`, and their residuals.
     pub fn found(&self, answer: &Answer, seed: u64) -> Option<Found> {
         let fit = self.system.held_fit(&answer.members)?;
         let data = self.system.data;
@@ -362,7 +364,7 @@ impl<'d, 'a> Search<'d, 'a> {
         indices.iter().map(|&index| self.system.candidate(index).clone()).collect()
     }
 
-    /// Looks for none of the effects of these numbers any more.
+    /// Excludes the effects of these numbers from the search.
     pub fn leave_out(&mut self, effects: &[usize]) {
         let system = &self.system;
         let is_left_out = |index: usize| {
@@ -380,8 +382,8 @@ impl<'d, 'a> Search<'d, 'a> {
         self.laid.iter().copied().filter(|index| !is_taken(index)).collect()
     }
 
-    /// The best form of each effect that may join `members` and brings more than `least`, the best [`TRIED`] of them in order. A form whose coefficient is held at a bound
-    /// is where the search for a better one begins, if its law has others.
+    /// The best form of each effect that may join `members` with a gain above `least`: the best [`TRIED`] of them, in order. A form with a coefficient at its
+    /// bound is a starting point for a better form, if its law has other forms.
     fn nearest(&self, members: &[usize], least: f64) -> Option<Vec<usize>> {
         let fit = self.system.fit(members)?;
         let open = self.open(members);
@@ -404,13 +406,13 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(nearest)
     }
 
-    /// Whether the coefficients of the candidate number `index`, fitted beside `members`, are inside their bounds.
+    /// Returns true if the coefficients of the candidate number `index`, fitted beside `members`, are inside their bounds.
     fn is_inside(&self, members: &[usize], index: usize) -> Option<bool> {
         let gain = self.system.gains(&self.system.fit(members)?, &[index]).pop().flatten();
         Some(gain.is_some_and(|gain| gain.is_inside))
     }
 
-    /// `now` with the effect that makes it most probable.
+    /// `now` with the additional effect that gives the highest evidence.
     pub fn added(&mut self, now: &Answer) -> Option<Option<Answer>> {
         if now.members.len() >= MOST * self.system.data.arm().dof() {
             return Some(None);
@@ -429,7 +431,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(None)
     }
 
-    /// `now` without the member whose absence makes it most probable.
+    /// `now` without the member whose removal gives the highest evidence.
     fn dropped(&mut self, now: &Answer) -> Option<Option<Answer>> {
         let mut without: Vec<(f64, Vec<usize>)> = (0..now.members.len())
             .filter_map(|place| {
@@ -498,8 +500,8 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(None)
     }
 
-    /// Of the laws of which a machine has one at most, `index` and those that it excludes, the one that explains most beside `members`, each in its best form: before
-    /// that a law that is far from linear says less than it could.
+    /// The best law among `index` and those that it excludes, of which a machine has at most one. Each takes its best form beside `members`, because
+    /// a strongly nonlinear law explains less in its initial form than it could.
     fn best_of_rivals(&mut self, members: &[usize], index: usize) -> Option<usize> {
         let fit = self.system.fit(members)?;
         let rivals = self.rivals(members, index)?;
@@ -516,7 +518,8 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(first)
     }
 
-    /// The rivals of the member at `place` of `members`, each in its best form beside the others, where they or that member may take one of several courses.
+    /// The rivals of the member at `place` of `members`, each in its best form beside the others, if they or that member have several possible
+    /// solutions.
     pub fn open_rivals(&mut self, members: &[usize], place: usize) -> Option<Vec<usize>> {
         let (member, others) = (members[place], all_but(members, place));
         let rivals = self.rivals(&others, member)?;
@@ -526,7 +529,7 @@ impl<'d, 'a> Search<'d, 'a> {
         rivals.into_iter().map(|rival| self.refined(&others, rival)).collect()
     }
 
-    /// The laws of which a machine has one at most with `index`, each in the form that explains most beside `members` as it is laid out.
+    /// The laws that can't exist together with `index`, each in that of its present forms that explains most beside `members`.
     fn rivals(&self, members: &[usize], index: usize) -> Option<Vec<usize>> {
         let fit = self.system.fit(members)?;
         let mut best: Vec<(f64, usize)> = Vec::new();
@@ -544,25 +547,25 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(best.into_iter().map(|(_, index)| index).collect())
     }
 
-    /// Whether a machine has `one` or `other` and they are different laws, or both happen at the same time: one thing happens then sooner than two.
+    /// Returns true for different laws of which a machine has only one, and for events at the same time: one event is more probable than two.
     fn is_rival(&self, one: usize, other: usize) -> bool {
         let (one, other) = (self.system.candidate(one), self.system.candidate(other));
         (one.excludes(other) || one.happens_with(other)) && !one.same_effect(other)
     }
 
-    /// `now` with one effect more and without all members that it makes needless: one law in the place of several that imitate it.
+    /// `now` with one more effect and without the members that become unnecessary: one law replaces several that imitate it.
     fn exchanged(&mut self, now: &Answer) -> Option<Option<Answer>> {
         let nearest = self.nearest(&now.members, f64::NEG_INFINITY)?;
         self.exchanged_for(now, &nearest)
     }
 
-    /// The same with what explains most by itself: what many members say together leaves nothing to it.
+    /// The same exchange with the candidates that explain most alone: many members together may leave nothing for such a candidate to explain.
     pub fn exchanged_whole(&mut self, now: &Answer) -> Option<Option<Answer>> {
         let nearest = self.nearest(&[], 0.0)?;
         self.exchanged_for(now, &nearest)
     }
 
-    /// The same with one of `others`, of which the first is tried first.
+    /// The same exchange with one of `others`, in their order.
     fn exchanged_for(&mut self, now: &Answer, others: &[usize]) -> Option<Option<Answer>> {
         for &index in others {
             let Some(members) = self.thinned(&now.members, index)? else { continue };
@@ -580,7 +583,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(None)
     }
 
-    /// `members` and `index` without those of `members` that are not worth their place beside it; `None` if all are.
+    /// `members` and `index` without the members that lower the evidence beside it; `None` if there are none.
     fn thinned(&mut self, members: &[usize], index: usize) -> Option<Option<Vec<usize>>> {
         let mut all: Vec<usize> = members.to_vec();
         all.push(index);
@@ -610,7 +613,8 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(Some(all))
     }
 
-    /// The block number `index` in the form that explains most beside `members`: the numbers of its shape off their grid, its law taken about what was found.
+    /// The block number `index` in its best form beside `members`: with continuous shape parameters, and with the law linearised at the fitted
+    /// coefficients.
     pub fn refined(&mut self, members: &[usize], index: usize) -> Option<usize> {
         let fit = self.system.fit(members)?;
         let mut best = index;
@@ -618,7 +622,7 @@ impl<'d, 'a> Search<'d, 'a> {
             search.system.gains(&fit, &[at]).pop().flatten().map_or(f64::NEG_INFINITY, |gain| gain.value)
         };
         let mut now = value(self, best);
-        // What happens in one recording may happen in all.
+        // An event in one recording may occur in all.
         if self.system.candidate(best).form.only.is_some() {
             let form = Form { only: None, ..self.system.candidate(best).form.clone() };
             (best, now) = self.try_form(&fit, best, form, now).unwrap_or((best, now));
@@ -635,7 +639,7 @@ impl<'d, 'a> Search<'d, 'a> {
             let from = (best, now);
             let forms = BACKTRACKING.map(|share| self.system.candidate(best).about(beta, share));
             if let Some(form) = forms[0].clone().filter(Form::is_chord) {
-                // What a chord says elsewhere than at its end is not what the law says there.
+                // The value of a chord between its ends differs from that of the law.
                 let there = self.try_form(&fit, best, form, f64::NEG_INFINITY);
                 let Some(there) = there.filter(|there| (there.1 - now).abs() > WORTH) else { break };
                 (best, now) = there;
@@ -651,7 +655,8 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(best)
     }
 
-    /// The number of `index` with the numbers of its shape where it explains most beside `fit`, and what it explains there: `now` where they are.
+    /// Moves the shape parameters of `index` to the values that explain most beside `fit`. Returns the new number and the value there; `now` is the
+    /// present value.
     fn moved(&mut self, fit: &Fit, index: usize, now: f64) -> (usize, f64) {
         let (mut best, mut now) = (index, now);
         let moves = moves(&self.system.candidate(best).numbers());
@@ -669,7 +674,7 @@ impl<'d, 'a> Search<'d, 'a> {
         (best, now)
     }
 
-    /// The number of `index` in another `form` and what it explains beside `fit`, if that is more than `now`.
+    /// The number of `index` in another `form` and its value beside `fit`, if that is more than `now`.
     fn try_form(&mut self, fit: &Fit, index: usize, form: Form, now: f64) -> Option<(usize, f64)> {
         let data = self.system.data;
         let candidate = self.system.candidate(index);
@@ -686,7 +691,8 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 }
 
-/// The ways to move the `numbers` of a shape: each alone, and of two each way together and against each other, a gap that is wider behind flanks that give less.
+/// The directions in which the search moves the parameters `numbers` of a shape: each alone, and each pair in the same and in opposite directions, as
+/// a wider gap with softer flanks.
 fn moves(numbers: &[String]) -> Vec<Vec<(String, f64)>> {
     let mut all = Vec::new();
     for (k, name) in numbers.iter().enumerate() {
@@ -699,5 +705,6 @@ fn moves(numbers: &[String]) -> Vec<Vec<(String, f64)>> {
     all
 }
 
-/// Most times that a law is taken about what was found: each time the way there is shorter, and a step that gains nothing ends it before.
+/// Largest number of linearisations of a law at the fitted coefficients: each has a shorter distance to the solution, and a step without a gain ends
+/// the loop earlier.
 const CENTRES: usize = 6;

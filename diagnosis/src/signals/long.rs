@@ -1,7 +1,7 @@
-//! Long recordings: judged by windows, worked on part by part, so that memory does not grow with them.
+//! Long recordings: windows decide on the treatment, and the program processes a recording part by part, so that the memory does not grow with it.
 //!
-//! What is decided of a whole recording (where gaps begin, whether its stamps are steadied, the cutoff) is told by windows spread over it, and
-//! holds for every part. Each part reaches into its neighbours by more than filters remember, and each grid point is kept in one part only.
+//! Windows spread over the recording determine where gaps begin, whether the stamps are corrected, and the cutoff. These decisions hold for every
+//! part. Each part extends into its neighbours by more than the memory of the filters, and exactly one part keeps each grid point.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -13,18 +13,19 @@ use crate::signals::grid::{Grid, Stretch, no_grid};
 use crate::signals::motion::Treatment;
 use crate::signals::stamps::steadied;
 
-/// Rows times joints up to which a recording is worked on as a whole, and of each part of a longer one: such a column for every joint takes 16 MB, and some
-/// tens are alive at once.
+/// Largest number of rows times joints of a recording without parts, and of each part of a longer one: such a column for every joint takes 16 MB, and
+/// some tens exist at once.
 const MOST_NUMBERS: usize = 2_000_000;
-/// Windows that stand for a long recording, spread evenly: fewer can all fall on one kind of motion, more are each too short against what filters remember.
+/// Number of windows that represent a long recording, spread evenly: fewer can all fall on one kind of motion, more are each too short relative to
+/// the memory of the filters.
 pub(crate) const WINDOWS: usize = 8;
-/// Time that laws with a memory get to run in before a part, s, an eighth of the part at most: most joints turn round within it, at which backlash and
-/// hysteresis forget.
+/// Time before a part in which laws with a memory settle, s, at most an eighth of the part: most joints reverse within it, and a reversal resets
+/// backlash and hysteresis.
 const MEMORY_S: f64 = 10.0;
-/// Rows beyond an end that interpolation looks at: the cubic through two of them takes its slopes from one more, and stamps that shake may shift it by one.
+/// Rows beyond an end that the interpolation uses: the slopes of the cubic through two rows need one more row, and jitter may shift it by one.
 const BEYOND: usize = 3;
 
-/// Rows of a recording of `joints` joints up to which it is worked on as a whole.
+/// Largest number of rows of a recording of `joints` joints without parts.
 pub(crate) fn most_rows(joints: usize) -> usize {
     MOST_NUMBERS / joints.max(1)
 }
@@ -36,7 +37,8 @@ struct Cut {
 }
 
 impl Grid {
-    /// The grid of a recording; of one longer than `most` rows so many say where gaps begin and whether its stamps are steadied.
+    /// The grid of a recording. If it is longer than `most` rows, windows with so many rows determine where gaps begin and whether the stamps are
+    /// corrected.
     ///
     /// # Errors
     /// See [`Grid::new`].
@@ -45,19 +47,19 @@ impl Grid {
             return Self::new(recording);
         }
         let judged = Self::new(&windows_of(recording, most)).map_err(|_| no_grid(recording))?;
-        // A sum of all steps would be off by a thirtieth of one after 50 million.
+        // A sum of all steps would have an error of a thirtieth of a step after 50 million.
         let runs = recording.t.chunk_by(|before, after| after - before <= judged.longest);
         let (steps, lasts) = runs.fold((0, 0.0), |(steps, lasts), run| {
             (steps + run.len() - 1, lasts + (run[run.len() - 1] - run[0]))
         });
-        // Lines through stamps that shake know the step better than the first and the last stamp do.
+        // Lines through stamps with jitter give the step more accurately than the first and the last stamp.
         let step = if judged.is_steadied { judged.step } else { lasts / steps as f64 };
         let grid = Self::laid(&recording.t, step, judged.longest);
         let grid = grid.ok_or_else(|| no_grid(recording))?;
         Ok(Self { is_steadied: judged.is_steadied && !grid.is_even(), ..grid })
     }
 
-    /// What is kept, cut into about `most` grid points at most; of a stretch, every `every`-th point is kept across its cuts.
+    /// Cuts of the kept points with at most about `most` grid points each; across the cuts of a stretch, the treatment keeps every `every`-th point.
     fn cuts(&self, most: usize, every: usize) -> impl Iterator<Item = Cut> {
         self.stretches.iter().enumerate().flat_map(move |(stretch, whole)| {
             let Range { start, end } = whole.keep;
@@ -68,7 +70,7 @@ impl Grid {
         })
     }
 
-    /// The same in groups: short stretches together.
+    /// The cuts in groups: short stretches together.
     fn groups(&self, most: usize, every: usize) -> Vec<Vec<Cut>> {
         let (mut groups, mut room) = (Vec::<Vec<Cut>>::new(), 0);
         for cut in self.cuts(most, every) {
@@ -84,7 +86,7 @@ impl Grid {
         groups
     }
 
-    /// The grid with nothing but `cuts`, each with up to `lead` grid points more on either side.
+    /// The grid of the `cuts` alone, each with up to `lead` additional grid points on either side.
     fn part(&self, recording: &Recording, cuts: &[Cut], lead: usize) -> Self {
         let piece = |cut: &Cut| self.piece(recording, &self.stretches[cut.stretch], &cut.keep, lead);
         Self { stretches: cuts.iter().map(piece).collect(), ..*self }
@@ -104,7 +106,7 @@ impl Grid {
         let shake = self.is_steadied && !whole.even;
         let times = shake.then(|| steadied(&recording.t[rows.clone()], std::iter::once(0..rows.len())));
         let times = times.flatten();
-        // A grid through steadied samples, at most half a step aside, needs no interpolation but where one was lost.
+        // A grid through corrected samples, at most half a step aside, needs interpolation only at a lost sample.
         let aside = times.as_ref().map_or(0.0, |t| (t[0] - time(span.start)) / self.step);
         Stretch {
             start: time(span.start) + (aside - aside.round()) * self.step,
@@ -118,7 +120,7 @@ impl Grid {
 }
 
 impl Treatment {
-    /// The treatment of `recording` part by part, if it is longer than `most` rows: about so many grid points each.
+    /// The treatments of the parts of `recording`, with about `most` grid points each, if it is longer than `most` rows.
     pub(crate) fn parts<'a>(
         &'a self,
         recording: &'a Recording,
@@ -130,7 +132,7 @@ impl Treatment {
         (!is_long).then_some(Cow::Borrowed(self)).into_iter().chain(parts)
     }
 
-    /// The treatment of windows of `recording` that make up about `most` grid points, if it is longer than so many rows.
+    /// The treatment of windows of `recording` with about `most` grid points together, if it is longer than so many rows.
     pub(crate) fn sample<'a>(&'a self, recording: &Recording, most: usize) -> Cow<'a, Self> {
         if recording.len() <= most {
             return Cow::Borrowed(self);
@@ -145,7 +147,7 @@ impl Treatment {
     fn part(&self, recording: &Recording, cuts: &[Cut], most: usize) -> Self {
         let rate_hz = self.rate_hz();
         let memory = ((MEMORY_S * rate_hz) as usize).min(most / WINDOWS);
-        // The filter runs forwards and backwards, and settles each way.
+        // The filter runs forwards and backwards, and settles in each direction.
         let lead = memory.max((2.0 * self.filter.settling_time() * rate_hz).ceil() as usize);
         let (filter, fine) = (self.filter.clone(), self.fine.clone());
         let grid = self.grid.part(recording, cuts, lead);
@@ -200,7 +202,8 @@ mod tests {
         2.0 * ((k as f64 * 12.9898).sin() * 43_758.545_3).fract().abs() - 1.0
     }
 
-    /// The made motion sampled at `t`, with another friction than the model's, noise, velocities, and stamps `late` by parts of a step.
+    /// A simulated recording of the test motion at the times `t`, with a friction that differs from the model's, noise, velocities, and stamps `late`
+    /// by parts of a step.
     fn made(t: &[f64], late: fn(usize) -> f64) -> Recording {
         let mut made = columns(&two_joints(), t, |joint, v| 3.0 * v + 1.0 * v.signum() + 0.4 * joint as f64);
         for (name, column) in &mut made[1..] {
@@ -215,7 +218,8 @@ mod tests {
         recording(made)
     }
 
-    /// Fails unless `recording` has the same in parts as in one: every point once, and all numbers to `most`, as shares of their size.
+    /// Fails unless the comparison of `recording` in parts equals that without parts: every point once, and all values within `most`, relative to
+    /// their size.
     fn assert_same(name: &str, effects: &[Placed], recording: &Recording, most: f64) {
         let compare = |rows| {
             in_parts(&two_joints(), effects, recording, &Settings::default(), rows).expect("a comparison")
@@ -250,11 +254,11 @@ mod tests {
         let t: Vec<f64> = even(64.0, RATE_HZ).into_iter().map(gaps).collect();
         assert_same("with gaps", &[], &made(&t, on_time), 1e-6);
         let shaking = made(&even(64.0, RATE_HZ), |k| 0.3 * (1.0 + noise(k)));
-        // The line through the stamps of a part is no more exact than it is long.
+        // The line through the stamps of a short part is less accurate.
         assert_same("steadied", &[], &shaking, 1e-2);
     }
 
-    /// Laws with a memory begin anew in each part, early enough to be where they would have been.
+    /// Laws with a memory start again in each part, early enough to reach their state.
     #[test]
     fn memories_are_there_when_they_are_asked() {
         let place = |kind: &str, joint: &str, parameters: [(&str, f64); 2]| {
@@ -274,7 +278,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
-        /// Whatever the stamps, the settings and the length of parts: an error or finite numbers, and no point twice.
+        /// For any stamps, settings and length of parts, the result is an error or finite numbers, and no point appears twice.
         #[test]
         fn any_recording_in_parts_gives_finite_numbers_or_an_error(
             steps in prop::collection::vec((-6.0..1.0_f64, any::<bool>(), any::<bool>()), 1..400),
@@ -296,7 +300,7 @@ mod tests {
         }
     }
 
-    /// What is decided of the whole is decided by all of it, not by its beginning: here the arm stands still at first, and then shakes.
+    /// Windows from the whole recording decide on its treatment, not its beginning: here the arm is at rest at first, and vibrates later.
     #[test]
     fn windows_are_spread_over_the_recording() {
         let (arm, t) = (two_joints(), even(64.0, RATE_HZ));

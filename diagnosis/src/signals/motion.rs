@@ -1,4 +1,4 @@
-//! The one treatment that every column of a recording gets, and the motion that comes of it.
+//! The common treatment of every column of a recording, and the resulting motion.
 
 use std::ops::Range;
 
@@ -13,40 +13,43 @@ use crate::signals::grid::{Grid, Stretch};
 use crate::signals::missing::only;
 use crate::statistics::Quantile;
 
-/// Share of the sampling rate that the default cutoff is: a period of it then has thirty samples, over which the noise of two derivatives averages out.
+/// The default cutoff as a share of the sampling rate: a period of it then has thirty samples, over which the noise of two derivatives averages out.
 const CUTOFF_SHARE: f64 = 0.03;
-/// Least default cutoff, Hz: the motion of an arm is below.
+/// Smallest default cutoff, Hz: the motion of an arm is below.
 pub(crate) const LEAST_CUTOFF: f64 = 10.0;
-/// Greatest default cutoff, Hz: the structure of an arm resonates from about there on.
+/// Largest default cutoff, Hz: the structure of an arm resonates from about there on.
 const GREATEST_CUTOFF: f64 = 40.0;
-/// Ratio of the fine cutoff to the cutoff: at three times it the gain of the coarse low-pass is below 10⁻³, so that the fine one shows all that passes it.
+/// Ratio of the fine cutoff to the cutoff: at three times the cutoff the gain of the coarse low-pass is below 10⁻³, so that the fine low-pass
+/// transmits all that passes the coarse one.
 const FINE_CUTOFF_RATIO: f64 = 3.0;
-/// Most of the sampling rate that a cutoff may be: at one half, that of Nyquist, a digital low-pass has no band left to fall in.
+/// Largest cutoff as a share of the sampling rate: at one half, the Nyquist frequency, a digital low-pass has no stop band left.
 const MAX_CUTOFF_SHARE: f64 = 0.4;
-/// Least number of points kept per period of the cutoff: twice what Shannon (1949) asks for, as the low-pass still lets half of the signal through there.
+/// Smallest number of points kept per period of the cutoff: twice the number of Shannon (1949), as the low-pass still transmits half of the signal at
+/// the cutoff.
 const POINTS_PER_PERIOD: f64 = 4.0;
-/// Most of a stretch that is left out at either end: three quarters of a short one remain, whatever the low-pass would ask for.
+/// Largest share of a stretch that the treatment trims at either end: three quarters of a short stretch remain, even if the low-pass would require
+/// more.
 pub(crate) const GREATEST_TRIM: f64 = 0.125;
 
-/// What a user may choose; `None` is the rule.
+/// The settings of a user; `None` is the rule.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Settings {
-    /// Cutoff of the low-pass, Hz. The rule: [`default_cutoff_hz`], or up to two octaves lower where the noise of the motion would make torque
-    /// that was not measured.
+    /// Cutoff of the low-pass, Hz. The rule: [`default_cutoff_hz`], or up to two octaves lower if the noise of the motion would cause torque that was
+    /// not measured.
     pub lowpass_hz: Option<f64>,
-    /// Time left out at both ends of every stretch, s. The rule: five periods of the cutoff, in which the filter's memory
-    /// of the end fades to 10⁻⁵; an eighth of the stretch at most.
+    /// Time trimmed at both ends of every stretch, s. The rule: five periods of the cutoff, in which the filter's memory of the end decays to 10⁻⁵;
+    /// at most an eighth of the stretch.
     pub trim_s: Option<f64>,
 }
 
-/// The cutoff for a recording of `rate_hz` samples a second, Hz: 3 % of the rate, but 10 Hz at least (an arm's motion is
-/// below), 40 Hz at most (its structure resonates from about there on), and never above a quarter of the rate.
+/// The cutoff for a recording of `rate_hz` samples a second, Hz: 3 % of the rate, but at least 10 Hz (an arm's motion is below), at most 40 Hz (its
+/// structure resonates from about there on), and never above a quarter of the rate.
 pub fn default_cutoff_hz(rate_hz: f64) -> f64 {
     (CUTOFF_SHARE * rate_hz).clamp(LEAST_CUTOFF, GREATEST_CUTOFF).min(rate_hz / 4.0)
 }
 
-/// The treatment: the uniform grid, the zero-phase low-pass, the ends left out, the decimation. The same for every
-/// column, measured or modelled, so that what it takes away is missing on both sides.
+/// The treatment: the uniform grid, the zero-phase low-pass, the trimmed ends, the decimation. Every column, measured or modelled, gets the same
+/// treatment, so that both sides lose the same part of the signal.
 #[derive(Debug, Clone)]
 pub struct Treatment {
     pub(crate) grid: Grid,
@@ -66,7 +69,7 @@ impl Treatment {
         Self::judged_by(arm, recording, settings, usize::MAX)
     }
 
-    /// The treatment of a `recording` of `arm`, of which no more than about `most` rows are looked at for what is decided of all of it.
+    /// The treatment of a `recording` of `arm`. Decisions about the whole recording use about `most` rows.
     ///
     /// # Errors
     /// See [`Treatment::new`].
@@ -86,7 +89,7 @@ impl Treatment {
         }
         let usual_hz = treatment.filter.cutoff_hz();
         let lower_hz = cutoff_for(arm, recording, &treatment.sample(recording, most));
-        // What is too short for a lower cutoff keeps the usual one.
+        // A recording too short for a lower cutoff keeps the default one.
         if lower_hz < usual_hz
             && let Ok(lower) =
                 Self::on(grid, recording, &Settings { lowpass_hz: Some(lower_hz), ..*settings })
@@ -99,7 +102,7 @@ impl Treatment {
         Ok(treatment)
     }
 
-    /// The treatment of `recording` on its `grid` without a look at what is in it.
+    /// The treatment of `recording` on its `grid`, independent of the content of the columns.
     fn on(grid: Grid, recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
         let rate_hz = grid.rate_hz();
         let cutoff_hz = settings.lowpass_hz.unwrap_or_else(|| default_cutoff_hz(rate_hz));
@@ -153,7 +156,7 @@ impl Treatment {
         Ok(())
     }
 
-    /// Keeps of every stretch what is farther from its ends than `trim_s`, or by the rule.
+    /// Trims `trim_s` at both ends of every stretch, or the time by the rule.
     fn leave_ends_out(&mut self, trim_s: Option<f64>) {
         let (step, settling_s) = (self.grid.step, self.filter.settling_time());
         for stretch in &mut self.grid.stretches {
@@ -178,12 +181,12 @@ impl Treatment {
         self.decimation
     }
 
-    /// What was met on the way, one sentence each.
+    /// Notes on the treatment, one sentence each.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Grid points of `stretch` that are kept.
+    /// Grid points of `stretch` that the treatment keeps.
     fn kept(&self, stretch: &Stretch) -> impl Iterator<Item = usize> {
         stretch.keep.clone().step_by(self.decimation)
     }
@@ -238,19 +241,19 @@ impl Treatment {
         out
     }
 
-    /// The smoothed motion on every grid point of the recording, nothing left out: where laws that jump are evaluated, before
+    /// The smoothed motion on every grid point of the recording, without trimming: laws with jumps are evaluated on it, before
     /// [`Treatment::low_pass`] and [`Treatment::keep`].
     pub fn whole_motion(&self, recording: &Recording) -> Trajectory {
         self.motion_through(&self.filter, recording)
     }
 
-    /// The motion on every grid point, smoothed less: for what is not linear in it and then passes [`Treatment::low_pass`]. The torque of a
+    /// The motion on every grid point, less smoothed: for nonlinear functions of the motion, which then pass [`Treatment::low_pass`]. The torque of a
     /// smoothed motion is not the smoothed torque.
     pub fn fine_motion(&self, recording: &Recording) -> Trajectory {
         self.motion_through(&self.fine, recording)
     }
 
-    /// The same of positions that are read with `noise`, by joint and grid point.
+    /// The less smoothed motion of positions with added `noise`, by joint and grid point.
     pub(crate) fn fine_motion_with(&self, recording: &Recording, noise: &[Vec<f64>]) -> Trajectory {
         self.motion_of(&self.fine, recording, Some(noise))
     }
@@ -259,7 +262,7 @@ impl Treatment {
         self.motion_of(filter, recording, None)
     }
 
-    /// The motion of the recorded positions, with `noise` by joint and grid point added where there is any.
+    /// The motion of the recorded positions, with `noise` by joint and grid point added if it is given.
     fn motion_of(&self, filter: &LowPass, recording: &Recording, noise: Option<&[Vec<f64>]>) -> Trajectory {
         let mut whole = Trajectory::default();
         let mut begin = 0;
@@ -310,9 +313,9 @@ impl Treatment {
         out
     }
 
-    /// Standard deviation of white noise that has in the octave above the cutoff what `column`, on all grid points, has there.
+    /// Standard deviation of the white noise with the same amplitude as `column`, on all grid points, in the octave above the cutoff.
     ///
-    /// By a `quantile` of its size where it is `present`: what jumps now and then is no noise (Hampel 1974).
+    /// The function takes a `quantile` of the amplitude where the column is `present`, because occasional jumps are no noise (Hampel 1974).
     pub(crate) fn deviation_above(
         &self,
         column: &[f64],
@@ -354,10 +357,10 @@ impl Treatment {
         out
     }
 
-    /// The motion that `recording` holds on the kept points.
+    /// The motion of `recording` on the kept points.
     ///
-    /// Velocity and acceleration are derivatives of the position, also where the recording has velocities: a recorded velocity has
-    /// gone through a filter of the drive's own, whose delay would show up as viscous friction or inertia that the arm does not have.
+    /// Velocity and acceleration are derivatives of the position, even if the recording has velocities: a recorded velocity has passed a filter of
+    /// the drive, whose delay would appear as viscous friction or inertia that the arm does not have.
     pub fn motion(&self, recording: &Recording) -> Trajectory {
         let mut motion = Trajectory { t: self.times(), stretches: self.stretches(), ..Trajectory::default() };
         for column in &recording.q {
@@ -370,7 +373,7 @@ impl Treatment {
     }
 }
 
-/// Share of the power of white noise that `wide` lets through and `narrow` does not, by their gains' closed form.
+/// Share of the power of white noise that `wide` transmits and `narrow` does not, by the closed form of their gains.
 fn share_between(narrow: &LowPass, wide: &LowPass, rate_hz: f64) -> f64 {
     mean_over_band(rate_hz, |f| (wide.gain(f) - narrow.gain(f)).powi(2))
 }

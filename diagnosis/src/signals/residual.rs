@@ -1,4 +1,4 @@
-//! Measured against model, channel by channel.
+//! Residuals: measured minus model, channel by channel.
 
 use std::ops::Range;
 
@@ -16,20 +16,20 @@ use crate::signals::motion::Treatment;
 use crate::signals::rest::settle;
 use crate::statistics::{Moments, difference};
 
-/// All channels of a recording that a model can predict, on one treated grid.
+/// All channels of a recording that a model can predict, on one grid after the treatment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Residuals {
     /// Time, s.
     pub t: Vec<f64>,
     /// Stretches without gaps, as ranges of points.
     pub stretches: Vec<Range<usize>>,
-    /// Torques by joint, then the tool's x, y, z, then link encoders by joint; those that were recorded.
+    /// Torques by joint, then the tool's x, y, z, then link encoders by joint; only the recorded ones.
     pub channels: Vec<Channel>,
 }
 
-/// The residuals of `recording` against `arm` with its `effects`, both under `treatment`. The model is evaluated on every point of the
-/// grid and treated as the measured columns are, so that laws that jump or remember see the whole motion. Of a joint at rest dry friction says what is
-/// nearest to what was measured.
+/// The residuals of `recording` against `arm` with its `effects`, both under `treatment`. The model is evaluated on every point of the grid and
+/// treated like the measured columns, so that laws with jumps or with a memory see the whole motion. For a joint at rest, dry friction takes the
+/// possible value nearest to the measured torque.
 ///
 /// # Errors
 /// [`ResidualError::JointCount`], [`ResidualError::Effects`], [`ResidualError::NothingToCompare`], [`ResidualError::NotFinite`].
@@ -47,7 +47,7 @@ pub fn residuals(
     Ok(residuals)
 }
 
-/// [`residuals`] for the treated motion `whole` of `recording`, and what sharpens the model along it.
+/// [`residuals`] for the treated motion `whole` of `recording`, with the correction `sharpening` of the model along it.
 pub(crate) fn residuals_along(
     arm: &Arm,
     effects: &[Placed],
@@ -76,17 +76,17 @@ pub(crate) fn residuals_along(
     Ok(Residuals { t: treatment.times(), stretches: treatment.stretches(), channels })
 }
 
-/// What is lost where the rigid arm is worked out along a treated motion: products of positions, speeds and accelerations that change
-/// faster than the low-pass lets through. On all grid points.
+/// The error of the rigid arm's prediction along a treated motion: products of positions, speeds and accelerations change faster than the low-pass
+/// transmits. On all grid points.
 pub(crate) struct Sharpening {
-    /// By how much the arm's torque and tool, treated, differ from those of the treated motion.
+    /// The treated torque and tool position of the arm, minus those along the treated motion.
     pub more: Change,
-    /// What the low-pass takes from the arm's torques, `[joint][point]`.
+    /// The part of the arm's torques above the low-pass, `[joint][point]`.
     pub unresolved: Vec<Vec<f64>>,
 }
 
 impl Sharpening {
-    /// For `arm` along `recording`, whose treated motion is `whole`.
+    /// The correction for `arm` along `recording`, whose treated motion is `whole`.
     pub fn of(arm: &Arm, recording: &Recording, treatment: &Treatment, whole: &Trajectory) -> Self {
         let fine = treatment.fine_motion(recording);
         let torques = rigid_torques(arm, &fine, None);
@@ -105,7 +105,7 @@ impl Sharpening {
     }
 }
 
-/// The model and the recording have the same number of joints.
+/// Checks that the model and the recording have the same number of joints.
 pub(crate) fn check_joints(arm: &Arm, recording: &Recording) -> Result<(), ResidualError> {
     if arm.dof() == recording.joints() {
         return Ok(());
@@ -118,7 +118,7 @@ pub(crate) fn check_joints(arm: &Arm, recording: &Recording) -> Result<(), Resid
     })
 }
 
-/// Torques by joint, the tool's x, y, z, link encoders by joint; those that were recorded.
+/// Torques by joint, the tool's x, y, z, link encoders by joint; only the recorded ones.
 fn channels(arm: &Arm, recording: &Recording, treatment: &Treatment, model: &Prediction) -> Vec<Channel> {
     let channel = |name: String, kind: Kind, unit: &'static str, measured: &[f64], model: &[f64]| Channel {
         name,

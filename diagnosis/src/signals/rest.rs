@@ -1,9 +1,9 @@
-//! Joints at rest: what dry friction does there no motion tells.
+//! Joints at rest: the motion does not determine their dry friction.
 //!
-//! Coulomb's friction of a joint that stands still is any torque between −F and F, as much as it takes (Filippov 1988, "Differential Equations with
-//! Discontinuous Righthand Sides", §1; Acary & Brogliato 2008, §1.3). A recorded joint stands as far as its encoder sees: its speed there is noise,
-//! and the sign of noise is no direction. So the model is taken to say what is nearest to the measured torque between what it says of a joint that
-//! just moves forwards and of one that just moves backwards, whatever law of friction that comes from.
+//! Coulomb friction of a joint at rest has any value between −F and F that balances the other torques (Filippov 1988, "Differential Equations with
+//! Discontinuous Righthand Sides", §1; Acary & Brogliato 2008, §1.3). A recorded joint is at rest within the resolution of its encoder: its speed is
+//! noise, and the sign of noise is no direction. The prediction for such a joint is therefore the value nearest to the measured torque between two
+//! predictions: one for a joint that starts to move forwards and one for a joint that starts to move backwards. This holds for any law of friction.
 
 use freeplay_arm::Arm;
 use freeplay_laws::{DriveFriction, Placed, Trajectory};
@@ -15,10 +15,10 @@ use crate::signals::motion::Treatment;
 use crate::signals::residual::{Residuals, Sharpening, residuals_along};
 use crate::statistics::{UNMOVED, encoder_noise};
 
-/// A joint that moves less than this, rad (m), does not move: it is one step of an encoder of 16 bits, 2π/2¹⁶.
+/// A joint that moves less than this, rad (m), is at rest: it is one step of an encoder of 16 bits, 2π/2¹⁶.
 pub(crate) const STILL: f64 = 1e-4;
 
-/// Lets the model say of joints at rest what is nearest to what was measured.
+/// Sets the prediction for joints at rest to the possible value nearest to the measured torque.
 ///
 /// # Errors
 /// See [`ResidualError`].
@@ -45,7 +45,7 @@ pub(crate) fn settle(
         }
         residuals_along(arm, effects, recording, treatment, &motion, sharpening)
     };
-    // A joint just moves at ten times the speed over which the direction is smoothed: friction has its sign, and is not viscous yet.
+    // Ten times the speed over which the direction is smoothed: friction has its sign there, and is not viscous yet.
     let creep = 10.0 * DriveFriction::SMOOTHING;
     let (forwards, backwards) = (creeping(creep)?, creeping(-creep)?);
     let either_way = forwards.channels.iter().zip(&backwards.channels);
@@ -64,7 +64,7 @@ pub(crate) fn settle(
     Ok(())
 }
 
-/// Where `joint` stands still for all that its encoder sees, on all grid points.
+/// The grid points at which `joint` is at rest within the resolution of its encoder.
 fn standing(recording: &Recording, treatment: &Treatment, whole: &Trajectory, joint: usize) -> Vec<bool> {
     let read = treatment.whole_column(recording, &recording.q[joint]);
     let least = UNMOVED * encoder_noise(&read);

@@ -1,14 +1,15 @@
-//! Time stamps that shake while the samples don't: a clock that reads late now and then, a bus that delivers in bursts.
+//! Jitter of time stamps of evenly spaced samples: a clock that sometimes reads late, a bus that delivers in bursts.
 
 use std::ops::Range;
 
-/// A lost sample is told by this many stamps on either side: the median of so many that shake by half a step stands to a tenth of a step.
+/// Number of stamps on either side of a row that detect a lost sample: with a jitter of half a step, the median of so many has an error of a tenth of
+/// a step.
 const AROUND: usize = 31;
-/// Samples on either side of where a loss is seen best among which it is sought: the medians hardly change from one row to the next.
+/// Samples on either side of the best row among which the search locates a loss: the medians hardly change from one row to the next.
 const NEAR: usize = 3;
 
-/// The stamps `t` of samples that were taken at even times, of which some were lost, and stamped late by chance: the straight line
-/// through them, over the count of all samples. Stretch by stretch of `stretches`; `None` where no such line fits.
+/// Corrected stamps `t` of evenly spaced samples, some of them lost, whose stamps are late at random: the straight line through the stamps over the
+/// count of all samples. The function treats each stretch of `stretches` alone; `None` if no such line fits.
 pub(crate) fn steadied(t: &[f64], stretches: impl Iterator<Item = Range<usize>>) -> Option<Vec<f64>> {
     let mut steady = t.to_vec();
     for rows in stretches {
@@ -19,7 +20,7 @@ pub(crate) fn steadied(t: &[f64], stretches: impl Iterator<Item = Range<usize>>)
     steady.windows(2).all(|pair| pair[0] < pair[1]).then_some(steady)
 }
 
-/// The steadied stamps of one stretch.
+/// The corrected stamps of one stretch.
 fn line(t: &[f64]) -> Option<Vec<f64>> {
     let mut counts: Vec<f64> = (0..t.len()).map(|k| k as f64).collect();
     let (start, step) = fitted(&counts, t);
@@ -28,15 +29,15 @@ fn line(t: &[f64]) -> Option<Vec<f64>> {
     }
     let (start, step) = fitted(&counts, t);
     let left = off(&counts, t, start, step);
-    // A clock that drifts by a step is left alone.
+    // A clock that drifts by a step stays uncorrected.
     let drifts = left.chunks(AROUND).any(|part| median(part).round() != 0.0);
     (step > 0.0 && !drifts).then(|| counts.iter().map(|count| start + step * count).collect())
 }
 
-/// Where samples were lost before a row, and how many.
+/// The rows before which samples were lost, and the number of lost samples.
 fn losses(off: &[f64]) -> Vec<(usize, f64)> {
     let later = |row: usize| median(&off[row..row + AROUND]) - median(&off[row - AROUND..row]);
-    // No loss hides where two stamps a window apart are no farther than they should be.
+    // A loss requires two stamps a window apart to be farther apart than expected.
     let suspect = |row: &usize| off[row + AROUND - 1] - off[row - AROUND] > 0.0 && later(*row).round() > 0.0;
     let rows: Vec<usize> = (AROUND..off.len().saturating_sub(AROUND)).filter(suspect).collect();
     rows.chunk_by(|a, b| b - a <= NEAR)
@@ -60,7 +61,7 @@ fn fitted(counts: &[f64], t: &[f64]) -> (f64, f64) {
     (time - step * count, step)
 }
 
-/// By how many steps each stamp is later than the line.
+/// Lateness of each stamp relative to the line, in steps.
 fn off(counts: &[f64], t: &[f64], start: f64, step: f64) -> Vec<f64> {
     counts.iter().zip(t).map(|(count, t)| (t - start) / step - count).collect()
 }
