@@ -13,8 +13,8 @@ use toml::{Table, Value};
 
 use crate::candidates::moments::{WhiteTorques, window};
 use crate::data::columns::{Answer, Column, dot};
+use crate::data::linearised::LinearisedRecording;
 use crate::data::stacked::{Data, REMEMBERED};
-use crate::data::stage::Stage;
 use crate::signals::channel::Kind;
 use crate::signals::initial_state::InBearing;
 use crate::statistics::{FINEST, span};
@@ -57,7 +57,7 @@ impl Form {
 
 /// The form with this `shape` in the recording number `only`.
 pub(crate) fn in_one_recording(data: &Data, shape: Table, only: usize) -> Form {
-    Form { only: (data.stages.len() > 1).then_some(only), ..Form::of(shape) }
+    Form { only: (data.recordings.len() > 1).then_some(only), ..Form::of(shape) }
 }
 /// An effect at a place in a form, with its columns on the rows of the data.
 #[derive(Clone, Debug)]
@@ -104,7 +104,7 @@ impl Candidate {
         joint: Option<usize>,
         form: Form,
     ) -> Result<Option<Self>, LawError> {
-        Self::beginning(data, kind, joint, form, vec![None; data.stages.len()])
+        Self::beginning(data, kind, joint, form, vec![None; data.recordings.len()])
     }
 
     /// The candidate, with its journal near the positions `begins` at the beginning of each recording, if these are known.
@@ -265,10 +265,10 @@ impl Candidate {
         Placed::new(&self.table(arm, coefficients), arm).ok()
     }
 
-    /// The effect in the recording number `stage`, with the initial position of its journal there.
-    pub fn placed_in(&self, arm: &Arm, coefficients: &[f64], stage: usize) -> Option<Placed> {
+    /// The effect in the recording number `recording`, with the initial position of its journal there.
+    pub fn placed_in(&self, arm: &Arm, coefficients: &[f64], recording: usize) -> Option<Placed> {
         let mut placed = self.placed(arm, coefficients)?;
-        let begins = self.begins[stage].map(|place| Start::Within(place.eccentricity()));
+        let begins = self.begins[recording].map(|place| Start::Within(place.eccentricity()));
         if let Some(effect) = begins.and_then(|begins| placed.effect.with_initial_state(begins)) {
             placed.effect = effect;
         }
@@ -379,13 +379,14 @@ pub(crate) fn at_place(
     joint: Option<usize>,
     torques: Option<&WhiteTorques>,
 ) -> Result<(Vec<Candidate>, Option<String>), String> {
-    let lacks = |of: &dyn Fn(&Place, &Stage) -> Option<String>| {
-        let stages = data.stages.iter();
-        let all: Option<Vec<String>> =
-            stages.map(|stage| of(&Place { scene: stage.baseline(kind).scene(), joint }, stage)).collect();
+    let lacks = |of: &dyn Fn(&Place, &LinearisedRecording) -> Option<String>| {
+        let recordings = data.recordings.iter();
+        let all: Option<Vec<String>> = recordings
+            .map(|recording| of(&Place { scene: recording.baseline(kind).scene(), joint }, recording))
+            .collect();
         all.and_then(|all| all.into_iter().next())
     };
-    if let Some(because) = lacks(&|place, stage| kind.cannot_be_fitted(place, &stage.recorded())) {
+    if let Some(because) = lacks(&|place, recording| kind.cannot_be_fitted(place, &recording.recorded())) {
         return Err(because);
     }
     let (mut found, mut refused) = (Vec::new(), None);
@@ -401,12 +402,12 @@ pub(crate) fn at_place(
     }
     let count = torques.filter(|_| kind.happens()).map_or(found.len(), |torques| torques.tried(kind));
     found.iter_mut().for_each(|candidate| candidate.forms = count);
-    Ok((found, lacks(&|place, stage| kind.missing(place, &stage.recorded()))))
+    Ok((found, lacks(&|place, recording| kind.missing(place, &recording.recorded()))))
 }
 
 /// The sentence that the torque of `joint` is no measurement in any recording: the same for all such joints.
 fn no_torque_of(data: &Data, joint: Option<usize>) -> Option<String> {
-    let is_stuck = |j| data.stages.iter().all(|stage| stage.ground.is_stuck(Kind::Torque(j)));
+    let is_stuck = |j| data.recordings.iter().all(|recording| recording.prepared.is_stuck(Kind::Torque(j)));
     joint.filter(|joint| is_stuck(*joint))?;
     let stuck: Vec<String> =
         (0..data.arm().dof()).filter(|j| is_stuck(*j)).map(|j| Group::Torque.column(j)).collect();
@@ -418,7 +419,7 @@ fn no_torque_of(data: &Data, joint: Option<usize>) -> Option<String> {
 pub(crate) fn lasts(data: &Data, form: &Form) -> f64 {
     match window(&form.shape) {
         Some([begin, end]) => end - begin,
-        None => span(&data.stages[form.only.unwrap_or(0)].motion().t),
+        None => span(&data.recordings[form.only.unwrap_or(0)].motion().t),
     }
 }
 
@@ -432,31 +433,33 @@ fn meet(one: &Table, other: &Table) -> bool {
 
 /// The forms of `kind` at `joint` for which the search has candidates.
 fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, torques: Option<&WhiteTorques>) -> Vec<Form> {
-    let shapes_of = |stage: &Stage| (kind.shapes)(&Place { scene: stage.baseline(kind).scene(), joint });
+    let shapes_of = |recording: &LinearisedRecording| {
+        (kind.shapes)(&Place { scene: recording.baseline(kind).scene(), joint })
+    };
     if !kind.happens() {
         return shapes_of(fastest(data, joint)).into_iter().map(Form::of).collect();
     }
     // Each recording has its own clock, and an event happens in one recording alone.
     let mut forms = Vec::new();
-    for (index, stage) in data.stages.iter().enumerate() {
+    for (index, recording) in data.recordings.iter().enumerate() {
         let at_times = torques.map(|torques| torques.shapes(data, kind, joint, index));
-        let shapes = shapes_of(stage).into_iter().chain(at_times.into_iter().flatten());
+        let shapes = shapes_of(recording).into_iter().chain(at_times.into_iter().flatten());
         forms.extend(shapes.map(|shape| in_one_recording(data, shape, index)));
     }
     forms
 }
 
 /// The recording in which `joint` moves fastest, which covers the speeds and loads of the shapes; for the whole arm the first recording.
-fn fastest<'c, 'a>(data: &'c Data<'a>, joint: Option<usize>) -> &'c Stage<'a> {
-    let greatest = |stage: &Stage| {
-        let joint = joint.map(|joint| stage.motion().v[joint].iter());
+fn fastest<'c, 'a>(data: &'c Data<'a>, joint: Option<usize>) -> &'c LinearisedRecording<'a> {
+    let greatest = |recording: &LinearisedRecording| {
+        let joint = joint.map(|joint| recording.motion().v[joint].iter());
         joint.into_iter().flatten().fold(0.0_f64, |most, v| most.max(v.abs()))
     };
-    let first = &data.stages[0];
-    data.stages
+    let first = &data.recordings[0];
+    data.recordings
         .iter()
         .skip(1)
-        .fold(first, |most, stage| if greatest(stage) > greatest(most) { stage } else { most })
+        .fold(first, |most, recording| if greatest(recording) > greatest(most) { recording } else { most })
 }
 
 /// Smallest share of a column's square that is independent of the columns before it in the same law, for the motion to show its term: above the
@@ -490,8 +493,8 @@ fn independent(columns: &[Column]) -> Vec<usize> {
 fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
     let most = term.least.abs().max(term.most.abs());
     column.iter().enumerate().any(|(c, part)| {
-        let (stage, channel) = data.place(c);
-        let measured: f64 = data.stages[stage].channels[channel].measured.iter().map(|x| x * x).sum();
+        let (recording, channel) = data.place(c);
+        let measured: f64 = data.recordings[recording].channels[channel].measured.iter().map(|x| x * x).sum();
         let said = part.as_ref().map_or(0.0, |rows| dot(rows, rows));
         said > 0.0 && said.sqrt() * most > FINEST * measured.sqrt()
     })
@@ -514,8 +517,8 @@ fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
                 *(if says(row) { &mut with } else { &mut without }) += step;
             }
         }
-        let stage = &data.stages[data.place(c).0];
-        let memory = stage.ground.treatment.filter().settling_time();
+        let recording = &data.recordings[data.place(c).0];
+        let memory = recording.prepared.treatment.filter().settling_time();
         with > 0.0 && without > memory && (with > memory || without > with)
     })
 }
@@ -530,20 +533,21 @@ fn columns(
     let mut terms = Vec::new();
     let mut answers: Vec<Vec<Answer>> = Vec::new();
     let is_asked = |number: usize| form.only.is_none_or(|only| only == number);
-    for (number, stage) in data.stages.iter().enumerate() {
-        if !(is_asked(number) || terms.is_empty() && number + 1 == data.stages.len()) {
-            answers.iter_mut().for_each(|answers| answers.push(vec![None; data.per_stage()]));
+    for (number, recording) in data.recordings.iter().enumerate() {
+        if !(is_asked(number) || terms.is_empty() && number + 1 == data.recordings.len()) {
+            answers.iter_mut().for_each(|answers| answers.push(vec![None; data.channels_per_recording()]));
             continue;
         }
-        let terms_of_stage =
-            stage.terms((kind, joint), &form.shape, &data.nuisances[number], &mut begins[number])?;
-        let (of_stage, mut said): (Vec<Term>, Vec<Answer>) = terms_of_stage.into_iter().unzip();
+        let terms_of_recording =
+            recording.terms((kind, joint), &form.shape, &data.nuisances[number], &mut begins[number])?;
+        let (of_recording, mut said): (Vec<Term>, Vec<Answer>) = terms_of_recording.into_iter().unzip();
         if !is_asked(number) {
             said.iter_mut().for_each(|said| said.fill(None));
         }
         if terms.is_empty() {
-            answers.resize_with(of_stage.len(), || vec![vec![None; data.per_stage()]; number]);
-            terms = of_stage;
+            answers
+                .resize_with(of_recording.len(), || vec![vec![None; data.channels_per_recording()]; number]);
+            terms = of_recording;
         }
         answers.iter_mut().zip(said).for_each(|(answers, said)| answers.push(said));
     }
@@ -564,10 +568,11 @@ fn take_around(
     columns: &mut [Column],
 ) -> Result<(), LawError> {
     let parameters = kind.compose(&form.shape, around);
-    let answer = |stage: &Stage| -> Result<Answer, LawError> {
-        stage.answer(&Placed::new(&table(kind, joint, stage.arm(), parameters.clone()), stage.arm())?)
+    let answer = |recording: &LinearisedRecording| -> Result<Answer, LawError> {
+        recording
+            .answer(&Placed::new(&table(kind, joint, recording.arm(), parameters.clone()), recording.arm())?)
     };
-    let answers = data.stages.iter().map(answer).collect::<Result<_, _>>()?;
+    let answers = data.recordings.iter().map(answer).collect::<Result<_, _>>()?;
     let mut beyond = data.column(answers);
     for (column, c) in columns.iter().zip(around) {
         for (beyond, part) in beyond.iter_mut().zip(column) {

@@ -5,8 +5,8 @@ use freeplay_laws::Kind as EffectKind;
 use toml::{Table, Value};
 
 use crate::candidates::windows::{Step, Torque, windows};
+use crate::data::linearised::LinearisedRecording;
 use crate::data::stacked::{Data, REMEMBERED};
-use crate::data::stage::Stage;
 use crate::data::whitening::Whitening;
 use crate::signals::channel::Kind;
 
@@ -27,20 +27,23 @@ pub(crate) fn window(shape: &Table) -> Option<[f64; 2]> {
 pub(crate) struct WhiteTorques {
     /// By channel; `None` for a channel that is no torque.
     torques: Vec<Option<Torque>>,
-    per_stage: usize,
+    channels_per_recording: usize,
 }
 
 impl WhiteTorques {
     /// The torques of `data` with the drift models of `whitening` and the residuals `left`.
     pub fn new(data: &Data, whitening: &Whitening, left: &[Vec<f64>]) -> Self {
-        let of_stage: Vec<(Step, Vec<usize>)> =
-            data.stages.iter().map(|stage| (step_of(stage), edges_of(stage))).collect();
+        let of_recording: Vec<(Step, Vec<usize>)> =
+            data.recordings.iter().map(|recording| (step_of(recording), edges_of(recording))).collect();
         let torque = |c: usize| {
-            let (step, edges) = &of_stage[data.place(c).0];
+            let (step, edges) = &of_recording[data.place(c).0];
             matches!(data.kind(c), Kind::Torque(_))
                 .then(|| Torque::new(whitening.channel(c), &left[c], step, edges))
         };
-        Self { torques: (0..data.channels()).map(torque).collect(), per_stage: data.per_stage() }
+        Self {
+            torques: (0..data.channels()).map(torque).collect(),
+            channels_per_recording: data.channels_per_recording(),
+        }
     }
 
     /// Sets the residuals `left` of the torques.
@@ -54,8 +57,8 @@ impl WhiteTorques {
     pub fn tried(&self, kind: &EffectKind) -> usize {
         let rows = self.torques.iter().flatten().map(Torque::count).sum::<usize>();
         let torques = self.torques.iter().flatten().count().max(1);
-        let stages = (self.torques.len() / self.per_stage.max(1)).max(1);
-        let rows = (rows * stages / torques).max(2) as f64;
+        let recordings = (self.torques.len() / self.channels_per_recording.max(1)).max(1);
+        let rows = (rows * recordings / torques).max(2) as f64;
         if kind.parameter(END).is_some() { (rows * rows.ln()) as usize } else { rows as usize }
     }
 
@@ -65,30 +68,32 @@ impl WhiteTorques {
             return Vec::new();
         }
         let is_asked = |c: &usize| joint.is_none_or(|joint| data.kind(*c) == Kind::Torque(joint));
-        let channels = (0..self.per_stage).map(|c| index * self.per_stage + c).filter(is_asked);
+        let channels = (0..self.channels_per_recording)
+            .map(|c| index * self.channels_per_recording + c)
+            .filter(is_asked);
         let torques: Vec<&Torque> = channels.filter_map(|c| self.torques[c].as_ref()).collect();
-        let t = &data.stages[index].motion().t;
+        let t = &data.recordings[index].motion().t;
         windows(&torques, MOST).into_iter().map(|[begin, end]| between(t[begin], t[end])).collect()
     }
 }
 
-/// A step in a torque of `stage`, after the low-pass.
-fn step_of(stage: &Stage) -> Step {
-    let treatment = &stage.ground.treatment;
-    let t = &stage.motion().t;
+/// A step in a torque of `recording`, after the low-pass.
+fn step_of(recording: &LinearisedRecording) -> Step {
+    let treatment = &recording.prepared.treatment;
+    let t = &recording.motion().t;
     let Some(&at) = t.get(t.len() / 2) else { return Step::new(vec![1.0]) };
-    let whole: Vec<f64> = stage.whole().t.iter().map(|t| if *t >= at { 1.0 } else { 0.0 }).collect();
+    let whole: Vec<f64> = recording.whole().t.iter().map(|t| if *t >= at { 1.0 } else { 0.0 }).collect();
     let seen = treatment.keep(&treatment.low_pass(&whole));
     let (middle, least) = (t.len() / 2, REMEMBERED.sqrt());
     let reach = (0..middle).rev().take_while(|row| seen[*row].abs() > least).count() + 1;
     Step::new(seen[middle.saturating_sub(reach)..(middle + reach).min(seen.len())].to_vec())
 }
 
-/// The rows of `stage` at which an event may start or end: four in a period of its low-pass's cutoff.
-fn edges_of(stage: &Stage) -> Vec<usize> {
-    let motion = stage.motion();
+/// The rows of `recording` at which an event may start or end: four in a period of its low-pass's cutoff.
+fn edges_of(recording: &LinearisedRecording) -> Vec<usize> {
+    let motion = recording.motion();
     let step = motion.stretches.first().map_or(1.0, |stretch| motion.step(stretch));
-    let every = (0.25 / stage.ground.treatment.filter().cutoff_hz() / step) as usize;
+    let every = (0.25 / recording.prepared.treatment.filter().cutoff_hz() / step) as usize;
     (0..motion.len()).step_by(every.max(1)).collect()
 }
 

@@ -133,9 +133,9 @@ mod tests {
 
     use super::with_several;
     use crate::candidates::candidate::candidates;
+    use crate::data::linearised::LinearisedRecording;
+    use crate::data::linearised::PreparedRecording;
     use crate::data::stacked::Data;
-    use crate::data::stage::Ground;
-    use crate::data::stage::Stage;
     use crate::data::tolerance::Tolerances;
     use crate::data::weights::Weights;
     use crate::evidence::system::System;
@@ -166,9 +166,9 @@ mod tests {
         let arm = arm(vec![first, second]);
         let friction = |joint: usize, v: f64| [1.0, 0.8][joint] * v.signum() + [0.6, 0.9][joint] * v;
         let made = recording(without(columns_along(alike, &arm, &even(16.0, 250.0), friction), "x"));
-        let ground = Ground::new(&arm, &made, &Settings::default()).expect("a ground");
-        let stage = Stage::new(&arm, &[], &ground).expect("a stage");
-        let data = Data::new(vec![stage], &Tolerances::default());
+        let prepared = PreparedRecording::new(&arm, &made, &Settings::default()).expect("a ground");
+        let recording = LinearisedRecording::new(&arm, &[], &prepared).expect("a stage");
+        let data = Data::new(vec![recording], &Tolerances::default());
         let target = data.target();
         let (candidates, _) = candidates(&data, &mut |_| {});
         let weights = Weights::new(&data, &target, None, &data.off, 1);

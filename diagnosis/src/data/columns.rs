@@ -7,7 +7,7 @@ use crate::statistics::difference;
 /// A column of the linear model: its rows by channel, `None` where it is zero.
 pub(crate) type Column = Vec<Option<Vec<f64>>>;
 
-/// A law or a tolerance adds these rows to each channel of a stage; `None` where it adds nothing.
+/// A law or a tolerance adds these rows to each channel of a recording; `None` where it adds nothing.
 pub(crate) type Answer = Vec<Option<Vec<f64>>>;
 
 /// [`gram`] of `columns` with themselves.

@@ -4,25 +4,26 @@ use freeplay_laws::{DriveFriction, Trajectory, rigid_torques, tool_positions};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::data::linearised::LinearisedRecording;
 use crate::data::noise::Noise;
-use crate::data::stage::Stage;
 use crate::random::normals;
 use crate::signals::channel::Kind;
 use crate::signals::filter::derivatives;
 use crate::statistics::difference;
 
-/// Measured minus model of `stage`: the machine on the recorded motion, measured with noise, against the model on the motion of its noisy encoders.
-pub(crate) fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
-    let motion = stage.motion();
-    let (torque, tool) = (rigid_torques(stage.arm(), motion, None), tool_positions(stage.arm(), &motion.q));
-    let (read, jumps) = misread(stage, rng);
+/// Measured minus model of `recording`: the machine on the recorded motion, measured with noise, against the model on the motion of its noisy encoders.
+pub(crate) fn read_badly(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+    let motion = recording.motion();
+    let (torque, tool) =
+        (rigid_torques(recording.arm(), motion, None), tool_positions(recording.arm(), &motion.q));
+    let (read, jumps) = misread(recording, rng);
     let (read_torque, read_tool) =
-        (rigid_torques(stage.arm(), &read, None), tool_positions(stage.arm(), &read.q));
+        (rigid_torques(recording.arm(), &read, None), tool_positions(recording.arm(), &read.q));
     let mut left = Vec::new();
-    for (channel, noise) in stage.channels.iter().zip(&stage.ground.noises.channels) {
-        let mut rest = stage.treated(&match channel.kind {
-            Kind::Link(joint) | Kind::Position(joint) => misreading(rng, &stage.whole().q[joint], noise),
-            Kind::Torque(_) | Kind::Tool(_) => normals(rng, stage.whole().len(), noise.deviation),
+    for (channel, noise) in recording.channels.iter().zip(&recording.prepared.noises.channels) {
+        let mut rest = recording.treated(&match channel.kind {
+            Kind::Link(joint) | Kind::Position(joint) => misreading(rng, &recording.whole().q[joint], noise),
+            Kind::Torque(_) | Kind::Tool(_) => normals(rng, recording.whole().len(), noise.deviation),
         });
         let mut add = |truth: &[f64], model: &[f64]| {
             rest.iter_mut().zip(truth.iter().zip(model)).for_each(|(rest, (t, m))| *rest += t - m);
@@ -30,7 +31,7 @@ pub(crate) fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
         match channel.kind {
             Kind::Torque(joint) => {
                 add(&torque[joint], &read_torque[joint]);
-                let viscous = stage.arm().joints()[joint].friction.viscous;
+                let viscous = recording.arm().joints()[joint].friction.viscous;
                 let scaled = |v: &[f64]| v.iter().map(|v| viscous * v).collect::<Vec<_>>();
                 add(&scaled(&motion.v[joint]), &scaled(&read.v[joint]));
                 if let Some(jump) = &jumps[joint] {
@@ -45,47 +46,53 @@ pub(crate) fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     left
 }
 
-/// Errors due to noise and rounding in the rows of `stage`, in the torque of `joint` without its friction. The torque has this `noise`; `seed` sets the random
+/// Errors due to noise and rounding in the rows of `recording`, in the torque of `joint` without its friction. The torque has this `noise`; `seed` sets the random
 /// numbers.
-pub(crate) fn rigid_torque_error(stage: &Stage, joint: usize, noise: &Noise, seed: u64) -> Vec<f64> {
+pub(crate) fn rigid_torque_error(
+    recording: &LinearisedRecording,
+    joint: usize,
+    noise: &Noise,
+    seed: u64,
+) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let (read, _) = misread(stage, &mut rng);
-    let [truth, read] = [stage.motion(), &read].map(|motion| rigid_torques(stage.arm(), motion, None));
-    let mut error = stage.treated(&normals(&mut rng, stage.whole().len(), noise.deviation));
+    let (read, _) = misread(recording, &mut rng);
+    let [truth, read] =
+        [recording.motion(), &read].map(|motion| rigid_torques(recording.arm(), motion, None));
+    let mut error = recording.treated(&normals(&mut rng, recording.whole().len(), noise.deviation));
     let torques = truth[joint].iter().zip(&read[joint]);
     error.iter_mut().zip(torques).for_each(|(error, (truth, read))| *error += truth - read);
     error
 }
 
 /// The motion from noisy encoders, and the resulting error of the model's dry friction, by joint.
-fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (Trajectory, Vec<Option<Vec<f64>>>) {
-    let (mut read, whole) = (stage.motion().clone(), stage.whole());
-    let wrong = misread_whole(stage, rng);
+fn misread(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> (Trajectory, Vec<Option<Vec<f64>>>) {
+    let (mut read, whole) = (recording.motion().clone(), recording.whole());
+    let wrong = misread_whole(recording, rng);
     let mut jumps = Vec::new();
-    for joint in 0..stage.arm().dof() {
+    for joint in 0..recording.arm().dof() {
         let into = |column: &mut Vec<f64>, wrong: &[f64], right: &[f64]| {
             let error = difference(wrong, right);
-            column.iter_mut().zip(stage.ground.treatment.keep(&error)).for_each(|(x, e)| *x += e);
+            column.iter_mut().zip(recording.prepared.treatment.keep(&error)).for_each(|(x, e)| *x += e);
         };
         into(&mut read.q[joint], &wrong.q[joint], &whole.q[joint]);
         into(&mut read.v[joint], &wrong.v[joint], &whole.v[joint]);
         into(&mut read.a[joint], &wrong.a[joint], &whole.a[joint]);
-        let nominal = DriveFriction::nominal(stage.arm().joints()[joint].friction);
+        let nominal = DriveFriction::nominal(recording.arm().joints()[joint].friction);
         jumps.push((nominal.coulomb > 0.0).then(|| {
             let jump = DriveFriction { viscous: 0.0, ..nominal };
             let speeds = wrong.v[joint].iter().zip(&whole.v[joint]);
             let more = speeds.map(|(wrong, right)| jump.resisting(*wrong) - jump.resisting(*right));
-            stage.treated(&more.collect::<Vec<_>>())
+            recording.treated(&more.collect::<Vec<_>>())
         }));
     }
     (read, jumps)
 }
 
 /// The motion from noisy encoders, on all grid points.
-pub(crate) fn misread_whole(stage: &Stage, rng: &mut ChaCha8Rng) -> Trajectory {
-    let (mut read, whole) = (stage.whole().clone(), stage.whole());
-    for (joint, noise) in stage.ground.noises.positions.iter().enumerate() {
-        let error = stage.ground.treatment.low_pass(&misreading(rng, &whole.q[joint], noise));
+pub(crate) fn misread_whole(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> Trajectory {
+    let (mut read, whole) = (recording.whole().clone(), recording.whole());
+    for (joint, noise) in recording.prepared.noises.positions.iter().enumerate() {
+        let error = recording.prepared.treatment.low_pass(&misreading(rng, &whole.q[joint], noise));
         for stretch in &whole.stretches {
             let error = &error[stretch.clone()];
             let (v, a) = derivatives(error, whole.step(stretch));

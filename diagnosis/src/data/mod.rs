@@ -3,13 +3,13 @@
 pub(crate) mod beside;
 pub(crate) mod columns;
 pub(crate) mod instruments;
+pub(crate) mod linearised;
 pub(crate) mod noise;
 pub(crate) mod nuisances;
 pub(crate) mod parts;
 pub(crate) mod rows;
 pub(crate) mod shapes;
 pub(crate) mod stacked;
-pub(crate) mod stage;
 pub(crate) mod thinning;
 pub(crate) mod tolerance;
 pub(crate) mod weights;

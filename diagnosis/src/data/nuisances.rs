@@ -6,20 +6,20 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use crate::conventions::Late;
 use crate::data::columns::Answer;
-use crate::data::stage::Stage;
+use crate::data::linearised::LinearisedRecording;
 use crate::data::tolerance::{Nuisance, Of, Tolerances, even};
 use crate::signals::channel::Kind;
 
-/// All nuisances of `stage`, the same in number and order for every recording of an arm.
-pub(crate) fn nuisances(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
-    let mut all = of_links(stage, tolerances);
-    all.extend(of_friction(stage, tolerances));
-    all.extend(of_laws(stage, tolerances));
-    all.extend(of_zeros(stage, tolerances));
-    all.extend(of_delays(stage, tolerances));
-    all.extend(of_tracker(stage, tolerances));
+/// All nuisances of `recording`, the same in number and order for every recording of an arm.
+pub(crate) fn nuisances(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let mut all = of_links(recording, tolerances);
+    all.extend(of_friction(recording, tolerances));
+    all.extend(of_laws(recording, tolerances));
+    all.extend(of_zeros(recording, tolerances));
+    all.extend(of_delays(recording, tolerances));
+    all.extend(of_tracker(recording, tolerances));
     // An arm that can't exist gets the sensor transmission of the model's arm.
-    let let_through = stage.let_through().unwrap_or_default();
+    let let_through = recording.let_through().unwrap_or_default();
     for nuisance in &mut all {
         for (answer, share) in nuisance.answer.iter_mut().zip(&let_through) {
             let both = answer.iter_mut().flatten().zip(share.iter().flatten());
@@ -30,8 +30,8 @@ pub(crate) fn nuisances(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance>
 }
 
 /// Masses, centres of mass, inertias and lengths.
-fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
-    let nominal = stage.arm();
+fn of_links(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let nominal = recording.arm();
     let (mut varied, mut arms) = (Vec::new(), Vec::new());
     let mut vary = |name: String, of: Of| {
         let mut parts = ArmParts::of(nominal);
@@ -56,7 +56,7 @@ fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         }
     }
     vary("length of the tool".to_owned(), Of::Tool);
-    let answers = stage.answers_of(&arms);
+    let answers = recording.answers_of(&arms);
     let one = |((name, of), answer)| Nuisance { name, answer, free: false, of };
     varied.into_iter().zip(answers).map(one).collect()
 }
@@ -75,36 +75,42 @@ fn across(joint: &Joint) -> Vec<Vector3<f64>> {
 }
 
 /// The friction of the model.
-fn of_friction(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+fn of_friction(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nuisance> {
     let mut all = Vec::new();
-    for (index, joint) in stage.arm().joints().iter().enumerate() {
+    for (index, joint) in recording.arm().joints().iter().enumerate() {
         let nominal = DriveFriction::nominal(joint.friction);
         let scale = even() * tolerances.friction;
         if nominal.viscous > 0.0 {
             let column: Vec<f64> =
-                stage.motion().v[index].iter().map(|v| scale * nominal.viscous * v).collect();
+                recording.motion().v[index].iter().map(|v| scale * nominal.viscous * v).collect();
             let name = format!("viscous friction of {}", joint.name);
-            all.push(on_torque(stage, index, name, &column, Of::Viscous(index)));
+            all.push(on_torque(recording, index, name, &column, Of::Viscous(index)));
         }
         if nominal.coulomb > 0.0 {
             let jump = DriveFriction { viscous: 0.0, ..nominal };
             let column: Vec<f64> =
-                stage.whole().v[index].iter().map(|v| scale * jump.resisting(*v)).collect();
-            let column = stage.treated(&column);
+                recording.whole().v[index].iter().map(|v| scale * jump.resisting(*v)).collect();
+            let column = recording.treated(&column);
             let name = format!("Coulomb friction of {}", joint.name);
-            all.push(on_torque(stage, index, name, &column, Of::Coulomb(index)));
+            all.push(on_torque(recording, index, name, &column, Of::Coulomb(index)));
         }
     }
     all
 }
 
-fn on_torque(stage: &Stage, index: usize, name: String, column: &[f64], of: Of) -> Nuisance {
-    let answer = stage.by_channel(|kind| (kind == Kind::Torque(index)).then(|| column.to_vec()));
+fn on_torque(
+    recording: &LinearisedRecording,
+    index: usize,
+    name: String,
+    column: &[f64],
+    of: Of,
+) -> Nuisance {
+    let answer = recording.by_channel(|kind| (kind == Kind::Torque(index)).then(|| column.to_vec()));
     Nuisance { name, answer, free: false, of }
 }
 
 /// The strength of the laws in the arm file; their changes of the arm are in the arm's own parameters.
-fn of_laws(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+fn of_laws(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nuisance> {
     let tolerance = |placed: &Placed| match placed.kind.tolerance? {
         Tolerance::Friction => Some(tolerances.friction),
         Tolerance::Inertia => Some(tolerances.inertia),
@@ -112,10 +118,10 @@ fn of_laws(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         Tolerance::Mass | Tolerance::Zero | Tolerance::Length | Tolerance::Delay => None,
     };
     let mut all = Vec::new();
-    for placed in stage.known() {
+    for placed in recording.known() {
         let Some(tolerance) = tolerance(placed) else { continue };
         // The law once more, times its relative tolerance.
-        let Ok(mut answer) = stage.answer(placed) else { continue };
+        let Ok(mut answer) = recording.answer(placed) else { continue };
         answer.iter_mut().flatten().flatten().for_each(|x| *x *= even() * tolerance);
         all.push(Nuisance {
             name: format!("{} in the arm file", placed.kind.title),
@@ -128,27 +134,27 @@ fn of_laws(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
 }
 
 /// Zeros of the encoders.
-fn of_zeros(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
-    let points = stage.motion().len();
-    let joints = stage.arm().joints().iter().enumerate();
+fn of_zeros(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let points = recording.motion().len();
+    let joints = recording.arm().joints().iter().enumerate();
     joints
         .map(|(index, joint)| {
-            let mut shift = vec![vec![0.0; points]; stage.arm().dof()];
+            let mut shift = vec![vec![0.0; points]; recording.arm().dof()];
             shift[index].fill(even() * tolerances.zero);
             let name = format!("encoder zero of {}", joint.name);
-            let answer = stage.rigid_answer(stage.arm(), Some(&shift));
+            let answer = recording.rigid_answer(recording.arm(), Some(&shift));
             Nuisance { name, answer, free: false, of: Of::Zero }
         })
         .collect()
 }
 
 /// Delays between the channels. A torque that is held from one sample to the next is already late or early by half a sample.
-fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
-    let held = 0.5 / stage.ground.treatment.rate_hz();
+fn of_delays(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let held = 0.5 / recording.prepared.treatment.rate_hz();
     let late = |kinds: fn(Kind) -> bool, seconds: f64, name: &str, of: Of| {
-        let answer = stage.channels.iter().map(|channel| {
+        let answer = recording.channels.iter().map(|channel| {
             kinds(channel.kind).then(|| {
-                let rate = stage.rate_of_change(channel.kind);
+                let rate = recording.rate_of_change(channel.kind);
                 rate.iter().map(|rate| -seconds * rate).collect()
             })
         });
@@ -174,9 +180,10 @@ fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
 }
 
 /// The tracker's frame, and the zeros of link encoders, which nobody aligns with the motors'.
-fn of_tracker(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+fn of_tracker(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nuisance> {
     let tool = |kind| matches!(kind, Kind::Tool(_));
-    let model: Vec<&Vec<f64>> = stage.channels.iter().filter(|c| tool(c.kind)).map(|c| &c.model).collect();
+    let model: Vec<&Vec<f64>> =
+        recording.channels.iter().filter(|c| tool(c.kind)).map(|c| &c.model).collect();
     let mut all = Vec::new();
     if let [x, y, z] = model.as_slice() {
         let mut vary = |name: &str, pose: Isometry3<f64>| {
@@ -186,7 +193,7 @@ fn of_tracker(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
                     pose * at - at
                 })
                 .collect();
-            let answer = stage.by_channel(|kind| match kind {
+            let answer = recording.by_channel(|kind| match kind {
                 Kind::Tool(axis) => Some(moved.iter().map(|moved| moved[axis]).collect()),
                 _ => None,
             });
@@ -201,10 +208,10 @@ fn of_tracker(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
             vary(&format!("tracker about {name}"), Isometry3::from_parts(Translation3::identity(), turned));
         }
     }
-    for (index, channel) in stage.channels.iter().enumerate() {
+    for (index, channel) in recording.channels.iter().enumerate() {
         if let Kind::Link(_) = channel.kind {
-            let mut answer: Answer = vec![None; stage.channels.len()];
-            answer[index] = Some(vec![1e-3; stage.motion().len()]);
+            let mut answer: Answer = vec![None; recording.channels.len()];
+            answer[index] = Some(vec![1e-3; recording.motion().len()]);
             all.push(Nuisance {
                 name: format!("zero of {}", channel.name),
                 answer,

@@ -1,7 +1,7 @@
 //! The three parts of the data: the search uses the fit part, the choice between the best few answers also uses the choice part, and only the report uses the
 //! test part.
 
-use crate::data::stage::Stage;
+use crate::data::linearised::LinearisedRecording;
 use crate::statistics::SHARES;
 
 /// A part of the data.
@@ -22,27 +22,29 @@ impl Part {
     pub const ALL: [Self; 4] = [Self::Fit, Self::Choice, Self::Test, Self::Guard];
 }
 
-/// The part of each row of `stages`, and the division in words. Each recording is cut in time, by its rows with motion, since one motion need not show the same
+/// The part of each row of `recordings`, and the division in words. Each recording is cut in time, by its rows with motion, since one motion need not show the same
 /// effects as another.
-pub(crate) fn parts_of(stages: &[Stage], counts: &[Vec<f64>]) -> (Vec<Vec<Part>>, String) {
-    let per_stage = stages.first().map_or(0, |stage| stage.channels.len());
-    let cut_at = |index: usize| cut(&stages[index], &counts[index * per_stage..(index + 1) * per_stage]);
-    let of = if stages.len() > 1 { "each" } else { "the" };
+pub(crate) fn parts_of(recordings: &[LinearisedRecording], counts: &[Vec<f64>]) -> (Vec<Vec<Part>>, String) {
+    let channels_per_recording = recordings.first().map_or(0, |recording| recording.channels.len());
+    let cut_at = |index: usize| {
+        cut(&recordings[index], &counts[index * channels_per_recording..(index + 1) * channels_per_recording])
+    };
+    let of = if recordings.len() > 1 { "each" } else { "the" };
     let how = format!(
         "the last 30 % of {of} recording, to which no law was fitted; it only left out laws that it contradicts"
     );
-    ((0..stages.len()).map(cut_at).collect(), how)
+    ((0..recordings.len()).map(cut_at).collect(), how)
 }
 
-/// The name of the file of the recording of `stage`.
-pub(crate) fn file_name(stage: &Stage) -> String {
-    let origin = &stage.ground.recording.origin;
+/// The file name of `recording`.
+pub(crate) fn file_name(recording: &LinearisedRecording) -> String {
+    let origin = &recording.prepared.raw.origin;
     origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
-/// Cuts the rows of `stage` at the [`SHARES`] of its rows that count in any channel.
-fn cut(stage: &Stage, counts: &[Vec<f64>]) -> Vec<Part> {
-    let motion = stage.motion();
+/// Cuts the rows of `recording` at the [`SHARES`] of its rows that count in any channel.
+fn cut(recording: &LinearisedRecording, counts: &[Vec<f64>]) -> Vec<Part> {
+    let motion = recording.motion();
     let weight = |row: usize| counts.iter().map(|counts| counts[row]).sum::<f64>();
     let all: f64 = (0..motion.len()).map(weight).sum();
     let mut seen = 0.0;
@@ -57,7 +59,7 @@ fn cut(stage: &Stage, counts: &[Vec<f64>]) -> Vec<Part> {
         })
         .collect();
     // Rows on both sides of a cut share smeared data.
-    let span = stage.ground.treatment.filter().settling_time();
+    let span = recording.prepared.treatment.filter().settling_time();
     let cuts: Vec<f64> =
         (1..parts.len()).filter(|&row| parts[row] != parts[row - 1]).map(|row| motion.t[row]).collect();
     for (part, t) in parts.iter_mut().zip(&motion.t) {

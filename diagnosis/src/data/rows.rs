@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::data::columns::Answer;
 use crate::data::instruments::misread_whole;
-use crate::data::stage::Stage;
+use crate::data::linearised::LinearisedRecording;
 use crate::random::normals;
 use crate::signals::channel::{Channel, Kind};
 use crate::signals::missing::masked;
@@ -38,30 +38,31 @@ pub(crate) struct Rows {
     pub off: Vec<f64>,
 }
 
-/// The usable rows of the channel number `channel` of `stage`, from the samples and the model.
-pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Rows {
-    let present = stage.channels[channel].present.as_deref();
-    let Rows { counts, off } = measured_rows(stage, channel);
+/// The usable rows of the channel number `channel` of `recording`, from the samples and the model.
+pub(crate) fn rows_that_count(recording: &LinearisedRecording, channel: usize) -> Rows {
+    let present = recording.channels[channel].present.as_deref();
+    let Rows { counts, off } = measured_rows(recording, channel);
     Rows { counts: masked(counts, present), off }
 }
 
 /// The usable rows if no sample were missing.
-fn measured_rows(stage: &Stage, channel: usize) -> Rows {
-    let points = stage.motion().len();
+fn measured_rows(recording: &LinearisedRecording, channel: usize) -> Rows {
+    let points = recording.motion().len();
     let all = |counts: f64| Rows { counts: vec![counts; points], off: vec![0.0; points] };
-    let Kind::Torque(joint) = stage.channels[channel].kind else { return all(1.0) };
-    if stage.ground.is_stuck(Kind::Torque(joint)) {
+    let Kind::Torque(joint) = recording.channels[channel].kind else { return all(1.0) };
+    if recording.prepared.is_stuck(Kind::Torque(joint)) {
         return all(0.0);
     }
-    let (v, a) = (&stage.whole().v[joint], &stage.whole().a[joint]);
-    let treatment = &stage.ground.treatment;
+    let (v, a) = (&recording.whole().v[joint], &recording.whole().a[joint]);
+    let treatment = &recording.prepared.treatment;
     let (rate_hz, cutoff_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
     let reach = reach(treatment);
     let slow = slowest(v);
     // Speed, with a sign, that the encoder resolves within the filter's memory.
-    let creeping = UNMOVED * stage.ground.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
-    let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
-    if dry > 0.0 && rests(stage, joint) || is_held(stage, joint) {
+    let creeping =
+        UNMOVED * recording.prepared.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
+    let dry = DriveFriction::nominal(recording.arm().joints()[joint].friction).coulomb;
+    if dry > 0.0 && rests(recording, joint) || is_held(recording, joint) {
         return all(0.0);
     }
     let stands = treatment.keep(&standing(v, slow.min(creeping), reach));
@@ -69,7 +70,7 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
         return all(1.0);
     }
     let usual = Moments::of(a).rms;
-    let sticks = sticking(stage, joint);
+    let sticks = sticking(recording, joint);
     let turns: Vec<f64> = v
         .iter()
         .zip(&envelope(a, reach))
@@ -84,11 +85,11 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
     let turns = treatment.keep(&envelope(&turns, reach));
     let counts: Vec<f64> =
         stands.iter().zip(turns).map(|(stands, turns)| (1.0 - stands) * (1.0 - turns)).collect();
-    let friction = dry + left_dry(stage, joint, channel, &counts);
+    let friction = dry + left_dry(recording, joint, channel, &counts);
     // The samples do not resolve the time of a jump between two of them. The error of this time is half the sample period, times the slope of the
     // low-pass's response: twice the cutoff times twice the part of the jump that the low-pass removes.
-    let unresolved = treatment.keep(&envelope(&stage.ground.sharpening.unresolved[joint], reach));
-    let hidden = treatment.keep(&envelope(&stage.ground.sharpening.more.torque[joint], reach));
+    let unresolved = treatment.keep(&envelope(&recording.prepared.sharpening.unresolved[joint], reach));
+    let hidden = treatment.keep(&envelope(&recording.prepared.sharpening.more.torque[joint], reach));
     let off = unresolved
         .iter()
         .zip(hidden)
@@ -100,19 +101,24 @@ fn measured_rows(stage: &Stage, channel: usize) -> Rows {
     Rows { counts, off }
 }
 
-/// Standard deviation of the error of each row of `stage`, by channel, for a model with the effects `found`; `off` is that of the model without them.
+/// Standard deviation of the error of each row of `recording`, by channel, for a model with the effects `found`; `off` is that of the model without them.
 /// The low-pass attenuates the jumps of their torques, such as those of dry friction where a joint reverses. If speeds below the resolution of the
 /// encoder would invert a torque, as where two coupled joints hold each other, the torque may have any value in between.
-pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: u64) -> Vec<Vec<f64>> {
-    let treatment = &stage.ground.treatment;
+pub(crate) fn off_with(
+    recording: &LinearisedRecording,
+    found: &[Placed],
+    off: &[Vec<f64>],
+    seed: u64,
+) -> Vec<Vec<f64>> {
+    let treatment = &recording.prepared.treatment;
     let reach = reach(treatment);
-    let unseen = unseen_speeds(stage, &mut ChaCha8Rng::seed_from_u64(seed));
+    let unseen = unseen_speeds(recording, &mut ChaCha8Rng::seed_from_u64(seed));
     let along = |way: f64| {
-        let mut motion = stage.whole().clone();
+        let mut motion = recording.whole().clone();
         for (v, unseen) in motion.v.iter_mut().zip(&unseen) {
             v.iter_mut().zip(unseen).for_each(|(v, unseen)| *v += way * unseen);
         }
-        stage.raw_torques(found, &motion)
+        recording.raw_torques(found, &motion)
     };
     let (Ok(less), Ok(as_seen), Ok(more)) = (along(-1.0), along(0.0), along(1.0)) else {
         // An arm that is not physical leaves the rows unchanged.
@@ -133,17 +139,17 @@ pub(crate) fn off_with(stage: &Stage, found: &[Placed], off: &[Vec<f64>], seed: 
         }
         Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => off.clone(),
     };
-    stage.channels.iter().zip(off).map(of_channel).collect()
+    recording.channels.iter().zip(off).map(of_channel).collect()
 }
 
 /// Standard deviation between the possible solutions of the effects `found`, by channel. Each row has the largest deviation of the rows around it. A
 /// channel in which all effects have one solution holds `None`.
-pub(crate) fn apart_with(stage: &Stage, found: &[Placed]) -> Answer {
-    let reach = reach(&stage.ground.treatment);
-    let mut squares: Answer = vec![None; stage.channels.len()];
+pub(crate) fn apart_with(recording: &LinearisedRecording, found: &[Placed]) -> Answer {
+    let reach = reach(&recording.prepared.treatment);
+    let mut squares: Answer = vec![None; recording.channels.len()];
     for placed in found {
         let courses = placed.effect.courses().into_iter().map(|effect| Placed { effect, ..*placed });
-        let answers: Vec<Answer> = courses.filter_map(|course| stage.answer(&course).ok()).collect();
+        let answers: Vec<Answer> = courses.filter_map(|course| recording.answer(&course).ok()).collect();
         for (channel, squares) in squares.iter_mut().enumerate() {
             let shown: Vec<&Vec<f64>> =
                 answers.iter().filter_map(|answer| answer[channel].as_ref()).collect();
@@ -159,10 +165,10 @@ pub(crate) fn apart_with(stage: &Stage, found: &[Placed]) -> Answer {
     squares.into_iter().map(|squares| squares.map(root)).collect()
 }
 
-/// Speeds of each joint of `stage` that its encoder does not show, on all grid points: those that the noise of the encoder hides, and those below the
+/// Speeds of each joint of `recording` that its encoder does not show, on all grid points: those that the noise of the encoder hides, and those below the
 /// speed of a joint at rest.
-fn unseen_speeds(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
-    let (read, whole) = (misread_whole(stage, rng), stage.whole());
+fn unseen_speeds(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+    let (read, whole) = (misread_whole(recording, rng), recording.whole());
     let of_joint = |(read, v): (&Vec<f64>, &Vec<f64>)| {
         let creeping = normals(rng, v.len(), slowest(v));
         (0..v.len()).map(|k| read[k] - v[k] + creeping[k]).collect()
@@ -182,9 +188,9 @@ fn slowest(v: &[f64]) -> f64 {
 
 /// Dry friction of `joint` that the model lacks, approximately: the coefficient of the direction of motion in a least-squares fit of the residual,
 /// with a constant and the speed.
-fn left_dry(stage: &Stage, joint: usize, channel: usize, counts: &[f64]) -> f64 {
-    let v = &stage.motion().v[joint];
-    let residual = stage.channels[channel].residual();
+fn left_dry(recording: &LinearisedRecording, joint: usize, channel: usize, counts: &[f64]) -> f64 {
+    let v = &recording.motion().v[joint];
+    let residual = recording.channels[channel].residual();
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for ((v, residual), counts) in v.iter().zip(residual).zip(counts) {
         let row = Vector3::new(1.0, *v, v.signum());
@@ -195,21 +201,22 @@ fn left_dry(stage: &Stage, joint: usize, channel: usize, counts: &[f64]) -> f64 
 }
 
 /// Returns true if `joint` stays at rest throughout, as far as its encoder resolves.
-pub(crate) fn rests(stage: &Stage, joint: usize) -> bool {
-    span(&stage.whole().q[joint]) < STILL.max(2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation)
+pub(crate) fn rests(recording: &LinearisedRecording, joint: usize) -> bool {
+    span(&recording.whole().q[joint])
+        < STILL.max(2.0 * UNMOVED * recording.prepared.noises.positions[joint].deviation)
 }
 
-/// Returns true if something holds `joint`: it is at rest throughout, although the commands of `stage` would move it.
-pub(crate) fn is_held(stage: &Stage, joint: usize) -> bool {
-    let told = stage.ground.recording.q_ref.as_ref().and_then(|columns| columns.get(joint));
-    rests(stage, joint) && told.is_some_and(|told| span(told) > STILL)
+/// Returns true if something holds `joint`: it is at rest throughout, although the commands of `recording` would move it.
+pub(crate) fn is_held(recording: &LinearisedRecording, joint: usize) -> bool {
+    let told = recording.prepared.raw.q_ref.as_ref().and_then(|columns| columns.get(joint));
+    rests(recording, joint) && told.is_some_and(|told| span(told) > STILL)
 }
 
 /// The points at which the encoder of `joint` shows no motion from one sample to the next.
-fn sticking(stage: &Stage, joint: usize) -> Vec<bool> {
-    let ground = stage.ground;
-    let read = ground.treatment.whole_column(ground.recording, &ground.recording.q[joint]);
-    let least = UNMOVED * ground.noises.positions[joint].deviation;
+fn sticking(recording: &LinearisedRecording, joint: usize) -> Vec<bool> {
+    let prepared = recording.prepared;
+    let read = prepared.treatment.whole_column(prepared.raw, &prepared.raw.q[joint]);
+    let least = UNMOVED * prepared.noises.positions[joint].deviation;
     let still = |k: usize, other: usize| read.get(other).is_some_and(|x| (x - read[k]).abs() < least);
     (0..read.len()).map(|k| still(k, k + 1) || still(k, k.wrapping_sub(1))).collect()
 }

@@ -4,8 +4,8 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::data::columns::dot;
+use crate::data::linearised::LinearisedRecording;
 use crate::data::stacked::Data;
-use crate::data::stage::Stage;
 use crate::data::tolerance::Nuisance;
 use crate::signals::channel::Kind;
 
@@ -31,16 +31,16 @@ pub(crate) struct Knots {
 }
 
 impl Knots {
-    /// Knots for every joint of `stage`.
-    pub fn of(stage: &Stage) -> Vec<Knots> {
-        let joints = 0..stage.arm().dof();
+    /// Knots for every joint of `recording`.
+    pub fn of(recording: &LinearisedRecording) -> Vec<Knots> {
+        let joints = 0..recording.arm().dof();
         joints
             .map(|joint| {
-                let (q, v) = (&stage.motion().q[joint], &stage.motion().v[joint]);
+                let (q, v) = (&recording.motion().q[joint], &recording.motion().v[joint]);
                 let speed: Vec<f64> = v.iter().map(|v| v.abs()).collect();
                 let position = quantiles(q, KNOTS);
                 let reach = position[position.len() - 1] - position[0];
-                let load = quantiles(&stage.load()[joint], SPEED_KNOTS);
+                let load = quantiles(&recording.load()[joint], SPEED_KNOTS);
                 let speed = quantiles(&speed, SPEED_KNOTS);
                 Knots { load, speed, reach: reach.max(1e-12), position, places: Vec::new() }
             })
@@ -62,9 +62,9 @@ pub(crate) struct Shapes {
 impl Shapes {
     /// The shapes of channel number `channel` of `data`, for a fit to the rows where `mask` is one.
     pub fn new(data: &Data, channel: usize, mask: &[f64], knots: &[Knots]) -> Self {
-        let (stage, of_stage) = data.place(channel);
-        let of = &data.stages[stage];
-        let mut columns = raw_columns(of, &data.nuisances[stage], of_stage, mask, knots);
+        let (recording, of_recording) = data.place(channel);
+        let of = &data.recordings[recording];
+        let mut columns = raw_columns(of, &data.nuisances[recording], of_recording, mask, knots);
         let mut moments = hats(&of.motion().t, &quantiles(&of.motion().t, MOMENTS));
         keep(&mut moments, mask);
         columns.extend(moments);
@@ -130,10 +130,10 @@ impl CommonShapes {
     }
 
     fn of(data: &Data, channel: usize, mask: &[f64], knots: &[Knots]) -> Vec<Vec<f64>> {
-        let (stage, of_stage) = data.place(channel);
-        let of = &data.stages[stage];
-        let mut columns = raw_columns(of, &[], of_stage, mask, knots);
-        if let Kind::Torque(joint) = of.channels[of_stage].kind {
+        let (recording, of_recording) = data.place(channel);
+        let of = &data.recordings[recording];
+        let mut columns = raw_columns(of, &[], of_recording, mask, knots);
+        if let Kind::Torque(joint) = of.channels[of_recording].kind {
             let mut at_places = of_places(of, joint, &knots[joint]);
             keep(&mut at_places, mask);
             columns.extend(at_places);
@@ -214,18 +214,20 @@ fn factor(mut gram: DMatrix<f64>, ridge: f64) -> Option<Cholesky<f64, Dyn>> {
 
 /// The columns of a channel, with the rows without weight set to zero: the same number and order on every recording of an arm.
 fn raw_columns(
-    stage: &Stage,
+    recording: &LinearisedRecording,
     nuisances: &[Nuisance],
     channel: usize,
     kept: &[f64],
     knots: &[Knots],
 ) -> Vec<Vec<f64>> {
-    let mut columns = match stage.channels[channel].kind {
-        Kind::Torque(joint) => of_torque(stage, joint, &knots[joint]),
-        Kind::Tool(axis) => of_tool(stage, axis),
-        Kind::Link(joint) | Kind::Position(joint) => of_joint(stage, joint, &vec![1.0; stage.motion().len()]),
+    let mut columns = match recording.channels[channel].kind {
+        Kind::Torque(joint) => of_torque(recording, joint, &knots[joint]),
+        Kind::Tool(axis) => of_tool(recording, axis),
+        Kind::Link(joint) | Kind::Position(joint) => {
+            of_joint(recording, joint, &vec![1.0; recording.motion().len()])
+        }
     };
-    let nothing = || vec![0.0; stage.motion().len()];
+    let nothing = || vec![0.0; recording.motion().len()];
     columns.extend(nuisances.iter().map(|nuisance| nuisance.answer[channel].clone().unwrap_or_else(nothing)));
     keep(&mut columns, kept);
     columns
@@ -239,17 +241,17 @@ fn keep(columns: &mut [Vec<f64>], kept: &[f64]) {
 }
 
 /// Columns of a torque: position, speed, load, acceleration, reversals, and the other joints' speeds.
-fn of_torque(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
-    let motion = stage.motion();
-    let v = &stage.whole().v[joint];
+fn of_torque(recording: &LinearisedRecording, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
+    let motion = recording.motion();
+    let v = &recording.whole().v[joint];
     let mut columns = hats(&motion.q[joint], &knots.position);
-    columns.extend(hats(&stage.load()[joint], &knots.load));
+    columns.extend(hats(&recording.load()[joint], &knots.load));
     let speeds: Vec<f64> = v.iter().map(|v| v.abs()).collect();
     let sign: Vec<f64> = v.iter().map(|v| v.signum()).collect();
-    let mut with_sign = |shape: &[f64]| columns.push(stage.treated(&product(shape, &sign)));
+    let mut with_sign = |shape: &[f64]| columns.push(recording.treated(&product(shape, &sign)));
     hats(&speeds, &knots.speed).iter().for_each(|hat| with_sign(hat));
-    with_sign(&stage.whole_load()[joint].iter().map(|load| load.abs()).collect::<Vec<_>>());
-    let way = way_since_reversal(&stage.whole().q[joint], v);
+    with_sign(&recording.whole_load()[joint].iter().map(|load| load.abs()).collect::<Vec<_>>());
+    let way = way_since_reversal(&recording.whole().q[joint], v);
     for scale in [0.003, 0.03] {
         with_sign(&way.iter().map(|way| (-way / (scale * knots.reach)).exp()).collect::<Vec<_>>());
     }
@@ -262,14 +264,14 @@ fn of_torque(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
 const PER_PLACE: usize = 4;
 
 /// For each place of `joint`, hat functions at the two ends of its range, alone and multiplied by the sign of the joint's speed.
-fn of_places(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
-    let sign: Vec<f64> = stage.whole().v[joint].iter().map(|v| v.signum()).collect();
+fn of_places(recording: &LinearisedRecording, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
+    let sign: Vec<f64> = recording.whole().v[joint].iter().map(|v| v.signum()).collect();
     let of_place = |&(_, [least, most]): &(usize, [f64; 2])| {
         let wide = (most - least).max(f64::MIN_POSITIVE);
-        let hats = hats(&stage.whole().q[joint], &[least - wide, least, most, most + wide]);
+        let hats = hats(&recording.whole().q[joint], &[least - wide, least, most, most + wide]);
         let [_, first, last, _] = <[Vec<f64>; PER_PLACE]>::try_from(hats).unwrap_or_default();
         let signed = [product(&first, &sign), product(&last, &sign)];
-        [first, last].into_iter().chain(signed).map(|shape| stage.treated(&shape)).collect::<Vec<_>>()
+        [first, last].into_iter().chain(signed).map(|shape| recording.treated(&shape)).collect::<Vec<_>>()
     };
     knots.places.iter().flat_map(of_place).collect()
 }
@@ -279,35 +281,35 @@ fn product(one: &[f64], other: &[f64]) -> Vec<f64> {
 }
 
 /// Columns of the tool: offsets of every joint, mapped to the tool.
-fn of_tool(stage: &Stage, axis: usize) -> Vec<Vec<f64>> {
-    let points = stage.motion().len();
+fn of_tool(recording: &LinearisedRecording, axis: usize) -> Vec<Vec<f64>> {
+    let points = recording.motion().len();
     let mut columns = vec![vec![1.0; points]];
-    for joint in 0..stage.arm().dof() {
-        let mut shift = vec![vec![0.0; points]; stage.arm().dof()];
+    for joint in 0..recording.arm().dof() {
+        let mut shift = vec![vec![0.0; points]; recording.arm().dof()];
         shift[joint].fill(1e-4);
-        let answer = stage.rigid_answer(stage.arm(), Some(&shift));
-        let seen = stage.channels.iter().position(|channel| channel.kind == Kind::Tool(axis));
+        let answer = recording.rigid_answer(recording.arm(), Some(&shift));
+        let seen = recording.channels.iter().position(|channel| channel.kind == Kind::Tool(axis));
         if let Some(lever) = seen.and_then(|seen| answer[seen].clone()) {
-            columns.extend(of_joint(stage, joint, &lever));
+            columns.extend(of_joint(recording, joint, &lever));
         }
     }
     columns
 }
 
 /// Columns of a joint, each times `lever`: constant, position, load, sign of the load, speed and sign of the speed.
-fn of_joint(stage: &Stage, joint: usize, lever: &[f64]) -> Vec<Vec<f64>> {
-    let (q, v) = (&stage.motion().q[joint], &stage.motion().v[joint]);
-    let load = &stage.load()[joint];
-    let sign: Vec<f64> = stage.whole().v[joint].iter().map(|v| v.signum()).collect();
-    let pull: Vec<f64> = stage.whole_load()[joint].iter().map(|load| load.signum()).collect();
+fn of_joint(recording: &LinearisedRecording, joint: usize, lever: &[f64]) -> Vec<Vec<f64>> {
+    let (q, v) = (&recording.motion().q[joint], &recording.motion().v[joint]);
+    let load = &recording.load()[joint];
+    let sign: Vec<f64> = recording.whole().v[joint].iter().map(|v| v.signum()).collect();
+    let pull: Vec<f64> = recording.whole_load()[joint].iter().map(|load| load.signum()).collect();
     let shapes = [
         vec![1.0; q.len()],
         q.iter().map(|q| q.sin()).collect(),
         q.iter().map(|q| q.cos()).collect(),
         load.clone(),
         v.clone(),
-        stage.treated(&sign),
-        stage.treated(&pull),
+        recording.treated(&sign),
+        recording.treated(&pull),
     ];
     shapes.iter().map(|shape| shape.iter().zip(lever).map(|(shape, lever)| shape * lever).collect()).collect()
 }

@@ -6,10 +6,10 @@ use freeplay_arm::Arm;
 use freeplay_laws::{LawError, Placed};
 
 use crate::data::columns::{Answer, Column};
+use crate::data::linearised::LinearisedRecording;
 use crate::data::nuisances::nuisances;
 use crate::data::parts::{Part, parts_of};
 use crate::data::rows::{apart_with, off_with, rows_that_count};
-use crate::data::stage::Stage;
 use crate::data::tolerance::{Nuisance, Tolerances};
 use crate::signals::channel::Kind;
 use crate::statistics::WIDE;
@@ -20,14 +20,14 @@ pub(crate) const REMEMBERED: f64 = 1e-4;
 /// All recordings, stacked. One sequence of numbers covers all channels: those of the first recording, those of the second, and so on.
 pub(crate) struct Data<'a> {
     /// The recordings.
-    pub stages: Vec<Stage<'a>>,
+    pub recordings: Vec<LinearisedRecording<'a>>,
     /// The tolerances of the model, by recording; the same number and order in each.
     pub nuisances: Vec<Vec<Nuisance>>,
     /// The rows that count, 1 or 0, `[channel][row]`.
     pub counts: Vec<Vec<f64>>,
     /// Standard deviation of the error of a perfect model in each row, in the channel's unit, `[channel][row]`.
     pub off: Vec<Vec<f64>>,
-    /// The part to which each row belongs, `[stage][row]`.
+    /// The part to which each row belongs, `[recording][row]`.
     pub parts: Vec<Vec<Part>>,
     /// The parts that the present step of the diagnosis uses.
     pub heard: Vec<Part>,
@@ -36,46 +36,46 @@ pub(crate) struct Data<'a> {
 }
 
 impl<'a> Data<'a> {
-    /// Stacks `stages` and divides their rows into parts.
-    pub fn new(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
-        let nuisances = stages.iter().map(|stage| nuisances(stage, tolerances)).collect();
+    /// Stacks `recordings` and divides their rows into parts.
+    pub fn new(recordings: Vec<LinearisedRecording<'a>>, tolerances: &Tolerances) -> Self {
+        let nuisances = recordings.iter().map(|recording| nuisances(recording, tolerances)).collect();
         let (mut counts, mut off) = (Vec::new(), Vec::new());
-        for stage in &stages {
-            for channel in 0..stage.channels.len() {
-                let rows = rows_that_count(stage, channel);
+        for recording in &recordings {
+            for channel in 0..recording.channels.len() {
+                let rows = rows_that_count(recording, channel);
                 counts.push(rows.counts);
                 off.push(rows.off);
             }
         }
-        let (parts, how) = parts_of(&stages, &counts);
-        Self { stages, nuisances, counts, off, parts, heard: vec![Part::Fit], how }
+        let (parts, how) = parts_of(&recordings, &counts);
+        Self { recordings, nuisances, counts, off, parts, heard: vec![Part::Fit], how }
     }
 
     /// Recomputes the tolerances of the arm on the machine with the found effects: a gear twists more under a heavier link.
     pub fn follow(&mut self, tolerances: &Tolerances) {
-        self.nuisances = self.stages.iter().map(|stage| nuisances(stage, tolerances)).collect();
+        self.nuisances = self.recordings.iter().map(|recording| nuisances(recording, tolerances)).collect();
     }
 
-    /// Stacks `stages` with all rows in the fit part, for a planned motion.
-    pub fn whole(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
-        let mut data = Self::new(stages, tolerances);
+    /// Stacks `recordings` with all rows in the fit part, for a planned motion.
+    pub fn whole(recordings: Vec<LinearisedRecording<'a>>, tolerances: &Tolerances) -> Self {
+        let mut data = Self::new(recordings, tolerances);
         data.parts.iter_mut().for_each(|parts| parts.fill(Part::Fit));
         data
     }
 
     /// The arm of the model, with the effects of its file.
     pub fn arm(&self) -> &Arm {
-        self.stages[0].arm()
+        self.recordings[0].arm()
     }
 
     /// Number of channels of one recording.
-    pub fn per_stage(&self) -> usize {
-        self.stages.first().map_or(0, |stage| stage.channels.len())
+    pub fn channels_per_recording(&self) -> usize {
+        self.recordings.first().map_or(0, |recording| recording.channels.len())
     }
 
     /// The channels that measure the same quantity as the channel `c` of the first recording, one of each recording.
     pub fn alike(&self, c: usize) -> Vec<usize> {
-        (c..self.channels()).step_by(self.per_stage()).collect()
+        (c..self.channels()).step_by(self.channels_per_recording()).collect()
     }
 
     /// Number of channels of all recordings.
@@ -85,19 +85,19 @@ impl<'a> Data<'a> {
 
     /// The recording of the channel number `channel`, and the number of the channel in that recording.
     pub fn place(&self, channel: usize) -> (usize, usize) {
-        (channel / self.per_stage(), channel % self.per_stage())
+        (channel / self.channels_per_recording(), channel % self.channels_per_recording())
     }
 
     /// The quantity that the channel number `channel` measures.
     pub fn kind(&self, channel: usize) -> Kind {
-        let (stage, of_stage) = self.place(channel);
-        self.stages[stage].channels[of_stage].kind
+        let (recording, of_recording) = self.place(channel);
+        self.recordings[recording].channels[of_recording].kind
     }
 
     /// The mask, 1 or 0, of the rows of the channel number `channel` that count and belong to one of `parts`.
     pub fn mask(&self, channel: usize, parts: &[Part]) -> Vec<f64> {
-        let (stage, _) = self.place(channel);
-        let rows = self.counts[channel].iter().zip(&self.parts[stage]);
+        let (recording, _) = self.place(channel);
+        let rows = self.counts[channel].iter().zip(&self.parts[recording]);
         rows.map(|(counts, part)| if parts.contains(part) { *counts } else { 0.0 }).collect()
     }
 
@@ -108,13 +108,13 @@ impl<'a> Data<'a> {
 
     /// Standard deviation of the error of each row, by channel, of a model that has all effects, namely those `found`: see [`off_with`].
     pub fn off_with(&self, found: &[Placed], seed: u64) -> Vec<Vec<f64>> {
-        let of_stages = self.stages.iter().zip(self.off.chunks(self.per_stage().max(1)));
-        of_stages.flat_map(|(stage, off)| off_with(stage, found, off, seed)).collect()
+        let of_recordings = self.recordings.iter().zip(self.off.chunks(self.channels_per_recording().max(1)));
+        of_recordings.flat_map(|(recording, off)| off_with(recording, found, off, seed)).collect()
     }
 
     /// Standard deviation between the possible solutions of the effects `found`, by channel: see [`apart_with`].
     pub fn apart_with(&self, found: &[Placed]) -> Answer {
-        self.stages.iter().flat_map(|stage| apart_with(stage, found)).collect()
+        self.recordings.iter().flat_map(|recording| apart_with(recording, found)).collect()
     }
 
     /// Moves the rows in which one of `columns` is not zero, behind the low-pass, from the test part to the choice part. Each column belongs to an
@@ -129,18 +129,18 @@ impl<'a> Data<'a> {
         for (least, (channel, rows)) in
             columns.flat_map(|(column, least)| column.iter().enumerate().map(move |of| (least, of)))
         {
-            let (stage, _) = self.place(channel);
+            let (recording, _) = self.place(channel);
             let Some(rows) = rows else { continue };
-            let parts = self.parts[stage].iter_mut().zip(rows.iter().map(|x| x.abs() > least));
+            let parts = self.parts[recording].iter_mut().zip(rows.iter().map(|x| x.abs() > least));
             parts
                 .filter(|(part, says)| *says && **part == Part::Test)
                 .for_each(|(part, _)| *part = Part::Choice);
         }
-        let rests = self.stages.iter().zip(&self.parts).map(|(stage, parts)| {
-            let motion = stage.motion();
+        let rests = self.recordings.iter().zip(&self.parts).map(|(recording, parts)| {
+            let motion = recording.motion();
             let step = motion.stretches.first().map_or(0.0, |stretch| motion.step(stretch));
             let tests = parts.iter().filter(|part| **part == Part::Test).count();
-            tests as f64 * step / stage.ground.treatment.filter().settling_time()
+            tests as f64 * step / recording.prepared.treatment.filter().settling_time()
         });
         let is_left = rests.sum::<f64>() > 1.0;
         if !is_left {
@@ -177,9 +177,9 @@ impl<'a> Data<'a> {
 
     /// Measured minus the given model, in every channel.
     pub fn target(&self) -> Vec<Vec<f64>> {
-        let channels = self.stages.iter().flat_map(|stage| &stage.channels);
-        let residual = channels.enumerate().map(|(channel, of_stage)| {
-            let mut rows = of_stage.residual();
+        let channels = self.recordings.iter().flat_map(|recording| &recording.channels);
+        let residual = channels.enumerate().map(|(channel, of_recording)| {
+            let mut rows = of_recording.residual();
             self.count(channel, &mut rows);
             rows
         });
@@ -192,8 +192,8 @@ impl<'a> Data<'a> {
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn left_with(&self, more: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
         let mut left = Vec::new();
-        for (number, stage) in self.stages.iter().enumerate() {
-            left.extend(stage.left_with(&more(number).iter().collect::<Vec<_>>())?);
+        for (number, recording) in self.recordings.iter().enumerate() {
+            left.extend(recording.left_with(&more(number).iter().collect::<Vec<_>>())?);
         }
         for (channel, rows) in left.iter_mut().enumerate() {
             self.count(channel, rows);
@@ -213,24 +213,24 @@ impl<'a> Data<'a> {
             }
             (count > 0.0).then(|| (square / count).sqrt())
         };
-        (0..self.per_stage()).map(of_channel).collect()
+        (0..self.channels_per_recording()).map(of_channel).collect()
     }
 
     /// The columns of the tolerances, and the precision of the prior of each. A tolerance without a prior has one column for each recording.
     pub fn tolerances(&self) -> (Vec<Column>, Vec<f64>) {
         let (mut columns, mut precision) = (Vec::new(), Vec::new());
-        let nothing = || vec![None; self.per_stage()];
+        let nothing = || vec![None; self.channels_per_recording()];
         for index in 0..self.nuisances.first().map_or(0, Vec::len) {
-            let answer = |stage: usize| self.nuisances[stage][index].answer.clone();
-            let stages = 0..self.stages.len();
+            let answer = |recording: usize| self.nuisances[recording][index].answer.clone();
+            let recordings = 0..self.recordings.len();
             if self.nuisances[0][index].free {
-                for only in stages.clone() {
-                    let answers = stages.clone().map(|s| if s == only { answer(s) } else { nothing() });
+                for only in recordings.clone() {
+                    let answers = recordings.clone().map(|s| if s == only { answer(s) } else { nothing() });
                     columns.push(self.raw_column(answers.collect()));
                     precision.push(WIDE.powi(-2));
                 }
             } else {
-                columns.push(self.raw_column(stages.map(answer).collect()));
+                columns.push(self.raw_column(recordings.map(answer).collect()));
                 precision.push(1.0);
             }
         }
@@ -248,14 +248,14 @@ impl<'a> Data<'a> {
         column
     }
 
-    /// Sets on each recording the effects that `found` returns for its arm: see [`Stage::set_found`].
+    /// Sets on each recording the effects that `found` returns for its arm: see [`LinearisedRecording::set_found`].
     pub fn set_found(&self, found: impl Fn(&Arm) -> Vec<Placed>) {
-        self.stages.iter().for_each(|stage| stage.set_found(found(stage.arm())));
+        self.recordings.iter().for_each(|recording| recording.set_found(found(recording.arm())));
     }
 
     /// The stretches without gaps of the recording of the channel number `channel`, and the time between their points, s.
     pub fn stretches(&self, channel: usize) -> impl Iterator<Item = (Range<usize>, f64)> + '_ {
-        let motion = self.stages[self.place(channel).0].motion();
+        let motion = self.recordings[self.place(channel).0].motion();
         motion.stretches.iter().map(|stretch| (stretch.clone(), motion.step(stretch)))
     }
 }

@@ -190,20 +190,20 @@ impl Weights {
         seed: u64,
     ) -> Self {
         let draws: Vec<Vec<Vec<f64>>> = (0..DRAWS).map(|k| instruments(data, seed.wrapping_add(k))).collect();
-        let knots = data.stages.first().map(Knots::of).unwrap_or_default();
+        let knots = data.recordings.first().map(Knots::of).unwrap_or_default();
         let squares: Vec<Vec<f64>> = draws
             .iter()
             .map(|draw| data.rms(draw, &data.counts).iter().map(|rms| rms.unwrap_or(0.0).powi(2)).collect())
             .collect();
         let mean = |c: usize| (squares.iter().map(|draw| draw[c]).sum::<f64>() / draws.len() as f64).sqrt();
-        let noise: Vec<f64> = (0..data.per_stage()).map(mean).collect();
+        let noise: Vec<f64> = (0..data.channels_per_recording()).map(mean).collect();
         let rows: Vec<Rows> = (0..data.channels())
             .map(|channel| {
                 let mask = data.heard(channel);
                 let count: f64 = mask.iter().sum();
                 let masked =
                     |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&mask).map(|(x, m)| x * m).collect() };
-                let square = noise[channel % data.per_stage()].powi(2);
+                let square = noise[channel % data.channels_per_recording()].powi(2);
                 let kappa_noise = draws.iter().map(|draw| alike(&masked(&draw[channel]), &mask)).sum::<f64>()
                     / draws.len() as f64;
                 let size = local_size(data, channel, target);
@@ -317,8 +317,8 @@ impl Weights {
             let wandering = whitening.channel(c);
             let deviation = wandering.deviation();
             let is_known = deviation > 0.0;
-            let (stage, of_stage) = data.place(c);
-            let measured = wandering.rows(&data.stages[stage].channels[of_stage].measured);
+            let (recording, of_recording) = data.place(c);
+            let measured = wandering.rows(&data.recordings[recording].channels[of_recording].measured);
             let phi: Vec<f64> = wandering.says().map(|says| if is_known { says } else { 0.0 }).collect();
             let count = phi.iter().filter(|phi| **phi > 0.0).count().max(1) as f64;
             Rows {
@@ -336,11 +336,11 @@ impl Weights {
 
     /// The weights of the rows in other `parts`, with the same noise and shares.
     pub fn on(&self, data: &Data, parts: &[Part]) -> Self {
-        let per_stage = data.per_stage();
+        let channels_per_recording = data.channels_per_recording();
         let of_channel = |channel: usize| {
             let mask = data.mask(channel, parts);
             // The share and the effective number of rows are those of the same channel in a recording with rows in the fit part.
-            let same = (channel % per_stage..data.channels()).step_by(per_stage);
+            let same = (channel % channels_per_recording..data.channels()).step_by(channels_per_recording);
             let fitted = same.map(|c| &self.rows[c]).find(|rows| rows.effective() > 0.0);
             let own = &self.rows[channel];
             let share = fitted.map_or(own.share, |rows| rows.share);
@@ -371,10 +371,10 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
     /// Smallest local size over that of the whole channel: where a channel is near zero, its components, such as gravity and friction against each
     /// other, are not; each of them has an error of its share.
     const LEAST: f64 = 1.0 / 3.0;
-    let (stage, of_stage) = data.place(channel);
-    let stage = &data.stages[stage];
+    let (recording, of_recording) = data.place(channel);
+    let recording = &data.recordings[recording];
     let modelled = match data.kind(channel) {
-        Kind::Torque(_) => stage.channels[of_stage].measured.clone(),
+        Kind::Torque(_) => recording.channels[of_recording].measured.clone(),
         Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => target[channel].clone(),
     };
     let squares: Vec<f64> = modelled.iter().map(|x| x * x).collect();
@@ -383,7 +383,7 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
     for (stretch, step) in data.stretches(channel) {
         // The local size of a row is taken over one settling time of the low-pass on either side, because the low-pass computes the row from these
         // rows only.
-        let half = ((stage.ground.treatment.filter().settling_time() / step) as usize).max(1);
+        let half = ((recording.prepared.treatment.filter().settling_time() / step) as usize).max(1);
         let mut sums = vec![0.0];
         for square in &squares[stretch.clone()] {
             sums.push(sums[sums.len() - 1] + square);
@@ -400,7 +400,8 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
 /// positions and channels.
 fn instruments(data: &Data, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut left: Vec<Vec<f64>> = data.stages.iter().flat_map(|stage| read_badly(stage, &mut rng)).collect();
+    let mut left: Vec<Vec<f64>> =
+        data.recordings.iter().flat_map(|recording| read_badly(recording, &mut rng)).collect();
     for (channel, rows) in left.iter_mut().enumerate() {
         data.count(channel, rows);
     }

@@ -27,7 +27,7 @@ impl Whitening {
     /// standard deviation of the instrument noise by channel of a recording.
     pub fn of(data: &Data, left: &[Vec<f64>], sizes: &[Vec<f64>], noise: &[f64]) -> Self {
         let of_channel = |c: usize| {
-            let noise = noise[c % data.per_stage()];
+            let noise = noise[c % data.channels_per_recording()];
             let shares: Vec<f64> = sizes[c].iter().map(|size| noise / size).collect();
             Wandering::of(data, c, &left[c], &sizes[c], Moments::of(&shares).rms)
         };
@@ -76,7 +76,7 @@ impl Wandering {
     /// deviations `sizes`; a white row has a standard deviation of at least `least`.
     pub fn of(data: &Data, channel: usize, left: &[f64], sizes: &[f64], least: f64) -> Self {
         let mut heard: Vec<bool> = data.heard(channel).iter().map(|heard| *heard > 0.0).collect();
-        let period = 1.0 / data.stages[data.place(channel).0].ground.treatment.filter().cutoff_hz();
+        let period = 1.0 / data.recordings[data.place(channel).0].prepared.treatment.filter().cutoff_hz();
         // Neighbouring rows behind a low-pass are copies of each other. Rows half a period of its cutoff apart are independent if the noise is
         // (Shannon 1949).
         for (stretch, step) in data.stretches(channel) {

@@ -9,9 +9,9 @@ use crate::candidates::moments::window;
 use crate::choice::choose::choose;
 use crate::choice::confirm::{compared, confirmed, searched_again};
 use crate::data::columns::{Column, add_all, less};
+use crate::data::linearised::{LinearisedRecording, PreparedRecording};
 use crate::data::parts::Part;
 use crate::data::stacked::Data;
-use crate::data::stage::{Ground, Stage};
 use crate::data::thinning;
 use crate::data::weights::Weights;
 use crate::evidence::nameless::is_unexplained;
@@ -44,20 +44,22 @@ pub(crate) fn diagnose(
     progress("treating the recordings");
     let whole = recordings;
     let recordings = thinning::bounded(recordings, &mut notes);
-    let mut grounds = Vec::new();
+    let mut prepared = Vec::new();
     for recording in &recordings {
-        match Ground::new(&file.arm, recording, &settings.treatment) {
-            Ok(ground) => grounds.push(ground),
+        match PreparedRecording::new(&file.arm, recording, &settings.treatment) {
+            Ok(one) => prepared.push(one),
             Err(short) if short.is_of_a_part(whole) => {
                 return Ok(insufficient(file, settings, notes, short.in_a_diagnosis(whole)));
             }
             Err(error) => return Err(error.into()),
         }
     }
-    notes.extend(grounds.iter().flat_map(|ground| ground.treatment.notes().to_vec()));
-    let stages: Vec<Stage> =
-        grounds.iter().map(|ground| Stage::new(&file.arm, &known, ground)).collect::<Result<_, _>>()?;
-    let data = Data::new(stages, &settings.tolerances);
+    notes.extend(prepared.iter().flat_map(|one| one.treatment.notes().to_vec()));
+    let recordings: Vec<LinearisedRecording> = prepared
+        .iter()
+        .map(|one| LinearisedRecording::new(&file.arm, &known, one))
+        .collect::<Result<_, _>>()?;
+    let data = Data::new(recordings, &settings.tolerances);
     if let Some(lack) = recording_quality::lack(&data) {
         return Ok(insufficient(file, settings, notes, lack));
     }

@@ -71,11 +71,12 @@ impl Compared<'_> {
             let square = |errors: &[Vec<f64>]| -> f64 {
                 errors[c].iter().zip(&self.weights[c]).map(|(x, w)| w * x * x).sum()
             };
-            *by_channel.entry(c % data.per_stage()).or_default() += square(self.before) - square(self.after);
+            *by_channel.entry(c % data.channels_per_recording()).or_default() +=
+                square(self.before) - square(self.after);
         }
         let sum = by_channel.values().sum();
         let mut order: Vec<(usize, f64)> = by_channel.into_iter().collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
-        (sum, order.into_iter().map(|(c, _)| data.stages[0].channels[c].name.clone()).collect())
+        (sum, order.into_iter().map(|(c, _)| data.recordings[0].channels[c].name.clone()).collect())
     }
 }

@@ -40,7 +40,7 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> b
 /// price here, remove in each channel.
 pub(crate) fn most_in_single_channels(system: &System, left: &[Vec<f64>]) -> f64 {
     let data = system.data;
-    let knots = data.stages.first().map(Knots::of).unwrap_or_default();
+    let knots = data.recordings.first().map(Knots::of).unwrap_or_default();
     let beside = |(c, left): (usize, &Vec<f64>)| Shapes::new(data, c, &data.heard(c), &knots).left(left);
     let after: Vec<Vec<f64>> = left.iter().enumerate().map(beside).collect();
     let compared = Compared { before: left, after: &after, weights: &system.weights.by_row() };
@@ -70,12 +70,12 @@ pub(crate) struct NamelessTorques(Vec<CommonShapes>);
 impl NamelessTorques {
     /// The shapes of `data`. Each of `places` that is not `None` has shapes of its own.
     pub fn new(data: &Data, places: &[Option<JointRange>]) -> Self {
-        let mut knots = data.stages.first().map(Knots::of).unwrap_or_default();
+        let mut knots = data.recordings.first().map(Knots::of).unwrap_or_default();
         for (number, place) in places.iter().enumerate() {
             place.iter().for_each(|place| knots[place.joint].add_place(number, place.range));
         }
         let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &data.heard)).collect();
-        let torques = (0..data.per_stage()).filter(|&c| matches!(data.kind(c), Kind::Torque(_)));
+        let torques = (0..data.channels_per_recording()).filter(|&c| matches!(data.kind(c), Kind::Torque(_)));
         Self(torques.map(|c| CommonShapes::new(data, data.alike(c), &masks, &knots)).collect())
     }
 
@@ -88,11 +88,11 @@ impl NamelessTorques {
 /// Prediction of nameless shapes, fitted to the fit and the choice part of `residual`, for every row.
 pub(crate) fn said(system: &System, residual: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let data = system.data;
-    let knots = data.stages.first().map(Knots::of).unwrap_or_default();
+    let knots = data.recordings.first().map(Knots::of).unwrap_or_default();
     let masks: Vec<Vec<f64>> =
         (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice])).collect();
     let mut said: Vec<Vec<f64>> = residual.iter().map(|rows| vec![0.0; rows.len()]).collect();
-    for c in 0..data.per_stage() {
+    for c in 0..data.channels_per_recording() {
         let shapes = CommonShapes::new(data, data.alike(c), &masks, &knots);
         for (channel, rows) in shapes.said(data, residual, &knots) {
             said[channel] = rows;

@@ -520,11 +520,12 @@ impl<'d, 'a> System<'d, 'a> {
                     columns.push(own);
                 }
             }
-            let (stage, _) = self.data.place(c);
+            let (recording, _) = self.data.place(c);
             for (stretch, step) in self.data.stretches(c) {
                 for rows in blocks_of(stretch, step) {
-                    let pull =
-                        blocks.entry((stage, rows.start)).or_insert_with(|| DVector::zeros(columns.len()));
+                    let pull = blocks
+                        .entry((recording, rows.start))
+                        .or_insert_with(|| DVector::zeros(columns.len()));
                     for (k, column) in columns.iter().enumerate() {
                         pull[k] += rows
                             .clone()
@@ -557,10 +558,10 @@ impl<'d, 'a> System<'d, 'a> {
         wanted.filter_map(|(place, candidate)| candidate.placed(arm, self.coefficients(fit, place))).collect()
     }
 
-    /// The members of `fit` on `arm` in the recording number `stage` that an arm file can describe, each with its initial state there.
-    pub fn placed_in(&self, fit: &Fit, arm: &Arm, stage: usize) -> Vec<Placed> {
+    /// The members of `fit` on `arm` in the recording number `recording` that an arm file can describe, each with its initial state there.
+    pub fn placed_in(&self, fit: &Fit, arm: &Arm, recording: usize) -> Vec<Placed> {
         let placed = |(place, &member): (usize, &usize)| {
-            self.candidate(member).placed_in(arm, self.coefficients(fit, place), stage)
+            self.candidate(member).placed_in(arm, self.coefficients(fit, place), recording)
         };
         fit.members.iter().enumerate().filter_map(placed).collect()
     }

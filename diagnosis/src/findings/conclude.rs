@@ -126,7 +126,7 @@ impl Conclusion<'_, '_, '_, '_> {
         let data = system.data;
         let test = system.weights.on(data, &[Part::Test]);
         let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &[Part::Test])).collect();
-        let names = || data.stages[0].channels.iter();
+        let names = || data.recordings[0].channels.iter();
         let by_name = |rows: &[Vec<f64>]| -> BTreeMap<String, Rmse> {
             let rms = data.rms(rows, &masks);
             names().zip(rms).filter_map(|(c, rmse)| Some((c.name.clone(), Rmse { rmse: rmse? }))).collect()
@@ -138,7 +138,7 @@ impl Conclusion<'_, '_, '_, '_> {
         let members = self.fit.members.iter().map(|&member| system.candidate(member));
         let members = members.chain(self.of.events.iter().map(|event| &event.candidate));
         let mut shown: Vec<usize> = members
-            .flat_map(|candidate| candidate.channels.iter().map(|c| c % data.per_stage()))
+            .flat_map(|candidate| candidate.channels.iter().map(|c| c % data.channels_per_recording()))
             .flat_map(|c| data.alike(c))
             .collect();
         shown.sort_unstable();
@@ -168,10 +168,10 @@ impl Conclusion<'_, '_, '_, '_> {
     /// Maps of the tuned model's residual, over the first recording.
     fn maps(&self, left: &[Vec<f64>]) -> Vec<Map> {
         let data = self.of.data();
-        let mut all: Vec<Map> = (0..data.per_stage())
+        let mut all: Vec<Map> = (0..data.channels_per_recording())
             .flat_map(|c| {
                 maps(
-                    &data.stages[0],
+                    &data.recordings[0],
                     c,
                     &left[c],
                     &data.mask(c, &[Part::Fit, Part::Choice]),
@@ -195,7 +195,7 @@ impl Conclusion<'_, '_, '_, '_> {
             left[c].map_or(0.0, |left| ((left / noise).powi(2) - 1.0).max(0.0))
         };
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
-        for (c, channel) in data.stages[0].channels.iter().enumerate() {
+        for (c, channel) in data.recordings[0].channels.iter().enumerate() {
             let joint = match channel.kind {
                 ChannelKind::Torque(joint) | ChannelKind::Link(joint) | ChannelKind::Position(joint) => {
                     Some(joint)
@@ -209,7 +209,7 @@ impl Conclusion<'_, '_, '_, '_> {
             }
         }
         let all: f64 = groups.values().map(|group| group.0).sum();
-        let name = |c: &usize| data.stages[0].channels[*c].name.clone();
+        let name = |c: &usize| data.recordings[0].channels[*c].name.clone();
         let mut location: Vec<Location> = groups
             .into_iter()
             .filter(|(_, (_, channels))| !channels.is_empty())
@@ -256,7 +256,7 @@ impl Conclusion<'_, '_, '_, '_> {
                 per_second: system.weights.rows[c].effective()
                     / lasts.max(step * stretch.len().min(1) as f64).max(1e-9),
             };
-            Some((data.stages[0].channels[c].name.clone(), noise))
+            Some((data.recordings[0].channels[c].name.clone(), noise))
         };
         rms.into_iter().enumerate().filter_map(of).collect()
     }
@@ -264,7 +264,7 @@ impl Conclusion<'_, '_, '_, '_> {
     /// Relative accuracy of each channel's laws.
     fn discrepancy(&self) -> BTreeMap<String, Discrepancy> {
         let system = &self.of.search.system;
-        let channels = system.data.stages[0].channels.iter().enumerate();
+        let channels = system.data.recordings[0].channels.iter().enumerate();
         let heard = channels.filter(|(c, _)| system.weights.rows[*c].effective() > 0.0);
         heard
             .map(|(c, channel)| {

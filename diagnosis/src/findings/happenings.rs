@@ -132,7 +132,7 @@ fn one_by_one(
     torques: &mut WhiteTorques,
 ) -> Option<Vec<usize>> {
     let mut now = search.settled(members)?;
-    while now.members.len() < MOST * data.stages.len() {
+    while now.members.len() < MOST * data.recordings.len() {
         torques.set(&less(left, &said(search, &now.members, left)?));
         search.laid.clear();
         for kind in kinds().filter(|kind| kind.happens()) {
@@ -280,7 +280,7 @@ fn beside_places(
 /// Range of the joint's position while `candidate` acts on it; `None` if the candidate acts on no single joint or does not end.
 fn joint_range(data: &Data, candidate: &Candidate) -> Option<JointRange> {
     let (joint, [begin, end]) = (candidate.joint?, window(&candidate.form.shape)?);
-    let motion = data.stages[candidate.form.only.unwrap_or(0)].motion();
+    let motion = data.recordings[candidate.form.only.unwrap_or(0)].motion();
     let during = motion.t.iter().zip(&motion.q[joint]).filter(|(t, _)| (begin..=end).contains(*t));
     let range = during
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], (_, q)| [least.min(*q), most.max(*q)]);
@@ -306,13 +306,13 @@ fn beside_laws(search: &mut Search, members: Vec<usize>, lasting: &[Candidate]) 
 /// effect from the first sample on may have existed for any time. An event shorter than half a period of the low-pass's cutoff is the edge of another
 /// effect (Shannon 1949).
 fn is_inside(data: &Data, candidate: &Candidate) -> bool {
-    let stage = &data.stages[candidate.form.only.unwrap_or(0)];
-    let t = &stage.motion().t;
+    let recording = &data.recordings[candidate.form.only.unwrap_or(0)];
+    let t = &recording.motion().t;
     let (Some([begin, end]), Some(first), Some(last)) = (window(&candidate.form.shape), t.first(), t.last())
     else {
         return true;
     };
-    let edge = 0.5 / stage.ground.treatment.filter().cutoff_hz();
+    let edge = 0.5 / recording.prepared.treatment.filter().cutoff_hz();
     begin > first + edge && end < last - edge && end - begin > edge
 }
 

@@ -10,10 +10,10 @@ use freeplay_laws::{Kind as EffectKind, LawError, Placed, holding};
 use toml::Value;
 
 use crate::data::instruments::rigid_torque_error;
+use crate::data::linearised::LinearisedRecording;
 use crate::data::parts::Part;
 use crate::data::rows::is_held;
 use crate::data::stacked::Data;
-use crate::data::stage::Stage;
 use crate::evidence::gain::Compared;
 use crate::report::diagnosis::{Effect, Evidence, Parameter};
 use crate::report::words;
@@ -28,39 +28,44 @@ use crate::statistics::Moments;
 pub(crate) fn held(data: &Data, found: &[Placed], seed: u64) -> Result<Vec<(EffectTable, Effect)>, LawError> {
     let joints = 0..data.arm().dof();
     let joints: Vec<usize> =
-        joints.filter(|&joint| data.stages.iter().all(|stage| is_held(stage, joint))).collect();
+        joints.filter(|&joint| data.recordings.iter().all(|recording| is_held(recording, joint))).collect();
     if joints.is_empty() {
         return Ok(Vec::new());
     }
     let found: Vec<&Placed> = found.iter().collect();
     let mut left = Vec::new();
-    for stage in &data.stages {
-        left.extend(stage.left_with(&found)?);
+    for recording in &data.recordings {
+        left.extend(recording.left_with(&found)?);
     }
-    let channel = |joint| data.stages[0].number_of(Kind::Torque(joint));
+    let channel = |joint| data.recordings[0].number_of(Kind::Torque(joint));
     let of_joints = joints.into_iter().filter_map(|joint| Some((joint, channel(joint)?)));
     Ok(of_joints.filter_map(|at| of_joint(data, at, &left, seed)).collect())
 }
 
-/// The dry friction of one such joint. Its torque is channel number `of_stage` of each recording, with the residuals `left`.
+/// The dry friction of one such joint. Its torque is channel number `of_recording` of each recording, with the residuals `left`.
 fn of_joint(
     data: &Data,
-    (joint, of_stage): (usize, usize),
+    (joint, of_recording): (usize, usize),
     left: &[Vec<f64>],
     seed: u64,
 ) -> Option<(EffectTable, Effect)> {
-    let (arm, channels) = (data.arm(), data.alike(of_stage));
+    let (arm, channels) = (data.arm(), data.alike(of_recording));
     let nominal = arm.joints()[joint].friction.coulomb;
     let blank = || vec![Vec::new(); left.len()];
     let (mut before, mut on_test, mut most, mut misread) = (blank(), blank(), 0.0_f64, Vec::new());
     for &c in &channels {
         let (number, _) = data.place(c);
-        let (stage, parts) = (&data.stages[number], &data.parts[number]);
-        before[c] = without_friction(stage, of_stage, &left[c]);
+        let (recording, parts) = (&data.recordings[number], &data.parts[number]);
+        before[c] = without_friction(recording, of_recording, &left[c]);
         on_test[c] = parts.iter().map(|part| f64::from(u8::from(*part == Part::Test))).collect();
         let seen = before[c].iter().zip(parts).filter(|(_, part)| **part != Part::Test);
         most = seen.fold(most, |most, (beyond, _)| most.max(beyond.abs()));
-        misread.extend(rigid_torque_error(stage, joint, &stage.ground.noises.channels[of_stage], seed));
+        misread.extend(rigid_torque_error(
+            recording,
+            joint,
+            &recording.prepared.noises.channels[of_recording],
+            seed,
+        ));
     }
     // Of many rows, the one with the greatest torque also has the greatest reading error.
     let worst = misread.iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
@@ -101,9 +106,9 @@ fn of_joint(
     Some((table, effect))
 }
 
-/// The residual `left` of torque channel number `channel` of `stage`, with the model's friction of the joint removed.
-fn without_friction(stage: &Stage, channel: usize, left: &[f64]) -> Vec<f64> {
-    match &stage.channels[channel].friction {
+/// The residual `left` of torque channel number `channel` of `recording`, with the model's friction of the joint removed.
+fn without_friction(recording: &LinearisedRecording, channel: usize, left: &[f64]) -> Vec<f64> {
+    match &recording.channels[channel].friction {
         Some(friction) => left.iter().zip(friction).map(|(left, friction)| left + friction).collect(),
         None => left.to_vec(),
     }

@@ -166,7 +166,7 @@ fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
             let square: f64 = weights.iter().zip(says).map(|(weight, x)| weight * x * x).sum();
             off += rows.share.powi(2) * square;
             if is_open && square > 0.0 {
-                let noise = system.weights.noise[c % system.data.per_stage()];
+                let noise = system.weights.noise[c % system.data.channels_per_recording()];
                 off += weights
                     .iter()
                     .zip(rows.squares_off(noise))

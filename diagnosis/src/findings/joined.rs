@@ -104,8 +104,8 @@ fn left_instead(
     let joint = given.joint.as_ref().and_then(|name| data.arm().joint_index(name));
     let is_given = |placed: &Placed| placed.kind.name == given.kind && placed.joint == joint;
     let mut left = Vec::new();
-    for stage in &data.stages {
-        left.extend(stage.left_instead(&is_given, instead)?);
+    for recording in &data.recordings {
+        left.extend(recording.left_instead(&is_given, instead)?);
     }
     for (channel, rows) in left.iter_mut().enumerate() {
         data.count(channel, rows);
@@ -116,8 +116,8 @@ fn left_instead(
 /// All rows in one column, each channel divided by its own size, so that torques and poses have equal weight.
 fn weighed(data: &Data, rows: &[Vec<f64>]) -> Vec<f64> {
     let of_channel = |(c, rows): (usize, &Vec<f64>)| {
-        let (stage, channel) = data.place(c);
-        let measured = &data.stages[stage].channels[channel].measured;
+        let (recording, channel) = data.place(c);
+        let measured = &data.recordings[recording].channels[channel].measured;
         let size = dot(measured, measured).sqrt().max(f64::MIN_POSITIVE);
         rows.iter().map(move |x| x / size).collect::<Vec<f64>>()
     };

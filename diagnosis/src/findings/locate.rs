@@ -3,7 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::data::stage::Stage;
+use crate::data::linearised::LinearisedRecording;
 use crate::findings::variables::variables;
 use crate::report::diagnosis::{Map, Variable};
 
@@ -12,13 +12,19 @@ pub(crate) const BINS: usize = 12;
 /// Circular shifts of the null distribution: with 199 the least p-value is 1/200 (Davison & Hinkley 1997, §4.2.5), a tenth of the threshold for a name.
 const SHIFTS: usize = 199;
 
-/// The maps of the residual `rows` of channel number `channel` of `stage`, with p-values not yet corrected.
-pub(crate) fn maps(stage: &Stage, channel: usize, rows: &[f64], kept: &[f64], seed: u64) -> Vec<Map> {
-    let described = &stage.channels[channel];
+/// The maps of the residual `rows` of channel number `channel` of `recording`, with p-values not yet corrected.
+pub(crate) fn maps(
+    recording: &LinearisedRecording,
+    channel: usize,
+    rows: &[f64],
+    kept: &[f64],
+    seed: u64,
+) -> Vec<Map> {
+    let described = &recording.channels[channel];
     let mut rng = ChaCha8Rng::seed_from_u64(seed ^ channel as u64);
     let counted: Vec<usize> = (0..rows.len()).filter(|&k| kept[k] > 0.0).collect();
     let residual: Vec<f64> = counted.iter().map(|&k| rows[k]).collect();
-    let all = variables(stage, described.kind).into_iter();
+    let all = variables(recording, described.kind).into_iter();
     let map = |variable: Variable| {
         let x: Vec<f64> = counted.iter().map(|&k| variable.values[k]).collect();
         let bins = Bins::new(&x)?;

@@ -7,7 +7,7 @@ use crate::data::stacked::Data;
 use crate::findings::variables::{of_joint, time};
 use crate::report::diagnosis::{Passage, Trace};
 
-/// Residuals of every row under the model at different stages.
+/// Residuals of every row under different models.
 pub(crate) struct Remains {
     /// The model as given.
     pub before: Vec<Vec<f64>>,
@@ -23,7 +23,7 @@ pub(crate) struct Remains {
 
 /// The drawn values of every row, by channel.
 pub(crate) struct Columns<'c> {
-    /// Residuals under the model at its stages.
+    /// Residuals under these models.
     pub remains: &'c Remains,
     /// Contribution of each finding, `[finding][channel]`.
     pub laws: Vec<Vec<Vec<f64>>>,
@@ -34,7 +34,7 @@ pub(crate) fn passages(data: &Data, columns: &Columns) -> Vec<Passage> {
     let sides = [(&[Part::Fit, Part::Choice][..], false), (&[Part::Test][..], true)];
     let mut all = Vec::new();
     for (parts, held_out) in sides {
-        for index in 0..data.stages.len() {
+        for index in 0..data.recordings.len() {
             let rows: Vec<usize> =
                 (0..data.parts[index].len()).filter(|&row| parts.contains(&data.parts[index][row])).collect();
             if !rows.is_empty() {
@@ -47,15 +47,15 @@ pub(crate) fn passages(data: &Data, columns: &Columns) -> Vec<Passage> {
 
 /// The `rows` of recording number `index`.
 fn passage(data: &Data, columns: &Columns, index: usize, rows: &[usize], held_out: bool) -> Passage {
-    let stage = &data.stages[index];
+    let recording = &data.recordings[index];
     let picked = |column: &[f64]| -> Vec<f64> { rows.iter().map(|&row| column[row]).collect() };
-    let mut variables = vec![time(stage)];
-    variables.extend((0..stage.arm().dof()).flat_map(|joint| of_joint(stage, joint)));
+    let mut variables = vec![time(recording)];
+    variables.extend((0..recording.arm().dof()).flat_map(|joint| of_joint(recording, joint)));
     for variable in &mut variables {
         variable.values = picked(&variable.values);
     }
-    let traces = stage.channels.iter().enumerate().map(|(c, channel)| {
-        let at = index * data.per_stage() + c;
+    let traces = recording.channels.iter().enumerate().map(|(c, channel)| {
+        let at = index * data.channels_per_recording() + c;
         let counted = |column: &[f64]| -> Vec<f64> {
             let counts = &data.counts[at];
             rows.iter().map(|&row| if counts[row] > 0.0 { column[row] } else { f64::NAN }).collect()
@@ -75,10 +75,10 @@ fn passage(data: &Data, columns: &Columns, index: usize, rows: &[usize], held_ou
         }
     });
     Passage {
-        recording: file_name(stage),
+        recording: file_name(recording),
         held_out,
         traces: traces.collect(),
-        motion: part_of(stage.motion(), rows),
+        motion: part_of(recording.motion(), rows),
         variables,
     }
 }

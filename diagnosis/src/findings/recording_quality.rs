@@ -1,10 +1,10 @@
 //! The quality of a recording before any fit: the findings for which it suffices.
 
+use crate::data::linearised::LinearisedRecording;
 use crate::data::noise::Noise;
 use crate::data::parts::{Part, file_name};
 use crate::data::rows::{is_held, rests};
 use crate::data::stacked::Data;
-use crate::data::stage::Stage;
 use crate::error::ENOUGH_S;
 use crate::signals::channel::{Channel, Kind};
 use crate::signals::missing::only;
@@ -18,22 +18,22 @@ const LEAST_S: f64 = 2.0;
 /// The defect that makes these recordings useless for any finding, with the remedy, in one sentence each; `None` without such a defect.
 pub(crate) fn lack(data: &Data) -> Option<String> {
     let lasts = |part: Part| -> f64 {
-        let of_stage = |(index, parts): (usize, &Vec<Part>)| -> f64 {
-            let motion = data.stages[index].motion();
+        let of_recording = |(index, parts): (usize, &Vec<Part>)| -> f64 {
+            let motion = data.recordings[index].motion();
             let step = motion.stretches.first().map_or(0.0, |stretch| motion.step(stretch));
             parts.iter().filter(|own| **own == part).count() as f64 * step
         };
-        data.parts.iter().enumerate().map(of_stage).sum()
+        data.parts.iter().enumerate().map(of_recording).sum()
     };
     let [fit, choice, test] = [Part::Fit, Part::Choice, Part::Test].map(lasts);
     if fit < LEAST_S || choice + test < 0.25 * LEAST_S {
-        let names: Vec<String> = data.stages.iter().map(file_name).collect();
+        let names: Vec<String> = data.recordings.iter().map(file_name).collect();
         let whole: f64 = data
-            .stages
+            .recordings
             .iter()
-            .map(|stage| {
-                stage.ground.recording.t.last().unwrap_or(&0.0)
-                    - stage.ground.recording.t.first().unwrap_or(&0.0)
+            .map(|recording| {
+                recording.prepared.raw.t.last().unwrap_or(&0.0)
+                    - recording.prepared.raw.t.first().unwrap_or(&0.0)
             })
             .sum();
         return Some(format!(
@@ -43,12 +43,15 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
             needed(data)
         ));
     }
-    let moves = |joint: usize| data.stages.iter().any(|stage| span(&stage.motion().q[joint]) > STILL);
+    let moves =
+        |joint: usize| data.recordings.iter().any(|recording| span(&recording.motion().q[joint]) > STILL);
     if !(0..data.arm().dof()).any(moves) {
         return Some("no joint moves; record a motion of the joints in question".to_owned());
     }
-    let is_silent = |stage: &Stage| stage.channels.iter().all(|channel| stage.ground.is_stuck(channel.kind));
-    if data.stages.iter().all(is_silent) {
+    let is_silent = |recording: &LinearisedRecording| {
+        recording.channels.iter().all(|channel| recording.prepared.is_stuck(channel.kind))
+    };
+    if data.recordings.iter().all(is_silent) {
         return Some(
             "every torque stays at one value while its joint moves, and nothing else was recorded beside the motion; record measured torques \
              or currents times the torque constant, or the tool's position"
@@ -61,18 +64,20 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
 /// Length of a recording whose fit part lasts [`LEAST_S`] under the low-pass of `data`, s: the low-pass loses its settling time at both ends and around both
 /// cuts.
 fn needed(data: &Data) -> f64 {
-    let settles = data.stages.iter().map(|stage| stage.ground.treatment.filter().settling_time());
+    let settles =
+        data.recordings.iter().map(|recording| recording.prepared.treatment.filter().settling_time());
     (LEAST_S / SHARES[0] + 4.0 * settles.fold(0.0, f64::max)).max(ENOUGH_S).ceil()
 }
 
 /// Notes on the recordings: noise, rounding, joints at rest, stuck torques.
 pub(crate) fn notes(data: &Data) -> Vec<String> {
     let mut notes = Vec::new();
-    for (number, stage) in data.stages.iter().enumerate() {
+    for (number, recording) in data.recordings.iter().enumerate() {
         let (mut stuck, mut rounded, mut partly) = (Vec::new(), Vec::new(), Vec::new());
-        for (index, (channel, noise)) in stage.channels.iter().zip(&stage.ground.noises.channels).enumerate()
+        for (index, (channel, noise)) in
+            recording.channels.iter().zip(&recording.prepared.noises.channels).enumerate()
         {
-            if let Some(words) = no_measurement(stage, channel) {
+            if let Some(words) = no_measurement(recording, channel) {
                 stuck.push(words);
                 continue;
             }
@@ -86,12 +91,12 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
             if is_coarse(noise, spread) {
                 rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
             }
-            notes.extend(told_to_move(stage, channel).or_else(|| rest(stage, channel, noise)));
-            let kept = &data.counts[number * data.per_stage() + index];
+            notes.extend(told_to_move(recording, channel).or_else(|| rest(recording, channel, noise)));
+            let kept = &data.counts[number * data.channels_per_recording() + index];
             let measured = only(kept, channel.present.as_deref());
             let left_out = 1.0 - measured.iter().sum::<f64>() / measured.len().max(1) as f64;
             if let (Kind::Torque(joint), true) = (channel.kind, left_out > 0.02) {
-                partly.push(format!("{:.0} % of {}", 100.0 * left_out, stage.arm().joints()[joint].name));
+                partly.push(format!("{:.0} % of {}", 100.0 * left_out, recording.arm().joints()[joint].name));
             }
         }
         if !stuck.is_empty() {
@@ -111,42 +116,42 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
     notes
 }
 
-/// The constant value of a `channel` of `stage` that is stuck; `None` for a real measurement.
-fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
+/// The constant value of a `channel` of `recording` that is stuck; `None` for a real measurement.
+fn no_measurement(recording: &LinearisedRecording, channel: &Channel) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
-    let Stuck { at, share } = stage.ground.stuck[joint]?;
+    let Stuck { at, share } = recording.prepared.stuck[joint]?;
     Some(format!(
         "{} stays at {at} {} in {:.0} % of the rows in which {} moves",
         channel.name,
         channel.unit,
         100.0 * share,
-        stage.arm().joints()[joint].name
+        recording.arm().joints()[joint].name
     ))
 }
 
 /// The note that something holds the joint of a torque.
-fn told_to_move(stage: &Stage, channel: &Channel) -> Option<String> {
+fn told_to_move(recording: &LinearisedRecording, channel: &Channel) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
-    is_held(stage, joint).then(|| {
+    is_held(recording, joint).then(|| {
         format!(
             "{} was told to move and stands throughout; a brake or something in its way holds a joint as dry friction does",
-            stage.arm().joints()[joint].name
+            recording.arm().joints()[joint].name
         )
     })
 }
 
 /// A note on a held joint: its torque changes beyond the model's holding torque, and the joint stands throughout. The note gives the least torque that must
 /// hold it.
-fn rest(stage: &Stage, channel: &Channel, noise: &Noise) -> Option<String> {
+fn rest(recording: &LinearisedRecording, channel: &Channel, noise: &Noise) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
     let residual = channel.residual();
     let residual = only(&residual, channel.present.as_deref());
     let beyond = 0.5 * span(&residual);
-    (rests(stage, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
+    (rests(recording, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
         format!(
             "{} stands still throughout, while {} changes by ± {beyond:.3} {} beyond what the model needs to hold it: dry friction of at least that may hold it, \
              a brake, or something in its way; a motion in which it turns tells which",
-            stage.arm().joints()[joint].name,
+            recording.arm().joints()[joint].name,
             channel.name,
             channel.unit
         )

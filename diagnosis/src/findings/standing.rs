@@ -155,7 +155,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
     /// Removes from `fit` the members that are no findings: those with odds below 20 to 1 given the other members, and differences within the tolerances.
     fn sure(&self, mut fit: Fit) -> Option<Fit> {
         let system = &self.search.system;
-        let step = 1.0 / self.data().stages[0].ground.treatment.rate_hz();
+        let step = 1.0 / self.data().recordings[0].prepared.treatment.rate_hz();
         loop {
             let (can_exist, mut least): (bool, Option<(f64, usize)>) = (self.can_exist(&fit), None);
             for place in 0..fit.members.len() {
@@ -253,7 +253,8 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
     /// Residuals, by channel and row, of the arm file that all members of `fit` make together, tuned; zero in rows without weight. Each journal starts in the
     /// initial state that the search found.
     fn left(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
-        let mut left = self.left_beside(|stage| self.search.system.placed_in(fit, self.arm(), stage))?;
+        let mut left =
+            self.left_beside(|recording| self.search.system.placed_in(fit, self.arm(), recording))?;
         self.tune(&mut left, fit);
         Ok(left)
     }
@@ -383,7 +384,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         let mut all = Vec::new();
         for nuisance in &data.nuisances[0] {
             if nuisance.free {
-                at += data.stages.len();
+                at += data.recordings.len();
             } else {
                 all.push((nuisance, eta[at]));
                 at += 1;

@@ -13,8 +13,8 @@ use freeplay_recording::Recording;
 use toml::Table;
 
 use crate::candidates::candidate::{Candidate, Form};
+use crate::data::linearised::{LinearisedRecording, PreparedRecording};
 use crate::data::stacked::Data;
-use crate::data::stage::{Ground, Stage};
 use crate::data::tolerance::Tolerances;
 use crate::data::weights::Weights;
 use crate::evidence::system::{Gain, System};
@@ -129,22 +129,22 @@ impl Scales<'_> {
         recording: &Recording,
         ask: impl FnOnce(&Weighed) -> Result<T, ExciteError>,
     ) -> Result<T, ExciteError> {
-        let ground = Ground::planned(self.arm, recording, &Settings::default())?;
-        let stage = Stage::new(self.arm, self.known, &ground)?;
-        let data = Data::whole(vec![stage], self.tolerances);
+        let prepared = PreparedRecording::planned(self.arm, recording, &Settings::default())?;
+        let recording = LinearisedRecording::new(self.arm, self.known, &prepared)?;
+        let data = Data::whole(vec![recording], self.tolerances);
         let known = |name: &str| self.noise.get(name).map_or(f64::INFINITY, |noise| noise.deviation);
         let deviation: Vec<f64> =
-            data.stages[0].channels.iter().map(|channel| known(&channel.name)).collect();
+            data.recordings[0].channels.iter().map(|channel| known(&channel.name)).collect();
         let weights = Weights::plain(&data, &deviation, &self.effective(&data));
         ask(&Weighed { data: &data, weights, deviation })
     }
 
     /// Effective number of rows of every channel; 0 for a channel of unknown noise.
     fn effective(&self, data: &Data) -> Vec<f64> {
-        let stage = &data.stages[0];
-        let t = &stage.motion().t;
+        let recording = &data.recordings[0];
+        let t = &recording.motion().t;
         let lasts = t.last().copied().unwrap_or(0.0) - t.first().copied().unwrap_or(0.0);
-        let channels = stage.channels.iter().zip(&data.counts);
+        let channels = recording.channels.iter().zip(&data.counts);
         channels
             .map(|(channel, counts)| match self.noise.get(&channel.name) {
                 Some(noise) if noise.deviation > 0.0 => (noise.per_second * lasts).min(counts.iter().sum()),
@@ -155,12 +155,12 @@ impl Scales<'_> {
 
     /// Contribution of `rival` to each channel.
     fn signal(&self, weighed: &Weighed, rival: &Rival) -> Result<Vec<Vec<f64>>, ExciteError> {
-        let stage = &weighed.data.stages[0];
+        let recording = &weighed.data.recordings[0];
         let parameters = match &rival.parameters {
             Some(known) => known.clone(),
             None => weighed.plain(rival)?,
         };
-        let answer = stage.answer(&rival.placed(self.arm, &parameters)?)?;
+        let answer = recording.answer(&rival.placed(self.arm, &parameters)?)?;
         let column = weighed.data.column(vec![answer]);
         let rows = column.into_iter().zip(&weighed.data.counts);
         Ok(rows.map(|(part, counts)| part.unwrap_or_else(|| vec![0.0; counts.len()])).collect())
@@ -191,8 +191,8 @@ impl<'d, 'a> Weighed<'d, 'a> {
 
     /// The gain of each form of `rival` that an arm file can express.
     fn scores(&self, system: &mut System, rival: &Rival) -> Vec<(Candidate, Gain)> {
-        let stage = &self.data.stages[0];
-        let place = Place { scene: stage.baseline(rival.kind).scene(), joint: rival.joint };
+        let recording = &self.data.recordings[0];
+        let place = Place { scene: recording.baseline(rival.kind).scene(), joint: rival.joint };
         let Some(nothing) = system.fit(&[]) else { return Vec::new() };
         let mut all = Vec::new();
         for shape in (rival.kind.shapes)(&place) {
@@ -202,7 +202,7 @@ impl<'d, 'a> Weighed<'d, 'a> {
             };
             let Some(at) = system.take(found.clone()) else { continue };
             let gain = system.gains(&nothing, &[at]).pop().flatten();
-            let can_be = |gain: &Gain| found.placed(stage.arm(), gain.beta.as_slice()).is_some();
+            let can_be = |gain: &Gain| found.placed(recording.arm(), gain.beta.as_slice()).is_some();
             all.extend(gain.filter(can_be).map(|gain| (found, gain)));
         }
         all
@@ -210,8 +210,8 @@ impl<'d, 'a> Weighed<'d, 'a> {
 
     /// Parameters of a cause with unknown parameters: [`PLAIN`] times the noise in size.
     fn plain(&self, rival: &Rival) -> Result<Table, ExciteError> {
-        let stage = &self.data.stages[0];
-        let place = Place { scene: stage.baseline(rival.kind).scene(), joint: rival.joint };
+        let recording = &self.data.recordings[0];
+        let place = Place { scene: recording.baseline(rival.kind).scene(), joint: rival.joint };
         let shape = (rival.kind.shapes)(&place).into_iter().next().unwrap_or_default();
         let found = Candidate::new(self.data, rival.kind, rival.joint, Form::of(shape))?;
         let found = found.ok_or(ExciteError::Unseen { kind: rival.kind.name })?;

@@ -36,10 +36,10 @@ enum Level {
 
 type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
 
-/// One recording after its treatment: the basis of a [`Stage`].
-pub(crate) struct Ground<'a> {
+/// One recording after its treatment: the basis of a [`LinearisedRecording`].
+pub(crate) struct PreparedRecording<'a> {
     /// The recording.
-    pub recording: &'a Recording,
+    pub raw: &'a Recording,
     /// The treatment of every column.
     pub treatment: Treatment,
     /// The motion on the kept points.
@@ -58,7 +58,7 @@ pub(crate) struct Ground<'a> {
     as_it_is: Box<LowPass>,
 }
 
-impl<'a> Ground<'a> {
+impl<'a> PreparedRecording<'a> {
     /// Treats `recording` for the nominal `arm`.
     ///
     /// # Errors
@@ -75,7 +75,7 @@ impl<'a> Ground<'a> {
         let treated = Box::new(move |column: &[f64]| own.low_pass(column));
         let as_it_is = Box::new(|column: &[f64]| column.to_vec());
         Ok(Self {
-            recording,
+            raw: recording,
             treatment,
             motion,
             whole,
@@ -104,9 +104,9 @@ impl<'a> Ground<'a> {
 }
 
 /// One prepared recording, and the prediction of the model for it.
-pub(crate) struct Stage<'a> {
+pub(crate) struct LinearisedRecording<'a> {
     /// The prepared recording.
-    pub ground: &'a Ground<'a>,
+    pub prepared: &'a PreparedRecording<'a>,
     /// Measured and model, channel by channel.
     pub channels: Vec<Channel>,
     /// The model on the kept points: for effects that are smooth.
@@ -123,7 +123,7 @@ pub(crate) struct Stage<'a> {
     found: RefCell<Vec<(Level, Rc<Placed>)>>,
     /// The model with the found effects below a level, smooth or rough, once it was computed.
     beneath: RefCell<BTreeMap<(Level, bool), Rc<Baseline<'a>>>>,
-    /// The effect of the sensors on the drives. The stage computes it at the first use and forgets it when other laws are found.
+    /// The effect of the sensors on the drives. The recording computes it at the first use and forgets it when other laws are found.
     sensors: RefCell<Option<Rc<Sensors>>>,
 }
 
@@ -136,24 +136,28 @@ struct Sensors {
     kept: Answer,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> LinearisedRecording<'a> {
     /// The linearised recording of `arm` with the `effects` of its file.
     ///
     /// # Errors
     /// [`LawError::Changed`] if these leave no possible arm.
-    pub fn new(arm: &'a Arm, effects: &[&'a Placed], ground: &'a Ground<'a>) -> Result<Self, LawError> {
-        let smooth = Baseline::new(arm, effects, &ground.motion, &*ground.as_it_is)?;
-        let hidden = Some(&ground.sharpening.more);
-        let rough = Baseline::with_hidden(arm, effects, &ground.whole, &*ground.treated, hidden)?;
-        let mut channels = ground.channels.clone();
+    pub fn new(
+        arm: &'a Arm,
+        effects: &[&'a Placed],
+        prepared: &'a PreparedRecording<'a>,
+    ) -> Result<Self, LawError> {
+        let smooth = Baseline::new(arm, effects, &prepared.motion, &*prepared.as_it_is)?;
+        let hidden = Some(&prepared.sharpening.more);
+        let rough = Baseline::with_hidden(arm, effects, &prepared.whole, &*prepared.treated, hidden)?;
+        let mut channels = prepared.channels.clone();
         for channel in &mut channels {
-            channel.model = ground.treatment.keep(channel.kind.of(rough.prediction()));
+            channel.model = prepared.treatment.keep(channel.kind.of(rough.prediction()));
         }
         let now = &smooth.scene().arm;
-        let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
+        let rigid = (rigid_torques(now, &prepared.motion, None), tool_positions(now, &prepared.motion.q));
         let known = effects.to_vec();
         let (found, beneath, sensors) = (RefCell::default(), RefCell::default(), RefCell::default());
-        Ok(Self { ground, channels, smooth, rough, rigid, nominal: arm, known, found, beneath, sensors })
+        Ok(Self { prepared, channels, smooth, rough, rigid, nominal: arm, known, found, beneath, sensors })
     }
 
     /// Sets the effects that were `found`; the columns of all other laws then act on the machine with these effects. Load-dependent friction grows with
@@ -177,12 +181,12 @@ impl<'a> Stage<'a> {
 
     /// The motion on the kept points.
     pub fn motion(&self) -> &'a Trajectory {
-        &self.ground.motion
+        &self.prepared.motion
     }
 
     /// The motion on all grid points.
     pub fn whole(&self) -> &'a Trajectory {
-        &self.ground.whole
+        &self.prepared.whole
     }
 
     /// Torques of the rigid arm on the kept points, `[joint][point]`.
@@ -197,7 +201,7 @@ impl<'a> Stage<'a> {
 
     /// Treats a signal on all grid points as a measured column.
     pub fn treated(&self, whole: &[f64]) -> Vec<f64> {
-        self.ground.treatment.keep(&(self.ground.treated)(whole))
+        self.prepared.treatment.keep(&(self.prepared.treated)(whole))
     }
 
     /// The model on the grid on which effects of `kind` are evaluated.
@@ -212,12 +216,12 @@ impl<'a> Stage<'a> {
         for stretch in &motion.stretches {
             rate.extend(derivatives(&model[stretch.clone()], motion.step(stretch)).0);
         }
-        self.ground.treatment.keep(&rate)
+        self.prepared.treatment.keep(&rate)
     }
 
     /// The kinds of columns that the recording has.
     pub fn recorded(&self) -> Recorded {
-        let recording = self.ground.recording;
+        let recording = self.prepared.raw;
         Recorded {
             torque: recording.tau.is_some(),
             tool: recording.tool.is_some(),
@@ -244,12 +248,13 @@ impl<'a> Stage<'a> {
         let is_open = shape.contains_key(START) && self.number_of(Kind::Torque(joint)).is_some();
         let better = match start.range {
             Range::Number { .. } if is_open => {
-                let beside =
-                    Beside::new(&self.channels, &self.ground.noises, &[], |kind| kind == Kind::Torque(joint));
+                let beside = Beside::new(&self.channels, &self.prepared.noises, &[], |kind| {
+                    kind == Kind::Torque(joint)
+                });
                 between(beside.left(&middle), |place| at(Start::Between(place)), |terms| beside.left(terms))?
             }
             Range::Vector { .. } if self.number_of(Kind::Tool(0)).is_some() => {
-                let beside = Beside::new(&self.channels, &self.ground.noises, nuisances, |kind| {
+                let beside = Beside::new(&self.channels, &self.prepared.noises, nuisances, |kind| {
                     matches!(kind, Kind::Tool(_))
                 });
                 let left = |terms: &Vec<(Term, Answer)>| beside.left(terms);
@@ -347,7 +352,7 @@ impl<'a> Stage<'a> {
             let (with, without) = (prediction(Level::Sensor)?, prediction(Level::Drive)?);
             for ((kept, through), channel) in kept.iter_mut().zip(&through).zip(&self.channels) {
                 let said = change(channel.kind.of(&with), channel.kind.of(&without));
-                let said = said.map(|said| self.ground.treatment.keep(&said));
+                let said = said.map(|said| self.prepared.treatment.keep(&said));
                 *kept = said.zip(through.as_deref()).map(|(said, through)| {
                     said.iter().zip(through).map(|(said, through)| said * (1.0 - through)).collect()
                 });
@@ -400,7 +405,7 @@ impl<'a> Stage<'a> {
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
         let left = |prediction: &Prediction, channel: &Channel| -> Vec<f64> {
-            let model = self.ground.treatment.keep(channel.kind.of(prediction));
+            let model = self.prepared.treatment.keep(channel.kind.of(prediction));
             let off = difference(&channel.measured, &model);
             masked(off, channel.present.as_deref())
         };
@@ -422,7 +427,7 @@ impl<'a> Stage<'a> {
     ) -> Result<Vec<Vec<f64>>, LawError> {
         let prediction = self.rough.instead(is_out, instead)?;
         let left = |channel: &Channel| {
-            let model = self.ground.treatment.keep(channel.kind.of(&prediction));
+            let model = self.prepared.treatment.keep(channel.kind.of(&prediction));
             let off = difference(&channel.measured, &model);
             masked(off, channel.present.as_deref())
         };
@@ -472,7 +477,7 @@ impl<'a> Stage<'a> {
                 Kind::Position(_) => None,
             };
             let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
-            Some(if kind.rough { self.ground.treatment.keep(column) } else { column.to_vec() })
+            Some(if kind.rough { self.prepared.treatment.keep(column) } else { column.to_vec() })
         })
     }
 
@@ -511,7 +516,7 @@ impl<'a> Stage<'a> {
 
     /// The prediction for `arm` with `effects` along `motion`, without the low-pass.
     fn predicted(&self, arm: &Arm, effects: &[&Placed], motion: &Trajectory) -> Result<Prediction, LawError> {
-        Ok(Baseline::new(arm, effects, motion, &*self.ground.as_it_is)?.prediction().clone())
+        Ok(Baseline::new(arm, effects, motion, &*self.prepared.as_it_is)?.prediction().clone())
     }
 
     /// The torques of the model with `more` effects along `motion`, on all grid points and without the low-pass, `[joint][point]`.
