@@ -504,7 +504,7 @@ fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
 /// lasts from the first sample to the last is no event.
 fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
     (0..data.channels()).any(|c| {
-        let mask = data.heard(c);
+        let mask = data.active_mask(c);
         let parts: Vec<(&Vec<f64>, f64)> = columns
             .iter()
             .filter_map(|column| column[c].as_ref())

@@ -31,14 +31,14 @@ pub(crate) struct WhiteTorques {
 }
 
 impl WhiteTorques {
-    /// The torques of `data` with the drift models of `whitening` and the residuals `left`.
-    pub fn new(data: &Data, whitening: &Whitening, left: &[Vec<f64>]) -> Self {
+    /// The torques of `data` with the drift models of `whitening` and the `residual`.
+    pub fn new(data: &Data, whitening: &Whitening, residual: &[Vec<f64>]) -> Self {
         let of_recording: Vec<(Step, Vec<usize>)> =
             data.recordings.iter().map(|recording| (step_of(recording), edges_of(recording))).collect();
         let torque = |c: usize| {
             let (step, edges) = &of_recording[data.place(c).0];
             matches!(data.kind(c), Kind::Torque(_))
-                .then(|| Torque::new(whitening.channel(c), &left[c], step, edges))
+                .then(|| Torque::new(whitening.channel(c), &residual[c], step, edges))
         };
         Self {
             torques: (0..data.channels()).map(torque).collect(),
@@ -46,10 +46,10 @@ impl WhiteTorques {
         }
     }
 
-    /// Sets the residuals `left` of the torques.
-    pub fn set(&mut self, left: &[Vec<f64>]) {
-        let torques = self.torques.iter_mut().zip(left);
-        torques.for_each(|(torque, left)| torque.iter_mut().for_each(|torque| torque.set(left)));
+    /// Sets the `residual` of the torques.
+    pub fn set(&mut self, residual: &[Vec<f64>]) {
+        let torques = self.torques.iter_mut().zip(residual);
+        torques.for_each(|(torque, residual)| torque.iter_mut().for_each(|torque| torque.set(residual)));
     }
 
     /// Number of equally probable ways in which a `kind` may happen at one place. It may start at each used row, and its duration is between one row

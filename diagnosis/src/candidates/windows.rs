@@ -4,7 +4,7 @@
 //! size explains ½ (r_b − r_e)² / (G_bb − 2 G_be + G_ee) of the log-likelihood, r_b = s_bᵀWᵀWy and G_be = s_bᵀWᵀWs_e: the matched filter (Turin 1960,
 //! IRE Trans. Inf. Theory 6:311) for all windows at once.
 
-use crate::data::whitening::Wandering;
+use crate::data::whitening::DriftModel;
 
 /// Share of a step below which the whitened step has decayed: its square, a millionth, adds nothing to the evidence.
 const OVER: f64 = 1e-3;
@@ -37,7 +37,7 @@ impl Step {
 pub(crate) struct Torque {
     /// The numbers of these rows.
     rows: Vec<usize>,
-    wandering: Wandering,
+    drift: DriftModel,
     step: Step,
     /// The rows at which an event may start or end.
     edges: Vec<usize>,
@@ -48,21 +48,21 @@ pub(crate) struct Torque {
 }
 
 impl Torque {
-    /// The torque with the drift model `wandering` and the residuals `left`; a `step` has this response, and events may start or end at these
+    /// The torque with the drift model `drift` and the `residual`; a `step` has this response, and events may start or end at these
     /// `edges`.
-    pub fn new(wandering: &Wandering, left: &[f64], step: &Step, edges: &[usize]) -> Self {
-        let (rows, wandering) = wandering.condensed();
+    pub fn new(drift: &DriftModel, residual: &[f64], step: &Step, edges: &[usize]) -> Self {
+        let (rows, drift) = drift.condensed();
         let mut torque = Self {
             rows,
-            wandering,
+            drift,
             step: step.clone(),
             edges: edges.to_vec(),
             right: Vec::new(),
             cross: Vec::new(),
         };
-        let steps = torque.wandering.steps();
+        let steps = torque.drift.kalman_steps();
         torque.cross = (0..edges.len()).map(|edge| torque.cross(&steps, edge)).collect();
-        torque.set(left);
+        torque.set(residual);
         torque
     }
 
@@ -71,10 +71,10 @@ impl Torque {
         self.rows.len()
     }
 
-    /// Sets the residuals `left` of the torque.
-    pub fn set(&mut self, left: &[f64]) {
-        let left: Vec<f64> = self.rows.iter().map(|row| left[*row]).collect();
-        let mut sums = self.wandering.back(&self.wandering.rows(&left));
+    /// Sets the `residual` of the torque.
+    pub fn set(&mut self, residual: &[f64]) {
+        let residual: Vec<f64> = self.rows.iter().map(|row| residual[*row]).collect();
+        let mut sums = self.drift.transposed(&self.drift.rows(&residual));
         let mut sum = 0.0;
         for x in sums.iter_mut().rev() {
             sum += *x;
@@ -104,7 +104,7 @@ impl Torque {
         let first = self.rows.partition_point(|&row| row + reach < at);
         let last = self.rows.partition_point(|&row| row <= at + reach);
         let value = |row: usize| self.step.value(self.rows[row], at);
-        let (begin, sums) = self.wandering.of_step(steps, [first, last], value, OVER);
+        let (begin, sums) = self.drift.normal_product_of_step(steps, [first, last], value, OVER);
         let far = sums.first().copied().unwrap_or(0.0);
         let near = self.edges[..=edge]
             .partition_point(|&b| self.rows.get(begin).is_some_and(|&row| b + reach < row));
@@ -122,7 +122,7 @@ impl Torque {
     fn explained(&self, begin: usize, end: usize) -> f64 {
         let own = self.product(begin, begin) + self.product(end, end);
         let square = own - 2.0 * self.product(begin, end);
-        let variance = self.wandering.deviation().powi(2);
+        let variance = self.drift.deviation().powi(2);
         let is_seen = square > OVER * own && variance > 0.0;
         if is_seen { 0.5 * (self.right[begin] - self.right[end]).powi(2) / square / variance } else { 0.0 }
     }
@@ -140,11 +140,11 @@ pub(crate) fn windows(torques: &[&Torque], most: usize) -> Vec<[usize; 2]> {
             (end.saturating_sub(longest)..end).map(|begin| (said(begin), [edges[begin], edges[end]]));
         best.extend(begins.max_by(|a, b| a.0.total_cmp(&b.0)));
     }
-    apart(best, most)
+    without_overlap(best, most)
 }
 
 /// The `most` windows that explain most, none of which overlaps a better one.
-fn apart(mut windows: Vec<(f64, [usize; 2])>, most: usize) -> Vec<[usize; 2]> {
+fn without_overlap(mut windows: Vec<(f64, [usize; 2])>, most: usize) -> Vec<[usize; 2]> {
     windows.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut best: Vec<[usize; 2]> = Vec::new();
     for (_, [begin, end]) in windows {
@@ -164,7 +164,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::{Step, Torque, windows};
-    use crate::data::whitening::Wandering;
+    use crate::data::whitening::DriftModel;
     use crate::random::normals;
 
     /// The explained log-likelihood is that of least squares on white rows, and the search finds the window of a push to the row.
@@ -172,19 +172,19 @@ mod tests {
     fn the_window_of_a_push_is_found() {
         let mut rng = ChaCha8Rng::seed_from_u64(6);
         let sizes = (0..400).map(|row| 1.0 + 0.001 * f64::from(row)).collect();
-        let heard = (0..400).map(|row| row % 50 > 8).collect();
-        let one = Wandering::with(vec![0.97; 400], sizes, heard, 25.0, 0.1);
+        let used = (0..400).map(|row| row % 50 > 8).collect();
+        let one = DriftModel::with(vec![0.97; 400], sizes, used, 25.0, 0.1);
         let step = Step::new(vec![0.0, 0.1, 0.5, 0.9, 1.0]);
         let column = |at: usize| -> Vec<f64> { (0..400).map(|row| step.value(row, at)).collect() };
         let push = |begin: usize, end: usize| -> Vec<f64> {
             column(begin).iter().zip(column(end)).map(|(begin, end)| begin - end).collect()
         };
-        let mut left = normals(&mut rng, 400, 0.1);
-        left.iter_mut().zip(push(215, 236)).for_each(|(x, push)| *x += push);
+        let mut residual = normals(&mut rng, 400, 0.1);
+        residual.iter_mut().zip(push(215, 236)).for_each(|(x, push)| *x += push);
         let edges: Vec<usize> = (0..400).collect();
-        let torque = Torque::new(&one, &left, &step, &edges);
+        let torque = Torque::new(&one, &residual, &step, &edges);
         for [begin, end] in [[215, 236], [20, 380], [60, 61]] {
-            let (column, rows) = (one.rows(&push(begin, end)), one.rows(&left));
+            let (column, rows) = (one.rows(&push(begin, end)), one.rows(&residual));
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
             let exact = 0.5 * dot(&column, &rows).powi(2) / dot(&column, &column) / 0.01;
             let said = torque.explained(begin, end);

@@ -26,8 +26,9 @@ pub(crate) fn choose(search: &mut Search) -> Option<Answer> {
 /// Log of the likelihood of the choice part under `answer`, plus the log of its evidence.
 fn score(search: &Search, answer: &Answer) -> Option<f64> {
     let fit = search.system.fit(&answer.members)?;
-    let left = search.system.left(&fit);
+    let residual = search.system.residual(&fit);
     let choice = search.system.weights.on(search.system.data, &[Part::Choice]);
-    let likelihood: f64 = choice.rows.iter().zip(&left).map(|(rows, left)| rows.score(left)).sum();
+    let likelihood: f64 =
+        choice.rows.iter().zip(&residual).map(|(rows, residual)| rows.score(residual)).sum();
     Some(likelihood + answer.evidence)
 }

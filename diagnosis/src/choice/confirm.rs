@@ -68,7 +68,7 @@ fn with_several(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
         let others = all_but(&now.members, place);
         let system = &search.system;
         let (with, without) = (system.held_fit(&now.members)?, system.held_fit(&others)?);
-        if most_in_single_channels(system, &system.left(&without)) < with.value - without.value {
+        if most_in_single_channels(system, &system.residual(&without)) < with.value - without.value {
             continue;
         }
         progress("trying several in the place of one finding");
@@ -116,11 +116,11 @@ pub(crate) fn searched_again(
     answer: &Answer,
     progress: &mut dyn FnMut(&str),
 ) -> Option<Answer> {
-    search.system.trust_all()?;
+    search.system.reset_robust_weights()?;
     search.met.clear();
     let again = search.run(&[], progress)?;
     let again = compared(search, again.members, progress)?;
-    search.system.trust_all()?;
+    search.system.reset_robust_weights()?;
     let known = search.settled(answer.members.clone())?;
     let there = search.settled(again.members.clone())?;
     let best = if there.evidence > known.evidence + WORTH { again } else { known };
@@ -171,7 +171,7 @@ mod tests {
         let data = Data::new(vec![recording], &Tolerances::default());
         let target = data.target();
         let (candidates, _) = candidates(&data, &mut |_| {});
-        let weights = Weights::new(&data, &target, None, &data.off, 1);
+        let weights = Weights::new(&data, &target, None, &data.row_error, 1);
         let system = System::new(&data, target, weights).expect("a system");
         let mut search = Search::new(system, candidates);
         let is_coupling = |&index: &usize| search.system.candidate(index).kind.name == "joint_coupling";

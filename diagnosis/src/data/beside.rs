@@ -56,7 +56,7 @@ impl Beside {
     }
 
     /// Residual squares of `terms` with their best coefficients.
-    pub fn left(&self, terms: &[(Term, Answer)]) -> f64 {
+    pub fn residual_squares(&self, terms: &[(Term, Answer)]) -> f64 {
         self.fit(&said(terms)).0
     }
 

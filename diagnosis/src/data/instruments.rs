@@ -19,7 +19,7 @@ pub(crate) fn read_badly(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) 
     let (read, jumps) = misread(recording, rng);
     let (read_torque, read_tool) =
         (rigid_torques(recording.arm(), &read, None), tool_positions(recording.arm(), &read.q));
-    let mut left = Vec::new();
+    let mut residual = Vec::new();
     for (channel, noise) in recording.channels.iter().zip(&recording.prepared.noises.channels) {
         let mut rest = recording.treated(&match channel.kind {
             Kind::Link(joint) | Kind::Position(joint) => misreading(rng, &recording.whole().q[joint], noise),
@@ -41,9 +41,9 @@ pub(crate) fn read_badly(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) 
             Kind::Tool(axis) => add(&tool[axis], &read_tool[axis]),
             Kind::Link(joint) | Kind::Position(joint) => add(&motion.q[joint], &read.q[joint]),
         }
-        left.push(rest);
+        residual.push(rest);
     }
-    left
+    residual
 }
 
 /// Errors due to noise and rounding in the rows of `recording`, in the torque of `joint` without its friction. The torque has this `noise`; `seed` sets the random

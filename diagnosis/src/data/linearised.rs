@@ -251,16 +251,20 @@ impl<'a> LinearisedRecording<'a> {
                 let beside = Beside::new(&self.channels, &self.prepared.noises, &[], |kind| {
                     kind == Kind::Torque(joint)
                 });
-                between(beside.left(&middle), |place| at(Start::Between(place)), |terms| beside.left(terms))?
+                between(
+                    beside.residual_squares(&middle),
+                    |place| at(Start::Between(place)),
+                    |terms| beside.residual_squares(terms),
+                )?
             }
             Range::Vector { .. } if self.number_of(Kind::Tool(0)).is_some() => {
                 let beside = Beside::new(&self.channels, &self.prepared.noises, nuisances, |kind| {
                     matches!(kind, Kind::Tool(_))
                 });
-                let left = |terms: &Vec<(Term, Answer)>| beside.left(terms);
+                let residual = |terms: &Vec<(Term, Answer)>| beside.residual_squares(terms);
                 let step = |here: &Vec<_>, nudged: [&Vec<_>; 2]| beside.step(here, nudged);
-                let from = (left(&middle), *begins);
-                within(from, |place| at(Start::Within(place)), left, step)?.map(|(place, terms)| {
+                let from = (residual(&middle), *begins);
+                within(from, |place| at(Start::Within(place)), residual, step)?.map(|(place, terms)| {
                     *begins = Some(place);
                     terms
                 })
@@ -403,35 +407,35 @@ impl<'a> LinearisedRecording<'a> {
     ///
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
-    pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
-        let left = |prediction: &Prediction, channel: &Channel| -> Vec<f64> {
+    pub fn residual_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
+        let residual = |prediction: &Prediction, channel: &Channel| -> Vec<f64> {
             let model = self.prepared.treatment.keep(channel.kind.of(prediction));
             let off = difference(&channel.measured, &model);
             masked(off, channel.present.as_deref())
         };
         let left_of = |prediction: &Prediction, kind: Kind| {
-            Some(left(prediction, &self.channels[self.number_of(kind)?]))
+            Some(residual(prediction, &self.channels[self.number_of(kind)?]))
         };
         let best = begun(more, |more| self.rough.upon(more), left_of)?;
-        Ok(self.channels.iter().map(|channel| left(&best, channel)).collect())
+        Ok(self.channels.iter().map(|channel| residual(&best, channel)).collect())
     }
 
     /// Measured minus the model in which `instead` replaces the effects for which `is_out` holds, channel by channel.
     ///
     /// # Errors
     /// [`LawError::Changed`] if it leaves no possible arm.
-    pub fn left_instead(
+    pub fn residual_replacing(
         &self,
         is_out: &dyn Fn(&Placed) -> bool,
         instead: Option<&Placed>,
     ) -> Result<Vec<Vec<f64>>, LawError> {
         let prediction = self.rough.instead(is_out, instead)?;
-        let left = |channel: &Channel| {
+        let residual = |channel: &Channel| {
             let model = self.prepared.treatment.keep(channel.kind.of(&prediction));
             let off = difference(&channel.measured, &model);
             masked(off, channel.present.as_deref())
         };
-        Ok(self.channels.iter().map(left).collect())
+        Ok(self.channels.iter().map(residual).collect())
     }
 
     /// The share of a small change of each channel that the sensors of the machine with the found effects transmit, on the kept points. The share is

@@ -35,20 +35,20 @@ pub(crate) struct Rows {
     /// Whether the row counts, 1 or 0.
     pub counts: Vec<f64>,
     /// Standard deviation of the error of a perfect model, in the channel's unit.
-    pub off: Vec<f64>,
+    pub row_error: Vec<f64>,
 }
 
 /// The usable rows of the channel number `channel` of `recording`, from the samples and the model.
-pub(crate) fn rows_that_count(recording: &LinearisedRecording, channel: usize) -> Rows {
+pub(crate) fn usable_rows(recording: &LinearisedRecording, channel: usize) -> Rows {
     let present = recording.channels[channel].present.as_deref();
-    let Rows { counts, off } = measured_rows(recording, channel);
-    Rows { counts: masked(counts, present), off }
+    let Rows { counts, row_error } = measured_rows(recording, channel);
+    Rows { counts: masked(counts, present), row_error }
 }
 
 /// The usable rows if no sample were missing.
 fn measured_rows(recording: &LinearisedRecording, channel: usize) -> Rows {
     let points = recording.motion().len();
-    let all = |counts: f64| Rows { counts: vec![counts; points], off: vec![0.0; points] };
+    let all = |counts: f64| Rows { counts: vec![counts; points], row_error: vec![0.0; points] };
     let Kind::Torque(joint) = recording.channels[channel].kind else { return all(1.0) };
     if recording.prepared.is_stuck(Kind::Torque(joint)) {
         return all(0.0);
@@ -85,12 +85,12 @@ fn measured_rows(recording: &LinearisedRecording, channel: usize) -> Rows {
     let turns = treatment.keep(&envelope(&turns, reach));
     let counts: Vec<f64> =
         stands.iter().zip(turns).map(|(stands, turns)| (1.0 - stands) * (1.0 - turns)).collect();
-    let friction = dry + left_dry(recording, joint, channel, &counts);
+    let friction = dry + missing_dry_friction(recording, joint, channel, &counts);
     // The samples do not resolve the time of a jump between two of them. The error of this time is half the sample period, times the slope of the
     // low-pass's response: twice the cutoff times twice the part of the jump that the low-pass removes.
     let unresolved = treatment.keep(&envelope(&recording.prepared.sharpening.unresolved[joint], reach));
     let hidden = treatment.keep(&envelope(&recording.prepared.sharpening.more.torque[joint], reach));
-    let off = unresolved
+    let row_error = unresolved
         .iter()
         .zip(hidden)
         .zip(smeared)
@@ -98,16 +98,16 @@ fn measured_rows(recording: &LinearisedRecording, channel: usize) -> Rows {
             (2.0 * cutoff_hz / rate_hz * unresolved).hypot(HIDDEN * hidden).hypot(friction * smeared)
         })
         .collect();
-    Rows { counts, off }
+    Rows { counts, row_error }
 }
 
-/// Standard deviation of the error of each row of `recording`, by channel, for a model with the effects `found`; `off` is that of the model without them.
+/// Standard deviation of the error of each row of `recording`, by channel, for a model with the effects `found`; `row_error` is that of the model without them.
 /// The low-pass attenuates the jumps of their torques, such as those of dry friction where a joint reverses. If speeds below the resolution of the
 /// encoder would invert a torque, as where two coupled joints hold each other, the torque may have any value in between.
-pub(crate) fn off_with(
+pub(crate) fn row_error_with(
     recording: &LinearisedRecording,
     found: &[Placed],
-    off: &[Vec<f64>],
+    row_error: &[Vec<f64>],
     seed: u64,
 ) -> Vec<Vec<f64>> {
     let treatment = &recording.prepared.treatment;
@@ -122,9 +122,9 @@ pub(crate) fn off_with(
     };
     let (Ok(less), Ok(as_seen), Ok(more)) = (along(-1.0), along(0.0), along(1.0)) else {
         // An arm that is not physical leaves the rows unchanged.
-        return off.to_vec();
+        return row_error.to_vec();
     };
-    let of_channel = |(channel, off): (&Channel, &Vec<f64>)| match channel.kind {
+    let of_channel = |(channel, row_error): (&Channel, &Vec<f64>)| match channel.kind {
         Kind::Torque(joint) => {
             let through = treatment.low_pass(&as_seen[joint]);
             let jumps: Vec<f64> = (0..through.len())
@@ -135,16 +135,16 @@ pub(crate) fn off_with(
                 })
                 .collect();
             let around = treatment.keep(&envelope(&jumps, reach));
-            off.iter().zip(around).map(|(off, jump)| off.hypot(jump)).collect()
+            row_error.iter().zip(around).map(|(row_error, jump)| row_error.hypot(jump)).collect()
         }
-        Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => off.clone(),
+        Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => row_error.clone(),
     };
-    recording.channels.iter().zip(off).map(of_channel).collect()
+    recording.channels.iter().zip(row_error).map(of_channel).collect()
 }
 
 /// Standard deviation between the possible solutions of the effects `found`, by channel. Each row has the largest deviation of the rows around it. A
 /// channel in which all effects have one solution holds `None`.
-pub(crate) fn apart_with(recording: &LinearisedRecording, found: &[Placed]) -> Answer {
+pub(crate) fn solution_spread_with(recording: &LinearisedRecording, found: &[Placed]) -> Answer {
     let reach = reach(&recording.prepared.treatment);
     let mut squares: Answer = vec![None; recording.channels.len()];
     for placed in found {
@@ -188,7 +188,12 @@ fn slowest(v: &[f64]) -> f64 {
 
 /// Dry friction of `joint` that the model lacks, approximately: the coefficient of the direction of motion in a least-squares fit of the residual,
 /// with a constant and the speed.
-fn left_dry(recording: &LinearisedRecording, joint: usize, channel: usize, counts: &[f64]) -> f64 {
+fn missing_dry_friction(
+    recording: &LinearisedRecording,
+    joint: usize,
+    channel: usize,
+    counts: &[f64],
+) -> f64 {
     let v = &recording.motion().v[joint];
     let residual = recording.channels[channel].residual();
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());

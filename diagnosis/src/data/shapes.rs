@@ -73,7 +73,7 @@ impl Shapes {
     }
 
     /// `residual` minus the fitted shapes.
-    pub fn left(&self, residual: &[f64]) -> Vec<f64> {
+    pub fn residual(&self, residual: &[f64]) -> Vec<f64> {
         let mut left = residual.to_vec();
         let Some(factor) = &self.factor else { return left };
         let right = DVector::from_iterator(self.columns.len(), self.columns.iter().map(|c| dot(c, residual)));

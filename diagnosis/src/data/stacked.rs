@@ -9,7 +9,7 @@ use crate::data::columns::{Answer, Column};
 use crate::data::linearised::LinearisedRecording;
 use crate::data::nuisances::nuisances;
 use crate::data::parts::{Part, parts_of};
-use crate::data::rows::{apart_with, off_with, rows_that_count};
+use crate::data::rows::{row_error_with, solution_spread_with, usable_rows};
 use crate::data::tolerance::{Nuisance, Tolerances};
 use crate::signals::channel::Kind;
 use crate::statistics::WIDE;
@@ -26,11 +26,11 @@ pub(crate) struct Data<'a> {
     /// The rows that count, 1 or 0, `[channel][row]`.
     pub counts: Vec<Vec<f64>>,
     /// Standard deviation of the error of a perfect model in each row, in the channel's unit, `[channel][row]`.
-    pub off: Vec<Vec<f64>>,
+    pub row_error: Vec<Vec<f64>>,
     /// The part to which each row belongs, `[recording][row]`.
     pub parts: Vec<Vec<Part>>,
     /// The parts that the present step of the diagnosis uses.
-    pub heard: Vec<Part>,
+    pub active_parts: Vec<Part>,
     /// How the data were divided, in words.
     pub how: String,
 }
@@ -39,20 +39,20 @@ impl<'a> Data<'a> {
     /// Stacks `recordings` and divides their rows into parts.
     pub fn new(recordings: Vec<LinearisedRecording<'a>>, tolerances: &Tolerances) -> Self {
         let nuisances = recordings.iter().map(|recording| nuisances(recording, tolerances)).collect();
-        let (mut counts, mut off) = (Vec::new(), Vec::new());
+        let (mut counts, mut row_error) = (Vec::new(), Vec::new());
         for recording in &recordings {
             for channel in 0..recording.channels.len() {
-                let rows = rows_that_count(recording, channel);
+                let rows = usable_rows(recording, channel);
                 counts.push(rows.counts);
-                off.push(rows.off);
+                row_error.push(rows.row_error);
             }
         }
         let (parts, how) = parts_of(&recordings, &counts);
-        Self { recordings, nuisances, counts, off, parts, heard: vec![Part::Fit], how }
+        Self { recordings, nuisances, counts, row_error, parts, active_parts: vec![Part::Fit], how }
     }
 
     /// Recomputes the tolerances of the arm on the machine with the found effects: a gear twists more under a heavier link.
-    pub fn follow(&mut self, tolerances: &Tolerances) {
+    pub fn update_tolerances(&mut self, tolerances: &Tolerances) {
         self.nuisances = self.recordings.iter().map(|recording| nuisances(recording, tolerances)).collect();
     }
 
@@ -74,7 +74,7 @@ impl<'a> Data<'a> {
     }
 
     /// The channels that measure the same quantity as the channel `c` of the first recording, one of each recording.
-    pub fn alike(&self, c: usize) -> Vec<usize> {
+    pub fn same_channel(&self, c: usize) -> Vec<usize> {
         (c..self.channels()).step_by(self.channels_per_recording()).collect()
     }
 
@@ -102,25 +102,28 @@ impl<'a> Data<'a> {
     }
 
     /// The mask, 1 or 0, of the rows of the channel number `channel` that count and that the present step uses.
-    pub fn heard(&self, channel: usize) -> Vec<f64> {
-        self.mask(channel, &self.heard)
+    pub fn active_mask(&self, channel: usize) -> Vec<f64> {
+        self.mask(channel, &self.active_parts)
     }
 
-    /// Standard deviation of the error of each row, by channel, of a model that has all effects, namely those `found`: see [`off_with`].
-    pub fn off_with(&self, found: &[Placed], seed: u64) -> Vec<Vec<f64>> {
-        let of_recordings = self.recordings.iter().zip(self.off.chunks(self.channels_per_recording().max(1)));
-        of_recordings.flat_map(|(recording, off)| off_with(recording, found, off, seed)).collect()
+    /// Standard deviation of the error of each row, by channel, of a model that has all effects, namely those `found`: see [`row_error_with`].
+    pub fn row_error_with(&self, found: &[Placed], seed: u64) -> Vec<Vec<f64>> {
+        let of_recordings =
+            self.recordings.iter().zip(self.row_error.chunks(self.channels_per_recording().max(1)));
+        of_recordings
+            .flat_map(|(recording, row_error)| row_error_with(recording, found, row_error, seed))
+            .collect()
     }
 
-    /// Standard deviation between the possible solutions of the effects `found`, by channel: see [`apart_with`].
-    pub fn apart_with(&self, found: &[Placed]) -> Answer {
-        self.recordings.iter().flat_map(|recording| apart_with(recording, found)).collect()
+    /// Standard deviation between the possible solutions of the effects `found`, by channel: see [`solution_spread_with`].
+    pub fn solution_spread_with(&self, found: &[Placed]) -> Answer {
+        self.recordings.iter().flat_map(|recording| solution_spread_with(recording, found)).collect()
     }
 
     /// Moves the rows in which one of `columns` is not zero, behind the low-pass, from the test part to the choice part. Each column belongs to an
     /// effect that begins and ends, and no other rows show that effect. Returns true if the test part remains longer than the memory of the low-pass;
     /// otherwise the method moves nothing.
-    pub fn give_moments<'c>(&mut self, columns: impl Iterator<Item = &'c Column>) -> bool {
+    pub fn exclude_from_test<'c>(&mut self, columns: impl Iterator<Item = &'c Column>) -> bool {
         let before = self.parts.clone();
         // Where a force can't turn a joint, its torque there is a rounding error.
         let most =
@@ -156,7 +159,7 @@ impl<'a> Data<'a> {
         for (channel, part) in column.iter_mut().enumerate() {
             let Some(rows) = part else { continue };
             let size = rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-            self.count(channel, rows);
+            self.apply_mask(channel, rows);
             if rows.iter().all(|x| x.abs() <= 1e-9 * size) {
                 *part = None;
             }
@@ -165,7 +168,7 @@ impl<'a> Data<'a> {
     }
 
     /// Sets the `rows` of the channel number `channel` that don't count to zero, and subtracts the mean from a link encoder.
-    pub fn count(&self, channel: usize, rows: &mut [f64]) {
+    pub fn apply_mask(&self, channel: usize, rows: &mut [f64]) {
         let counts = &self.counts[channel];
         if matches!(self.kind(channel), Kind::Link(_)) {
             let sum: f64 = rows.iter().zip(counts).map(|(x, counts)| x * counts).sum();
@@ -180,7 +183,7 @@ impl<'a> Data<'a> {
         let channels = self.recordings.iter().flat_map(|recording| &recording.channels);
         let residual = channels.enumerate().map(|(channel, of_recording)| {
             let mut rows = of_recording.residual();
-            self.count(channel, &mut rows);
+            self.apply_mask(channel, &mut rows);
             rows
         });
         residual.collect()
@@ -190,22 +193,22 @@ impl<'a> Data<'a> {
     ///
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
-    pub fn left_with(&self, more: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
-        let mut left = Vec::new();
+    pub fn residual_with(&self, more: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
+        let mut residual = Vec::new();
         for (number, recording) in self.recordings.iter().enumerate() {
-            left.extend(recording.left_with(&more(number).iter().collect::<Vec<_>>())?);
+            residual.extend(recording.residual_with(&more(number).iter().collect::<Vec<_>>())?);
         }
-        for (channel, rows) in left.iter_mut().enumerate() {
-            self.count(channel, rows);
+        for (channel, rows) in residual.iter_mut().enumerate() {
+            self.apply_mask(channel, rows);
         }
-        Ok(left)
+        Ok(residual)
     }
 
     /// Root of the mean square of `rows` where `masks` is one, in each channel of a recording, over all recordings; `None` without such a row.
     pub fn rms(&self, rows: &[Vec<f64>], masks: &[Vec<f64>]) -> Vec<Option<f64>> {
         let of_channel = |c: usize| {
             let (mut square, mut count) = (0.0, 0.0);
-            for channel in self.alike(c) {
+            for channel in self.same_channel(c) {
                 for (x, mask) in rows[channel].iter().zip(&masks[channel]) {
                     square += mask * x * x;
                     count += mask;

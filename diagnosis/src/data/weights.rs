@@ -1,6 +1,6 @@
 //! The weight of each row: from the noise of the instruments, and from the discrepancy δ between the laws and a real machine.
 //!
-//! A row i of channel c has the variance v = σ² + off² + s²L². σ is the standard deviation of the instrument noise, and off that of errors that the
+//! A row i of channel c has the variance v = σ² + e² + s²L². σ is the standard deviation of the instrument noise, and e (`row_error`) that of errors that the
 //! samples can't resolve. L is the local size of the modelled quantity, and s the relative error of the laws (Kennedy & O'Hagan 2001, J. R. Stat.
 //! Soc. B 63:425). Neighbouring rows are correlated: the log-likelihood of each has the weight φ, which turns the number of rows into the effective
 //! number. The weight counts κ rows as one, with a separate κ for the noise and for the discrepancy.
@@ -37,14 +37,14 @@ fn shares() -> impl Iterator<Item = f64> {
 /// The weights of the rows of one channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Rows {
-    /// Variance that no law can explain: σ² + off², by row.
+    /// Variance that no law can explain: σ² + e², by row.
     instrument: Vec<f64>,
     /// Square of the local size of the modelled quantity, by row.
     size: Vec<f64>,
     /// The weight of each row in the likelihood, φ; zero for rows that don't count.
     phi: Vec<f64>,
-    /// Robust weight of each row, below one for an outlier: see [`Rows::distrust`].
-    trust: Vec<f64>,
+    /// Robust weight of each row, below one for an outlier: see [`Rows::downweight_outliers`].
+    robust_weight: Vec<f64>,
     /// The share s.
     pub share: f64,
     /// Root of the mean square of the modelled quantity.
@@ -71,15 +71,17 @@ impl Rows {
 
     /// The weight of each row in the sum of squares: φ/v.
     pub fn weights(&self) -> Vec<f64> {
-        let trusted = self.phi.iter().zip(&self.trust).zip(self.variances(self.share));
-        trusted.map(|((phi, trust), v)| if *phi > 0.0 { phi * trust / v } else { 0.0 }).collect()
+        let trusted = self.phi.iter().zip(&self.robust_weight).zip(self.variances(self.share));
+        trusted
+            .map(|((phi, robust_weight), v)| if *phi > 0.0 { phi * robust_weight / v } else { 0.0 })
+            .collect()
     }
 
-    /// Maximum over all shares of the log-likelihood of rows with the residuals `left`, under Student's t. The prior of the share is included.
-    pub fn tailed(&self, left: &[f64]) -> f64 {
+    /// Maximum over all shares of the log-likelihood of rows with the `residual`, under Student's t. The prior of the share is included.
+    pub fn robust_log_likelihood(&self, residual: &[f64]) -> f64 {
         let with = |share: f64| {
             let rows =
-                self.phi.iter().zip(left).zip(self.variances(share)).filter(|((phi, _), _)| **phi > 0.0);
+                self.phi.iter().zip(residual).zip(self.variances(share)).filter(|((phi, _), _)| **phi > 0.0);
             let of_row = |((phi, x), v): ((&f64, &f64), f64)| {
                 0.5 * phi * (v.ln() + (DEGREES_OF_FREEDOM + 1.0) * (x * x / v / DEGREES_OF_FREEDOM).ln_1p())
             };
@@ -88,11 +90,11 @@ impl Rows {
         shares().map(with).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Sets the robust weight of each row from its residual in `left`, as under Student's t with four degrees of freedom (Lange, Little & Taylor
+    /// Sets the robust weight of each row from its residual in `residual`, as under Student's t with four degrees of freedom (Lange, Little & Taylor
     /// 1989, J. Am. Stat. Assoc. 84:881): occasional disturbances then have little influence on the parameters.
-    pub fn distrust(&mut self, left: &[f64]) {
+    pub fn downweight_outliers(&mut self, residual: &[f64]) {
         let v = self.variances(self.share);
-        self.trust = left
+        self.robust_weight = residual
             .iter()
             .zip(v)
             .map(|(x, v)| ((DEGREES_OF_FREEDOM + 1.0) / (DEGREES_OF_FREEDOM + x * x / v)).min(1.0))
@@ -100,8 +102,8 @@ impl Rows {
     }
 
     /// Sets the robust weight of every row to one.
-    pub fn trust_all(&mut self) {
-        self.trust.fill(1.0);
+    pub fn reset_robust_weights(&mut self) {
+        self.robust_weight.fill(1.0);
     }
 
     /// The standard deviation of each row: √v.
@@ -110,7 +112,7 @@ impl Rows {
     }
 
     /// Variance of the error of a perfect model, by row, without the instrument `noise`.
-    pub fn squares_off(&self, noise: f64) -> impl Iterator<Item = f64> {
+    pub fn row_error_squares(&self, noise: f64) -> impl Iterator<Item = f64> {
         self.instrument.iter().map(move |square| (square - noise * noise).max(0.0))
     }
 
@@ -119,12 +121,12 @@ impl Rows {
         self.phi.iter().sum()
     }
 
-    /// Log-likelihood of rows with the squared residuals `left`, for the share `share`, its prior included.
-    fn log_likelihood(&self, left: &[f64], share: f64) -> f64 {
+    /// Log-likelihood of rows with the squared `residual`, for the share `share`, its prior included.
+    fn log_likelihood(&self, residual: &[f64], share: f64) -> f64 {
         let mut sum = -0.5 * (share / USUAL_SHARE).powi(2);
-        for ((phi, left), v) in self.phi.iter().zip(left).zip(self.variances(share)) {
+        for ((phi, residual), v) in self.phi.iter().zip(residual).zip(self.variances(share)) {
             if *phi > 0.0 {
-                sum -= 0.5 * phi * (v.ln() + left / v);
+                sum -= 0.5 * phi * (v.ln() + residual / v);
             }
         }
         sum
@@ -135,39 +137,43 @@ impl Rows {
         self.log_likelihood(&vec![0.0; self.phi.len()], self.share)
     }
 
-    /// The most probable share for the residuals `left`, with `taken` effective rows used up by coefficients, and the log-likelihood with it.
-    pub fn best(&self, left: &[f64], taken: f64) -> (f64, f64) {
-        let squares = self.squares(left, taken);
+    /// The most probable share for the `residual`, with `taken` effective rows used up by coefficients, and the log-likelihood with it.
+    pub fn best(&self, residual: &[f64], taken: f64) -> (f64, f64) {
+        let squares = self.squares(residual, taken);
         let tried = shares().map(|share| (share, self.log_likelihood(&squares, share)));
         tried.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((self.share, 0.0))
     }
 
     /// Log-likelihood of the most probable share minus that of the present share.
-    pub fn to_gain(&self, left: &[f64], taken: f64) -> f64 {
-        self.best(left, taken).1 - self.log_likelihood(&self.squares(left, taken), self.share)
+    pub fn to_gain(&self, residual: &[f64], taken: f64) -> f64 {
+        self.best(residual, taken).1 - self.log_likelihood(&self.squares(residual, taken), self.share)
     }
 
-    /// Log-likelihood of the residuals `left` with the most probable share, minus that with the best share up to `most`.
-    pub fn beyond(&self, left: &[f64], most: f64) -> f64 {
-        let squares = self.squares(left, 0.0);
-        let (share, likelihood) = self.best(left, 0.0);
+    /// Log-likelihood of the `residual` with the most probable share, minus that with the best share up to `most`.
+    pub fn beyond(&self, residual: &[f64], most: f64) -> f64 {
+        let squares = self.squares(residual, 0.0);
+        let (share, likelihood) = self.best(residual, 0.0);
         if share > most { likelihood - self.log_likelihood(&squares, most) } else { 0.0 }
     }
 
-    /// The log-likelihood of the residuals `left`.
-    pub fn score(&self, left: &[f64]) -> f64 {
-        self.log_likelihood(&self.squares(left, 0.0), self.share)
+    /// The log-likelihood of the `residual`.
+    pub fn score(&self, residual: &[f64]) -> f64 {
+        self.log_likelihood(&self.squares(residual, 0.0), self.share)
     }
 
-    fn squares(&self, left: &[f64], taken: f64) -> Vec<f64> {
+    fn squares(&self, residual: &[f64], taken: f64) -> Vec<f64> {
         let scale = self.effective() / (self.effective() - taken).max(1.0);
-        left.iter().zip(&self.trust).map(|(x, trust)| trust * scale * x * x).collect()
+        residual
+            .iter()
+            .zip(&self.robust_weight)
+            .map(|(x, robust_weight)| robust_weight * scale * x * x)
+            .collect()
     }
 
-    /// Sets the share to the most probable one for the residuals `left`, with `taken` effective rows used up by coefficients. Returns true if the
+    /// Sets the share to the most probable one for the `residual`, with `taken` effective rows used up by coefficients. Returns true if the
     /// share changed by more than a step.
-    pub fn follow(&mut self, left: &[f64], taken: f64) -> bool {
-        let (best, _) = self.best(left, taken);
+    pub fn follow(&mut self, residual: &[f64], taken: f64) -> bool {
+        let (best, _) = self.best(residual, taken);
         let step = LEAST_SHARE.max(0.5 * (FINER - 1.0) * self.share);
         let moved = (best - self.share).abs() > step;
         if moved {
@@ -179,14 +185,14 @@ impl Rows {
 
 impl Weights {
     /// The weights of the active rows of `data`. The model as given has the residuals `target`, and a perfect model has errors with the standard
-    /// deviation `off`. The residuals `left` of the model with all found laws determine the effective number of rows. Before the search, the
+    /// deviation `row_error`. The `residual` of the model with all found laws determines the effective number of rows. Before the search, the
     /// residuals beside shapes without a name determine it: if a law is missing that all rows share, the residuals of the given model would count no
     /// rows at all.
     pub fn new(
         data: &Data,
         target: &[Vec<f64>],
-        left: Option<&[Vec<f64>]>,
-        off: &[Vec<f64>],
+        residual: Option<&[Vec<f64>]>,
+        row_error: &[Vec<f64>],
         seed: u64,
     ) -> Self {
         let draws: Vec<Vec<Vec<f64>>> = (0..DRAWS).map(|k| instruments(data, seed.wrapping_add(k))).collect();
@@ -199,24 +205,28 @@ impl Weights {
         let noise: Vec<f64> = (0..data.channels_per_recording()).map(mean).collect();
         let rows: Vec<Rows> = (0..data.channels())
             .map(|channel| {
-                let mask = data.heard(channel);
+                let mask = data.active_mask(channel);
                 let count: f64 = mask.iter().sum();
                 let masked =
                     |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&mask).map(|(x, m)| x * m).collect() };
                 let square = noise[channel % data.channels_per_recording()].powi(2);
-                let kappa_noise = draws.iter().map(|draw| alike(&masked(&draw[channel]), &mask)).sum::<f64>()
+                let kappa_noise = draws
+                    .iter()
+                    .map(|draw| rows_per_independent_row(&masked(&draw[channel]), &mask))
+                    .sum::<f64>()
                     / draws.len() as f64;
                 let size = local_size(data, channel, target);
-                let instrument: Vec<f64> = off[channel].iter().map(|off| square + off * off).collect();
+                let instrument: Vec<f64> =
+                    row_error[channel].iter().map(|row_error| square + row_error * row_error).collect();
                 let scale = (size.iter().zip(&mask).map(|(x, m)| x * m).sum::<f64>() / count.max(1.0)).sqrt();
-                let rest = match left {
-                    Some(left) => masked(&left[channel]),
-                    None => Shapes::new(data, channel, &mask, &knots).left(&masked(&target[channel])),
+                let rest = match residual {
+                    Some(residual) => masked(&residual[channel]),
+                    None => Shapes::new(data, channel, &mask, &knots).residual(&masked(&target[channel])),
                 };
-                let kappa = alike(&rest, &mask);
+                let kappa = rows_per_independent_row(&rest, &mask);
                 let mut rows = Rows {
                     phi: mask.iter().map(|mask| mask / kappa).collect(),
-                    trust: vec![1.0; mask.len()],
+                    robust_weight: vec![1.0; mask.len()],
                     instrument,
                     size,
                     share: USUAL_SHARE,
@@ -224,8 +234,9 @@ impl Weights {
                 };
                 rows.follow(&rest, 0.0);
                 let both = |(instrument, size): (&f64, &f64)| {
-                    let off = rows.share * rows.share * size;
-                    (instrument + off) / (kappa_noise * instrument + kappa * off).max(f64::MIN_POSITIVE)
+                    let row_error = rows.share * rows.share * size;
+                    (instrument + row_error)
+                        / (kappa_noise * instrument + kappa * row_error).max(f64::MIN_POSITIVE)
                 };
                 let phi = rows.instrument.iter().zip(&rows.size).map(both);
                 rows.phi = phi.zip(&mask).map(|(phi, mask)| phi * mask).collect();
@@ -240,51 +251,58 @@ impl Weights {
         self.rows.iter().map(Rows::weights).collect()
     }
 
-    /// The same rows with the standard deviations `off` of a perfect model's error instead. The effective number of rows stays the same, so that
+    /// The same rows with the standard deviations `row_error` of a perfect model's error instead. The effective number of rows stays the same, so that
     /// their evidence may be compared.
-    pub fn with_off(&self, off: &[Vec<f64>]) -> Self {
+    pub fn with_row_error(&self, row_error: &[Vec<f64>]) -> Self {
         let of_channel = |(c, rows): (usize, &Rows)| {
             let square = self.noise[c % self.noise.len()].powi(2);
-            Rows { instrument: off[c].iter().map(|off| square + off * off).collect(), ..rows.clone() }
+            Rows {
+                instrument: row_error[c].iter().map(|row_error| square + row_error * row_error).collect(),
+                ..rows.clone()
+            }
         };
         Self { rows: self.rows.iter().enumerate().map(of_channel).collect(), noise: self.noise.clone() }
     }
 
-    /// Standard deviation of the error of each row, by channel: `off`, and a share of the deviation `apart` between several solutions. One share
+    /// Standard deviation of the error of each row, by channel: `row_error`, and a share of the deviation `spread` between several solutions. One share
     /// holds for all channels, because one bearing displaces its journal equally in each. It is the share with the largest likelihood of the
-    /// residuals `left`.
-    pub fn most_probable_off(
+    /// `residual`.
+    pub fn most_probable_row_error(
         &self,
-        off: &[Vec<f64>],
-        apart: &[Option<Vec<f64>>],
-        left: &[Vec<f64>],
+        row_error: &[Vec<f64>],
+        spread: &[Option<Vec<f64>>],
+        residual: &[Vec<f64>],
     ) -> Vec<Vec<f64>> {
         /// The largest share that the fit tries: the solutions then deviate from the model as much as from each other.
         const MOST: f64 = 2.0;
         /// Number of such shares: each is smaller by a factor of √2 than the one before, down to a tenth. The fit tries zero, too.
         const COUNT: i32 = 10;
-        if apart.iter().all(Option::is_none) {
-            return off.to_vec();
+        if spread.iter().all(Option::is_none) {
+            return row_error.to_vec();
         }
         let with = |share: f64| -> Vec<Vec<f64>> {
-            let of_channel = |(off, apart): (&Vec<f64>, &Option<Vec<f64>>)| match apart {
-                Some(apart) => off.iter().zip(apart).map(|(off, apart)| off.hypot(share * apart)).collect(),
-                None => off.clone(),
+            let of_channel = |(row_error, spread): (&Vec<f64>, &Option<Vec<f64>>)| match spread {
+                Some(spread) => row_error
+                    .iter()
+                    .zip(spread)
+                    .map(|(row_error, spread)| row_error.hypot(share * spread))
+                    .collect(),
+                None => row_error.clone(),
             };
-            off.iter().zip(apart).map(of_channel).collect()
+            row_error.iter().zip(spread).map(of_channel).collect()
         };
         let shares = (0..COUNT).map(|k| MOST * 0.5_f64.powf(0.5 * f64::from(k))).chain([0.0]);
         let all = shares.map(|share| {
-            let off = with(share);
-            (self.with_off(&off).tailed(left), off)
+            let row_error = with(share);
+            (self.with_row_error(&row_error).robust_log_likelihood(residual), row_error)
         });
         all.reduce(|best, next| if next.0 > best.0 { next } else { best })
             .map_or_else(Vec::new, |best| best.1)
     }
 
-    /// Maximum log-likelihood of the residuals `left`: see [`Rows::tailed`].
-    pub fn tailed(&self, left: &[Vec<f64>]) -> f64 {
-        self.rows.iter().zip(left).map(|(rows, left)| rows.tailed(left)).sum()
+    /// Maximum log-likelihood of the `residual`: see [`Rows::robust_log_likelihood`].
+    pub fn robust_log_likelihood(&self, residual: &[Vec<f64>]) -> f64 {
+        self.rows.iter().zip(residual).map(|(rows, residual)| rows.robust_log_likelihood(residual)).sum()
     }
 
     /// Weights of rows of which only the noise is known: its `deviation` and the number of `effective` rows, by channel.
@@ -296,7 +314,7 @@ impl Weights {
             Rows {
                 instrument: vec![if is_known { deviation[c].powi(2) } else { 1.0 }; counts.len()],
                 size: vec![0.0; counts.len()],
-                trust: vec![1.0; counts.len()],
+                robust_weight: vec![1.0; counts.len()],
                 phi: counts.iter().map(|counts| if is_known { counts * per_row } else { 0.0 }).collect(),
                 share: 0.0,
                 scale: if is_known { WIDE * deviation[c] } else { 0.0 },
@@ -305,26 +323,26 @@ impl Weights {
         Self { rows: (0..data.channels()).map(of_channel).collect(), noise: deviation.to_vec() }
     }
 
-    /// Fits the drift models to the residuals `left` of the active rows of `data`.
-    pub fn whitening(&self, data: &Data, left: &[Vec<f64>]) -> Whitening {
+    /// Fits the drift models to the `residual` of the active rows of `data`.
+    pub fn whitening(&self, data: &Data, residual: &[Vec<f64>]) -> Whitening {
         let sizes: Vec<Vec<f64>> = self.rows.iter().map(Rows::sizes).collect();
-        Whitening::of(data, left, &sizes, &self.noise)
+        Whitening::of(data, residual, &sizes, &self.noise)
     }
 
     /// Weights of the rows that `whitening` made independent: each has the standard deviation of its channel.
     pub fn white(data: &Data, whitening: &Whitening) -> Self {
         let of_channel = |c: usize| {
-            let wandering = whitening.channel(c);
-            let deviation = wandering.deviation();
+            let drift = whitening.channel(c);
+            let deviation = drift.deviation();
             let is_known = deviation > 0.0;
             let (recording, of_recording) = data.place(c);
-            let measured = wandering.rows(&data.recordings[recording].channels[of_recording].measured);
-            let phi: Vec<f64> = wandering.says().map(|says| if is_known { says } else { 0.0 }).collect();
+            let measured = drift.rows(&data.recordings[recording].channels[of_recording].measured);
+            let phi: Vec<f64> = drift.mask().map(|used| if is_known { used } else { 0.0 }).collect();
             let count = phi.iter().filter(|phi| **phi > 0.0).count().max(1) as f64;
             Rows {
                 instrument: vec![if is_known { deviation.powi(2) } else { 1.0 }; phi.len()],
                 size: vec![0.0; phi.len()],
-                trust: vec![1.0; phi.len()],
+                robust_weight: vec![1.0; phi.len()],
                 phi,
                 share: 0.0,
                 scale: (measured.iter().map(|x| x * x).sum::<f64>() / count).sqrt(),
@@ -350,7 +368,7 @@ impl Weights {
             });
             Rows {
                 phi: mask.iter().map(|mask| mask * per_row).collect(),
-                trust: vec![1.0; mask.len()],
+                robust_weight: vec![1.0; mask.len()],
                 share,
                 ..own.clone()
             }
@@ -360,7 +378,7 @@ impl Weights {
 }
 
 /// Number of correlated rows of `residual`, where `mask` is one, that are equivalent to one independent row: 1 + 2Σρ, at least one.
-fn alike(residual: &[f64], mask: &[f64]) -> f64 {
+fn rows_per_independent_row(residual: &[f64], mask: &[f64]) -> f64 {
     let counted: Vec<f64> = residual.iter().zip(mask).filter(|(_, m)| **m > 0.0).map(|(x, _)| *x).collect();
     (counted.len() as f64 / effective_samples(&counted).max(1.0)).max(1.0)
 }
@@ -400,12 +418,12 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
 /// positions and channels.
 fn instruments(data: &Data, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut left: Vec<Vec<f64>> =
+    let mut residual: Vec<Vec<f64>> =
         data.recordings.iter().flat_map(|recording| read_badly(recording, &mut rng)).collect();
-    for (channel, rows) in left.iter_mut().enumerate() {
-        data.count(channel, rows);
+    for (channel, rows) in residual.iter_mut().enumerate() {
+        data.apply_mask(channel, rows);
     }
-    left
+    residual
 }
 
 #[cfg(test)]
@@ -419,22 +437,22 @@ mod tests {
     #[test]
     fn how_far_rows_lie_off_is_told_by_what_is_left() {
         const COUNT: usize = 4000;
-        let apart: Vec<f64> = (0..COUNT).map(|k| if k % 400 < 100 { 1.0 } else { 0.0 }).collect();
+        let spread: Vec<f64> = (0..COUNT).map(|k| if k % 400 < 100 { 1.0 } else { 0.0 }).collect();
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let (noise, far) = (normals(&mut rng, COUNT, 0.01), normals(&mut rng, COUNT, 0.5));
-        let left: Vec<f64> = (0..COUNT).map(|k| noise[k] + far[k] * apart[k]).collect();
+        let residual: Vec<f64> = (0..COUNT).map(|k| noise[k] + far[k] * spread[k]).collect();
         let rows = Rows {
             instrument: vec![1e-4; COUNT],
             size: vec![1.0; COUNT],
             phi: vec![1.0; COUNT],
-            trust: vec![1.0; COUNT],
+            robust_weight: vec![1.0; COUNT],
             share: 0.0,
             scale: 1.0,
         };
         let weights = Weights { rows: vec![rows], noise: vec![0.01] };
-        let off = weights.most_probable_off(&[vec![0.0; COUNT]], &[Some(apart)], &[left]);
-        println!("off {}, of which rows were made 0.5, margin a step of √2", off[0][50]);
-        assert!((off[0][50] / 0.5).ln().abs() <= 0.5 * 2.0_f64.ln());
-        assert!(off[0][200] == 0.0);
+        let row_error = weights.most_probable_row_error(&[vec![0.0; COUNT]], &[Some(spread)], &[residual]);
+        println!("off {}, of which rows were made 0.5, margin a step of √2", row_error[0][50]);
+        assert!((row_error[0][50] / 0.5).ln().abs() <= 0.5 * 2.0_f64.ln());
+        assert!(row_error[0][200] == 0.0);
     }
 }

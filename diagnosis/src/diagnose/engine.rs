@@ -69,7 +69,7 @@ pub(crate) fn diagnose(
     let (laid, found) = {
         // Pieces of any law resemble pushes, so that the search for lasting laws comes first.
         let lasting = candidates.into_iter().filter(|candidate| !candidate.kind.happens()).collect();
-        let weights = Weights::new(&data, &target, None, &data.off, settings.seed);
+        let weights = Weights::new(&data, &target, None, &data.row_error, settings.seed);
         let system = System::new(&data, target.clone(), weights).ok_or(DiagnoseError::Singular)?;
         let mut search = Search::new(system, lasting);
         searched(&mut search, settings.seed, progress).ok_or(DiagnoseError::Singular)?
@@ -98,34 +98,38 @@ impl Study<'_> {
         found: Found,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Diagnosis, DiagnoseError> {
-        data.follow(&self.settings.tolerances);
+        data.update_tolerances(&self.settings.tolerances);
         progress("looking for what happens at a time");
         let parts = data.parts.clone();
         let mut events = self.happened_first(&mut data, &found, &parts);
-        data.heard = vec![Part::Fit, Part::Choice];
+        data.active_parts = vec![Part::Fit, Part::Choice];
         progress("confirming what was found");
-        let left = less(&found.left, &said_by(&events, self.target));
+        let residual = less(&found.residual, &said_by(&events, self.target));
         let mut with = {
-            let weights = self.weights(&data, &events, &left, &data.off);
+            let weights = self.weights(&data, &events, &residual, &data.row_error);
             self.confirmed(&data, &events, weights, &found.members, progress)?
         };
         if events.is_empty() {
-            let stood = self.standing(&data, &left, with, progress)?;
+            let stood = self.standing(&data, &residual, with, progress)?;
             // Laws that the test part rejects may have imitated events.
             if stood.leaves_more || stood.is_less {
                 events = self.happened_first(&mut data, &stood.found, &parts);
             }
             if events.is_empty() {
-                return self.by_laws(&data, &left, stood.found);
+                return self.by_laws(&data, &residual, stood.found);
             }
             let stood = stood.found;
-            let weights =
-                self.weights(&data, &events, &less(&left, &said_by(&events, self.target)), &stood.off);
+            let weights = self.weights(
+                &data,
+                &events,
+                &less(&residual, &said_by(&events, self.target)),
+                &stood.row_error,
+            );
             with = self.confirmed(&data, &events, weights, &stood.members, progress)?;
         }
         // A law found after the events may explain what they seemed to explain.
         let without = {
-            let weights = self.weights(&data, &[], &found.left, &with.off);
+            let weights = self.weights(&data, &[], &found.residual, &with.row_error);
             let (mut search, members) = self.search(&data, &[], weights, &with.members)?;
             let answer = compared(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
             let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
@@ -135,19 +139,19 @@ impl Study<'_> {
         events = self.happened_beside(&mut data, &with, &events);
         data.parts.clone_from(&parts);
         if are_the_same(&with.members, &without.members) {
-            data.give_moments(columns_of(&events));
+            data.exclude_from_test(columns_of(&events));
         } else {
             let others = self.happened_beside(&mut data, &without, &[]);
-            data.give_moments(columns_of(&events).chain(columns_of(&others)));
-            let weights = self.weights(&data, &events, &left, &with.off);
+            data.exclude_from_test(columns_of(&events).chain(columns_of(&others)));
+            let weights = self.weights(&data, &events, &residual, &with.row_error);
             let of_with = self.evidence(&data, &events, weights.clone(), &with.members)?;
             let of_without = self.evidence(&data, &others, weights, &without.members)?;
             if of_without > of_with {
-                (with, events) = (Found { off: with.off, ..without }, others);
+                (with, events) = (Found { row_error: with.row_error, ..without }, others);
             }
         }
         let with = self.rivals_resolved(&data, &events, with)?;
-        let weights = self.weights(&data, &events, &left, &with.off);
+        let weights = self.weights(&data, &events, &residual, &with.row_error);
         let (mut search, members) = self.search(&data, &events, weights, &with.members)?;
         let answer = compared(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
         let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
@@ -171,13 +175,15 @@ impl Study<'_> {
             if !self.laid.iter().any(is_open_rival) {
                 continue;
             }
-            let weights = self.weights(data, events, &found.left, &found.off);
+            let weights = self.weights(data, events, &found.residual, &found.row_error);
             let (mut search, members) = self.search(data, events, weights.clone(), &found.members)?;
             if members.len() < found.members.len() {
                 break;
             }
             let rivals = search.open_rivals(&members, place).ok_or(DiagnoseError::Singular)?;
-            let evidence = |of: &Found| weights.with_off(&of.off).tailed(&of.left) + of.log_prior;
+            let evidence = |of: &Found| {
+                weights.with_row_error(&of.row_error).robust_log_likelihood(&of.residual) + of.log_prior
+            };
             for rival in rivals {
                 let lost = search.system.candidate(rival).clone();
                 let instead = [&members[..place], &[rival], &members[place + 1..]].concat();
@@ -212,18 +218,18 @@ impl Study<'_> {
     }
 
     /// The laws of `confirmed` that the test part does not reject. If these laws leave an unexplained error, the search starts again before their
-    /// test. The residuals `left` of the first search determine the effective number of rows.
+    /// test. The `residual` of the first search determines the effective number of rows.
     fn standing(
         &self,
         data: &Data,
-        left: &[Vec<f64>],
+        residual: &[Vec<f64>],
         mut confirmed: Found,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Stood, DiagnoseError> {
         let mut is_less = false;
         loop {
             let count = confirmed.members.len();
-            let weights = self.weights(data, &[], left, &confirmed.off);
+            let weights = self.weights(data, &[], residual, &confirmed.row_error);
             let (mut search, members) = self.search(data, &[], weights, &confirmed.members)?;
             let answer = search.settled(members).and_then(|answer| search.agreed(&answer));
             let answer = answer.ok_or(DiagnoseError::Singular)?;
@@ -242,9 +248,14 @@ impl Study<'_> {
     }
 
     /// The diagnosis from the laws `found`, without events.
-    fn by_laws(&mut self, data: &Data, left: &[Vec<f64>], found: Found) -> Result<Diagnosis, DiagnoseError> {
+    fn by_laws(
+        &mut self,
+        data: &Data,
+        residual: &[Vec<f64>],
+        found: Found,
+    ) -> Result<Diagnosis, DiagnoseError> {
         let found = self.rivals_resolved(data, &[], found)?;
-        let weights = self.weights(data, &[], left, &found.off);
+        let weights = self.weights(data, &[], residual, &found.row_error);
         let (mut search, members) = self.search(data, &[], weights, &found.members)?;
         // Rows with several possible solutions have less weight now than during the search for the law's parameters.
         let answer = search.refitted(members).ok_or(DiagnoseError::Singular)?;
@@ -256,7 +267,7 @@ impl Study<'_> {
         let events = self.happened_beside(data, found, &[]);
         data.parts.clone_from_slice(parts);
         // Events in nearly every row are no events, but a law without a name.
-        if data.give_moments(columns_of(&events)) { events } else { Vec::new() }
+        if data.exclude_from_test(columns_of(&events)) { events } else { Vec::new() }
     }
 
     /// The events beside the laws `found`, in all parts. The data don't distinguish a push from the impacts of parts that separate and meet again.
@@ -265,21 +276,28 @@ impl Study<'_> {
             return Vec::new();
         }
         // The residuals include the events, because the search did not see them.
-        let mut left = found.left.clone();
-        add_all(&mut left, events.iter().flat_map(Event::columns));
-        let heard = std::mem::replace(&mut data.heard, Part::ALL.to_vec());
-        let sizes = self.weights(data, &[], &left, &found.off);
+        let mut residual = found.residual.clone();
+        add_all(&mut residual, events.iter().flat_map(Event::columns));
+        let active = std::mem::replace(&mut data.active_parts, Part::ALL.to_vec());
+        let sizes = self.weights(data, &[], &residual, &found.row_error);
         // Exact rows have no drift and leave no residual for an event.
-        let happened = happenings(data, &left, &self.laid, &sizes, self.settings.seed).unwrap_or_default();
-        data.heard = heard;
+        let happened =
+            happenings(data, &residual, &self.laid, &sizes, self.settings.seed).unwrap_or_default();
+        data.active_parts = active;
         happened
     }
 
-    /// The weights of the active rows of `data` beside `events`. `left` are the residuals of the present model, and `off` is the standard deviation
+    /// The weights of the active rows of `data` beside `events`. `residual` is that of the present model, and `row_error` is the standard deviation
     /// of a perfect model's error.
-    fn weights(&self, data: &Data, events: &[Event], left: &[Vec<f64>], off: &[Vec<f64>]) -> Weights {
+    fn weights(
+        &self,
+        data: &Data,
+        events: &[Event],
+        residual: &[Vec<f64>],
+        row_error: &[Vec<f64>],
+    ) -> Weights {
         let target = less(self.target, &said_by(events, self.target));
-        Weights::new(data, &target, Some(left), off, self.settings.seed)
+        Weights::new(data, &target, Some(residual), row_error, self.settings.seed)
     }
 
     /// The search in the rows of `data` with these `weights`, after the subtraction of the `events`; and the numbers of its `members`.

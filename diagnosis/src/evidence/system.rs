@@ -197,7 +197,7 @@ impl<'d, 'a> System<'d, 'a> {
         let mut precision = DMatrix::zeros(candidate.size(), candidate.size());
         let (mut channels, mut count) = (Vec::new(), 0.0);
         for c in self.weighed(candidate) {
-            let mask = self.data.heard(c);
+            let mask = self.data.active_mask(c);
             let plain = own(&candidate.columns, c, &mask);
             let scale = HALF * self.weights.rows[c].scale;
             if scale > 0.0 && plain.diagonal().iter().any(|x| *x > 0.0) {
@@ -258,20 +258,20 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// The common channels of the blocks `i` and `j`, without their products.
     fn shared_channels(&self, i: usize, j: usize) -> Cross {
-        let (left, right) = (self.candidate(i), self.candidate(j));
-        let shared = left.channels.iter().filter(|c| right.channels.contains(c));
+        let (first, second) = (self.candidate(i), self.candidate(j));
+        let shared = first.channels.iter().filter(|c| second.channels.contains(c));
         Cross { by_channel: shared.map(|&c| (c, Weighed::default())).collect(), sum: Weighed::default() }
     }
 
     /// ZᵢᵀWZⱼ in the channel number `c`.
     fn cross_in(&self, c: usize, i: usize, j: usize) -> DMatrix<f64> {
-        let (left, right) = (self.candidate(i), self.candidate(j));
-        let mut cross = DMatrix::zeros(left.size(), right.size());
+        let (first, second) = (self.candidate(i), self.candidate(j));
+        let mut cross = DMatrix::zeros(first.size(), second.size());
         let Channel { weights, span, .. } = &self.channels[c];
-        for (b, column) in right.columns.iter().enumerate() {
+        for (b, column) in second.columns.iter().enumerate() {
             let Some(column) = &column[c] else { continue };
             let weighed = weighed(&column[span.clone()], &weights[span.clone()]);
-            for (a, other) in left.columns.iter().enumerate() {
+            for (a, other) in first.columns.iter().enumerate() {
                 if let Some(other) = &other[c] {
                     cross[(a, b)] = dot(&other[span.clone()], &weighed);
                 }
@@ -453,7 +453,7 @@ impl<'d, 'a> System<'d, 'a> {
     }
 
     /// The weighted squares of the residuals after the fit of the tolerances alone.
-    pub fn square_left(&self) -> f64 {
+    pub fn residual_squares(&self) -> f64 {
         let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
         squares - self.whitened_target.norm_squared()
     }
@@ -482,20 +482,20 @@ impl<'d, 'a> System<'d, 'a> {
     }
 
     /// The residuals of `fit` in every row of the data, of all parts.
-    pub fn left(&self, fit: &Fit) -> Vec<Vec<f64>> {
-        let mut left = self.target.clone();
+    pub fn residual(&self, fit: &Fit) -> Vec<Vec<f64>> {
+        let mut residual = self.target.clone();
         for (column, eta) in self.tolerances.iter().zip(self.tolerances_beside(fit).iter()) {
-            add(&mut left, column, -eta);
+            add(&mut residual, column, -eta);
         }
         for (column, beta) in self.columns(&fit.members).zip(fit.beta.iter()) {
-            add(&mut left, column, -beta);
+            add(&mut residual, column, -beta);
         }
-        left
+        residual
     }
 
     /// The score of each block of neighbouring rows at the coefficients of `fit`, the tolerances eliminated: ZᵀW(residual) of the block.
     pub fn pulls(&self, fit: &Fit) -> Vec<DVector<f64>> {
-        let left = self.left(fit);
+        let residual = self.residual(fit);
         // The columns after the elimination of the tolerances, Z − N K⁻¹NᵀWZ, channel by channel.
         let upper = self.factor.l().transpose();
         let through: Vec<DMatrix<f64>> = fit
@@ -510,7 +510,7 @@ impl<'d, 'a> System<'d, 'a> {
             let mut columns = Vec::new();
             for (&member, through) in fit.members.iter().zip(&through) {
                 for (k, column) in self.candidate(member).columns.iter().enumerate() {
-                    let mut own = column[c].clone().unwrap_or_else(|| vec![0.0; left[c].len()]);
+                    let mut own = column[c].clone().unwrap_or_else(|| vec![0.0; residual[c].len()]);
                     for (index, _) in &channel.tolerances {
                         if let Some(tolerance) = &self.tolerances[*index][c] {
                             let share = through[(*index, k)];
@@ -529,7 +529,7 @@ impl<'d, 'a> System<'d, 'a> {
                     for (k, column) in columns.iter().enumerate() {
                         pull[k] += rows
                             .clone()
-                            .map(|row| column[row] * channel.weights[row] * left[c][row])
+                            .map(|row| column[row] * channel.weights[row] * residual[c][row])
                             .sum::<f64>();
                     }
                 }
@@ -574,30 +574,30 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// Updates the shares of discrepancy to the residuals of `fit`. Returns true if any changed; `None` if that makes the tolerances singular.
     pub fn follow(&mut self, fit: &Fit) -> Option<bool> {
-        let left = self.left(fit);
+        let residual = self.residual(fit);
         let moved: Vec<usize> = (0..self.channels.len())
             .filter(|&c| {
                 let taken = self.taken(fit, c);
-                self.weights.rows[c].follow(&left[c], taken)
+                self.weights.rows[c].follow(&residual[c], taken)
             })
             .collect();
         self.weigh_anew(&moved)?;
         Some(!moved.is_empty())
     }
 
-    /// Sets the robust weight of each row from the residual of `fit`: see [`crate::data::weights::Rows::distrust`]. `None` if that makes the
+    /// Sets the robust weight of each row from the residual of `fit`: see [`crate::data::weights::Rows::downweight_outliers`]. `None` if that makes the
     /// tolerances singular.
-    pub fn distrust(&mut self, fit: &Fit) -> Option<()> {
-        let left = self.left(fit);
-        let heard: Vec<usize> =
+    pub fn downweight_outliers(&mut self, fit: &Fit) -> Option<()> {
+        let residual = self.residual(fit);
+        let active: Vec<usize> =
             (0..self.channels.len()).filter(|&c| self.weights.rows[c].effective() > 0.0).collect();
-        heard.iter().for_each(|&c| self.weights.rows[c].distrust(&left[c]));
-        self.weigh_anew(&heard)
+        active.iter().for_each(|&c| self.weights.rows[c].downweight_outliers(&residual[c]));
+        self.weigh_anew(&active)
     }
 
     /// Sets the robust weight of every row to one. `None` if that makes the tolerances singular.
-    pub fn trust_all(&mut self) -> Option<()> {
-        self.weights.rows.iter_mut().for_each(Rows::trust_all);
+    pub fn reset_robust_weights(&mut self) -> Option<()> {
+        self.weights.rows.iter_mut().for_each(Rows::reset_robust_weights);
         self.weigh_anew(&(0..self.channels.len()).collect::<Vec<_>>())
     }
 
@@ -611,8 +611,8 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// Increase of the evidence of `fit` if the shares of discrepancy were those of its own residuals.
     pub fn to_gain(&self, fit: &Fit) -> f64 {
-        let left = self.left(fit);
-        (0..self.channels.len()).map(|c| self.weights.rows[c].to_gain(&left[c], self.taken(fit, c))).sum()
+        let residual = self.residual(fit);
+        (0..self.channels.len()).map(|c| self.weights.rows[c].to_gain(&residual[c], self.taken(fit, c))).sum()
     }
 
     /// Number of coefficients of `fit` with columns in the channel number `c`.

@@ -41,9 +41,9 @@ pub(crate) fn conclude(
     let evidence = rows_of_evidence(of.search, &bare, &fit);
     let conclusion = Conclusion { of: &of, fit: &fit };
     let Some(remains) = conclusion.remains()? else { return Ok(None) };
-    let mut left = of.search.system.left(&bare);
-    add_all(&mut left, of.events.iter().flat_map(Event::columns));
-    let maps = conclusion.maps(&left);
+    let mut residual = of.search.system.residual(&bare);
+    add_all(&mut residual, of.events.iter().flat_map(Event::columns));
+    let maps = conclusion.maps(&residual);
     let verdict = conclusion.verdict(&alternatives, findings.is_empty());
     let laws = findings.iter().map(|finding| conclusion.said(&finding.of)).collect();
     let passages = passages(of.data(), &Columns { remains: &remains, laws });
@@ -139,7 +139,7 @@ impl Conclusion<'_, '_, '_, '_> {
         let members = members.chain(self.of.events.iter().map(|event| &event.candidate));
         let mut shown: Vec<usize> = members
             .flat_map(|candidate| candidate.channels.iter().map(|c| c % data.channels_per_recording()))
-            .flat_map(|c| data.alike(c))
+            .flat_map(|c| data.same_channel(c))
             .collect();
         shown.sort_unstable();
         shown.dedup();
@@ -166,14 +166,14 @@ impl Conclusion<'_, '_, '_, '_> {
     }
 
     /// Maps of the tuned model's residual, over the first recording.
-    fn maps(&self, left: &[Vec<f64>]) -> Vec<Map> {
+    fn maps(&self, residual: &[Vec<f64>]) -> Vec<Map> {
         let data = self.of.data();
         let mut all: Vec<Map> = (0..data.channels_per_recording())
             .flat_map(|c| {
                 maps(
                     &data.recordings[0],
                     c,
-                    &left[c],
+                    &residual[c],
                     &data.mask(c, &[Part::Fit, Part::Choice]),
                     self.of.settings.seed,
                 )
@@ -189,10 +189,10 @@ impl Conclusion<'_, '_, '_, '_> {
         let data = self.of.data();
         let masks: Vec<Vec<f64>> =
             (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice, Part::Test])).collect();
-        let left = data.rms(&remains.retuned, &masks);
+        let residual = data.rms(&remains.retuned, &masks);
         let beyond = |c: usize| {
             let noise = self.of.search.system.weights.noise[c].max(f64::MIN_POSITIVE);
-            left[c].map_or(0.0, |left| ((left / noise).powi(2) - 1.0).max(0.0))
+            residual[c].map_or(0.0, |residual| ((residual / noise).powi(2) - 1.0).max(0.0))
         };
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
         for (c, channel) in data.recordings[0].channels.iter().enumerate() {
@@ -246,7 +246,7 @@ impl Conclusion<'_, '_, '_, '_> {
     fn noise(&self, remains: &Remains) -> BTreeMap<String, ChannelNoise> {
         let system = &self.of.search.system;
         let data = system.data;
-        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.heard(c)).collect();
+        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.active_mask(c)).collect();
         let rms = data.rms(&remains.after, &masks);
         let of = |(c, rms): (usize, Option<f64>)| {
             let (stretch, step) = data.stretches(c).next()?;
@@ -265,8 +265,8 @@ impl Conclusion<'_, '_, '_, '_> {
     fn discrepancy(&self) -> BTreeMap<String, Discrepancy> {
         let system = &self.of.search.system;
         let channels = system.data.recordings[0].channels.iter().enumerate();
-        let heard = channels.filter(|(c, _)| system.weights.rows[*c].effective() > 0.0);
-        heard
+        let active = channels.filter(|(c, _)| system.weights.rows[*c].effective() > 0.0);
+        active
             .map(|(c, channel)| {
                 let discrepancy =
                     Discrepancy { share: system.weights.rows[c].share, noise: system.weights.noise[c] };

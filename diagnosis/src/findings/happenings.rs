@@ -20,29 +20,29 @@ use crate::search::moves::Search;
 use crate::search::tried::LISTED;
 use crate::statistics::{STRONG, is_told};
 
-/// The events in the active rows. The found laws leave the residuals `left`. An event must be more probable than none, and no law of `lasting` may
+/// The events in the active rows. The found laws leave the `residual`. An event must be more probable than none, and no law of `lasting` may
 /// explain its rows as well. The search uses whitened rows, so that the slow drift of the other residuals does not hide a push. The evidence is that
 /// of the diagnosis. `None` if the system is singular.
 pub(crate) fn happenings(
     data: &Data,
-    left: &[Vec<f64>],
+    residual: &[Vec<f64>],
     lasting: &[Candidate],
     sizes: &Weights,
     seed: u64,
 ) -> Option<Vec<Event>> {
     // The found events are no part of the drift: the second pass whitens the rows by the residuals beside these events.
-    let (search, members) = found_among(data, left, &sizes.whitening(data, left), Vec::new())?;
+    let (search, members) = found_among(data, residual, &sizes.whitening(data, residual), Vec::new())?;
     if members.is_empty() {
         return Some(Vec::new());
     }
     let known = search.candidates(&members);
     let known = known.into_iter().filter_map(|one| one.reformed(data, one.form.clone())).collect();
-    let rest = less(left, &said(&search, &members, left)?);
+    let rest = less(residual, &said(&search, &members, residual)?);
     let whitening = sizes.whitening(data, &rest);
-    let (mut search, members) = found_among(data, left, &whitening, known)?;
+    let (mut search, members) = found_among(data, residual, &whitening, known)?;
     let members = beside_laws(&mut search, members, lasting)?;
     let odds = odds(data, &mut search, &members, &whitening.least())?;
-    let rest = less(left, &said(&search, &members, left)?);
+    let rest = less(residual, &said(&search, &members, residual)?);
     let fit = search.system.fit(&members)?;
     let parameters = parameters(&mut search.system, &fit, seed);
     let weights = sizes.by_row();
@@ -70,21 +70,21 @@ pub(crate) fn happenings(
     Some(events)
 }
 
-/// The search for events in the residuals `left`, which `whitening` makes independent, and the numbers of the found events, the `known` ones among
+/// The search for events in the `residual`, which `whitening` makes independent, and the numbers of the found events, the `known` ones among
 /// them. `None` if the system is singular.
 fn found_among<'d, 'a>(
     data: &'d Data<'a>,
-    left: &[Vec<f64>],
+    residual: &[Vec<f64>],
     whitening: &Whitening,
     known: Vec<Candidate>,
 ) -> Option<(Search<'d, 'a>, Vec<usize>)> {
-    let mut torques = WhiteTorques::new(data, whitening, left);
-    let system = System::white(data, left, Weights::white(data, whitening), whitening.clone())?;
+    let mut torques = WhiteTorques::new(data, whitening, residual);
+    let system = System::white(data, residual, Weights::white(data, whitening), whitening.clone())?;
     let mut search = Search::new(system, Vec::new());
     let known = known.into_iter().filter_map(|one| search.system.take(one)).collect();
-    let members = one_by_one(data, &mut search, known, left, &mut torques)?;
+    let members = one_by_one(data, &mut search, known, residual, &mut torques)?;
     let members = told(data, &search, members, &whitening.least())?;
-    let members = beside_shapes(data, &search, members, left)?;
+    let members = beside_shapes(data, &search, members, residual)?;
     Some((search, members))
 }
 
@@ -122,18 +122,18 @@ fn odds(
     Some(odds)
 }
 
-/// Adds events to `members`, as long as each makes the residuals `left` more probable. The residuals beside the found events give the candidate
+/// Adds events to `members`, as long as each makes the `residual` more probable. The residuals beside the found events give the candidate
 /// windows of the next one.
 fn one_by_one(
     data: &Data,
     search: &mut Search,
     members: Vec<usize>,
-    left: &[Vec<f64>],
+    residual: &[Vec<f64>],
     torques: &mut WhiteTorques,
 ) -> Option<Vec<usize>> {
     let mut now = search.settled(members)?;
     while now.members.len() < MOST * data.recordings.len() {
-        torques.set(&less(left, &said(search, &now.members, left)?));
+        torques.set(&less(residual, &said(search, &now.members, residual)?));
         search.laid.clear();
         for kind in kinds().filter(|kind| kind.happens()) {
             for joint in places(kind, data.arm()) {
@@ -204,25 +204,30 @@ fn told(data: &Data, search: &Search, mut members: Vec<usize>, least: &[f64]) ->
 /// deviation `least` in each channel.
 fn probability(data: &Data, search: &Search, members: &[usize], least: &[f64]) -> Option<f64> {
     let fit = search.system.fit(members)?;
-    let left = search.system.left(&fit);
+    let residual = search.system.residual(&fit);
     let of_channel = |c: usize| {
         let weights = search.system.weights.rows[c].weights();
-        let heard = left[c].iter().zip(weights).filter(|(_, weight)| *weight > 0.0);
-        let heard: Vec<f64> = heard.map(|(x, _)| *x).collect();
-        tails::log_likelihood(&heard, least[c])
+        let used = residual[c].iter().zip(weights).filter(|(_, weight)| *weight > 0.0);
+        let used: Vec<f64> = used.map(|(x, _)| *x).collect();
+        tails::log_likelihood(&used, least[c])
     };
     Some((0..data.channels()).map(of_channel).sum::<f64>() + fit.log_prior)
 }
 
 /// Those of `members` that remain probable beside shapes of the motion without a name: a torque that follows the motion is no event, whether a law
 /// explains it or not. `None` if the system is singular.
-fn beside_shapes(data: &Data, search: &Search, members: Vec<usize>, left: &[Vec<f64>]) -> Option<Vec<usize>> {
+fn beside_shapes(
+    data: &Data,
+    search: &Search,
+    members: Vec<usize>,
+    residual: &[Vec<f64>],
+) -> Option<Vec<usize>> {
     let places: Vec<Option<JointRange>> =
         members.iter().map(|&member| joint_range(data, search.system.candidate(member))).collect();
     let shapes = NamelessTorques::new(data, &places);
     let evidence = |events: &[usize], places: &[usize]| {
         let named: Vec<usize> = events.iter().map(|&event| members[event]).collect();
-        Some(shapes.evidence(&less(left, &said(search, &named, left)?), places))
+        Some(shapes.evidence(&less(residual, &said(search, &named, residual)?), places))
     };
     let mut events: Vec<usize> = (0..members.len()).collect();
     let mut all = evidence(&events, &[])?;

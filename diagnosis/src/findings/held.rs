@@ -33,30 +33,30 @@ pub(crate) fn held(data: &Data, found: &[Placed], seed: u64) -> Result<Vec<(Effe
         return Ok(Vec::new());
     }
     let found: Vec<&Placed> = found.iter().collect();
-    let mut left = Vec::new();
+    let mut residual = Vec::new();
     for recording in &data.recordings {
-        left.extend(recording.left_with(&found)?);
+        residual.extend(recording.residual_with(&found)?);
     }
     let channel = |joint| data.recordings[0].number_of(Kind::Torque(joint));
     let of_joints = joints.into_iter().filter_map(|joint| Some((joint, channel(joint)?)));
-    Ok(of_joints.filter_map(|at| of_joint(data, at, &left, seed)).collect())
+    Ok(of_joints.filter_map(|at| of_joint(data, at, &residual, seed)).collect())
 }
 
-/// The dry friction of one such joint. Its torque is channel number `of_recording` of each recording, with the residuals `left`.
+/// The dry friction of one such joint. Its torque is channel number `of_recording` of each recording, with the `residual`.
 fn of_joint(
     data: &Data,
     (joint, of_recording): (usize, usize),
-    left: &[Vec<f64>],
+    residual: &[Vec<f64>],
     seed: u64,
 ) -> Option<(EffectTable, Effect)> {
-    let (arm, channels) = (data.arm(), data.alike(of_recording));
+    let (arm, channels) = (data.arm(), data.same_channel(of_recording));
     let nominal = arm.joints()[joint].friction.coulomb;
-    let blank = || vec![Vec::new(); left.len()];
+    let blank = || vec![Vec::new(); residual.len()];
     let (mut before, mut on_test, mut most, mut misread) = (blank(), blank(), 0.0_f64, Vec::new());
     for &c in &channels {
         let (number, _) = data.place(c);
         let (recording, parts) = (&data.recordings[number], &data.parts[number]);
-        before[c] = without_friction(recording, of_recording, &left[c]);
+        before[c] = without_friction(recording, of_recording, &residual[c]);
         on_test[c] = parts.iter().map(|part| f64::from(u8::from(*part == Part::Test))).collect();
         let seen = before[c].iter().zip(parts).filter(|(_, part)| **part != Part::Test);
         most = seen.fold(most, |most, (beyond, _)| most.max(beyond.abs()));
@@ -106,11 +106,13 @@ fn of_joint(
     Some((table, effect))
 }
 
-/// The residual `left` of torque channel number `channel` of `recording`, with the model's friction of the joint removed.
-fn without_friction(recording: &LinearisedRecording, channel: usize, left: &[f64]) -> Vec<f64> {
+/// The `residual` of torque channel number `channel` of `recording`, with the model's friction of the joint removed.
+fn without_friction(recording: &LinearisedRecording, channel: usize, residual: &[f64]) -> Vec<f64> {
     match &recording.channels[channel].friction {
-        Some(friction) => left.iter().zip(friction).map(|(left, friction)| left + friction).collect(),
-        None => left.to_vec(),
+        Some(friction) => {
+            residual.iter().zip(friction).map(|(residual, friction)| residual + friction).collect()
+        }
+        None => residual.to_vec(),
     }
 }
 

@@ -169,7 +169,7 @@ fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
                 let noise = system.weights.noise[c % system.data.channels_per_recording()];
                 off += weights
                     .iter()
-                    .zip(rows.squares_off(noise))
+                    .zip(rows.row_error_squares(noise))
                     .map(|(weight, off)| weight * off)
                     .sum::<f64>();
             }

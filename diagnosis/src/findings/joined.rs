@@ -27,8 +27,9 @@ pub(crate) fn joined(
     coefficients: &[f64],
 ) -> Option<EffectTable> {
     candidate.placed(data.arm(), coefficients)?;
-    let both = data.left_with(|_| candidate.placed(data.arm(), coefficients).into_iter().collect()).ok()?;
-    let neither = left_instead(data, given, None).ok()?;
+    let both =
+        data.residual_with(|_| candidate.placed(data.arm(), coefficients).into_iter().collect()).ok()?;
+    let neither = residual_replacing(data, given, None).ok()?;
     let whole: Vec<f64> = weighed(data, &less(&neither, &both));
     let of_given: Table = candidate
         .form
@@ -44,7 +45,7 @@ pub(crate) fn joined(
         };
         let said = |x: &[f64]| -> Option<Vec<f64>> {
             let placed = Placed::new(&table(x), data.arm()).ok()?;
-            Some(weighed(data, &less(&neither, &left_instead(data, given, Some(&placed)).ok()?)))
+            Some(weighed(data, &less(&neither, &residual_replacing(data, given, Some(&placed)).ok()?)))
         };
         let x = solved(&said, &whole, start.clone(), &scales(candidate))?;
         Some((off(&said(&x)?, &whole), table(&x)))
@@ -96,21 +97,21 @@ fn solved(
 }
 
 /// Measured minus the model that has `instead` in place of `given`.
-fn left_instead(
+fn residual_replacing(
     data: &Data,
     given: &EffectTable,
     instead: Option<&Placed>,
 ) -> Result<Vec<Vec<f64>>, LawError> {
     let joint = given.joint.as_ref().and_then(|name| data.arm().joint_index(name));
     let is_given = |placed: &Placed| placed.kind.name == given.kind && placed.joint == joint;
-    let mut left = Vec::new();
+    let mut residual = Vec::new();
     for recording in &data.recordings {
-        left.extend(recording.left_instead(&is_given, instead)?);
+        residual.extend(recording.residual_replacing(&is_given, instead)?);
     }
-    for (channel, rows) in left.iter_mut().enumerate() {
-        data.count(channel, rows);
+    for (channel, rows) in residual.iter_mut().enumerate() {
+        data.apply_mask(channel, rows);
     }
-    Ok(left)
+    Ok(residual)
 }
 
 /// All rows in one column, each channel divided by its own size, so that torques and poses have equal weight.

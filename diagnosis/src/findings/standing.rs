@@ -28,7 +28,7 @@ use crate::statistics::is_told;
 struct BorneOut {
     fit: Fit,
     /// Residuals of the arm file that the members make, by channel and row.
-    left: Vec<Vec<f64>>,
+    residual: Vec<Vec<f64>>,
     /// For each member, the fit without it.
     without: Vec<Without>,
     /// Weights of the rows of the test part, by channel.
@@ -39,7 +39,7 @@ struct BorneOut {
 struct Without {
     fit: Fit,
     /// Residuals of that fit, by channel and row.
-    left: Vec<Vec<f64>>,
+    residual: Vec<Vec<f64>>,
     /// The channels of the test part in which the member shows: see [`Tested::shown`].
     shown: Vec<usize>,
 }
@@ -185,37 +185,38 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);
         let on_test = test.by_row();
-        let mut left = self.left(&fit)?;
+        let mut residual = self.residual(&fit)?;
         'fits: loop {
             let Some(order) = self.least_first(&fit, &on_test) else { return Ok(None) };
             let mut without = BTreeMap::new();
             for (place, others) in order {
                 // Without this law another one may make an arm that can't exist. The residual then comes from the linear columns.
-                let (left_without, exists) = match self.left(&others) {
-                    Ok(left) => (left, true),
-                    Err(LawError::Changed { .. }) => (system.left(&others), false),
+                let (residual_without, exists) = match self.residual(&others) {
+                    Ok(residual) => (residual, true),
+                    Err(LawError::Changed { .. }) => (system.residual(&others), false),
                     Err(error) => return Err(error),
                 };
-                let tested = self.tested(&fit, place, &on_test, [&left, &left_without]);
+                let tested = self.tested(&fit, place, &on_test, [&residual, &residual_without]);
                 let odds = fit.value - others.value + 0.5 * tested.squares;
                 if exists && (!is_told(odds) || tested.gain().is_some_and(|gain| gain <= 0.0)) {
-                    (fit, left) = (others, left_without);
+                    (fit, residual) = (others, residual_without);
                     continue 'fits;
                 }
-                without.insert(place, Without { fit: others, left: left_without, shown: tested.shown });
+                without
+                    .insert(place, Without { fit: others, residual: residual_without, shown: tested.shown });
             }
-            return Ok(Some(BorneOut { fit, left, without: without.into_values().collect(), on_test }));
+            return Ok(Some(BorneOut { fit, residual, without: without.into_values().collect(), on_test }));
         }
     }
 
     /// The number of each member of `fit` and the fit without it. The member comes first that reduces the test part's error least by its linear columns.
     fn least_first(&self, fit: &Fit, on_test: &[Vec<f64>]) -> Option<Vec<(usize, Fit)>> {
         let system = &self.search.system;
-        let left = system.left(fit);
+        let residual = system.residual(fit);
         let mut order = Vec::new();
         for place in 0..fit.members.len() {
             let others = system.held_fit(&all_but(&fit.members, place))?;
-            let tested = self.tested(fit, place, on_test, [&left, &system.left(&others)]);
+            let tested = self.tested(fit, place, on_test, [&residual, &system.residual(&others)]);
             order.push((tested.gain().unwrap_or(f64::INFINITY), place, others));
         }
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -252,28 +253,28 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
 
     /// Residuals, by channel and row, of the arm file that all members of `fit` make together, tuned; zero in rows without weight. Each journal starts in the
     /// initial state that the search found.
-    fn left(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
-        let mut left =
-            self.left_beside(|recording| self.search.system.placed_in(fit, self.arm(), recording))?;
-        self.tune(&mut left, fit);
-        Ok(left)
+    fn residual(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
+        let mut residual =
+            self.residual_beside(|recording| self.search.system.placed_in(fit, self.arm(), recording))?;
+        self.tune(&mut residual, fit);
+        Ok(residual)
     }
 
     /// The residuals with the model as given, as a comparison with the file computes them.
     pub(super) fn left_as_given(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
-        self.left_beside(|_| self.search.system.placed(fit, self.arm(), |_| true))
+        self.residual_beside(|_| self.search.system.placed(fit, self.arm(), |_| true))
     }
 
     /// Residuals of the model with these laws in each recording, after subtraction of the events.
-    fn left_beside(&self, laws: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
-        Ok(less(&self.data().left_with(laws)?, &said_by(self.events, self.target)))
+    fn residual_beside(&self, laws: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
+        Ok(less(&self.data().residual_with(laws)?, &said_by(self.events, self.target)))
     }
 
     /// Subtracts from `rows` the contribution of the tolerances beside `fit`, and sets rows without weight to zero.
     pub(super) fn tune(&self, rows: &mut [Vec<f64>], fit: &Fit) {
         let system = &self.search.system;
         system.without_tolerances(rows, &system.tolerances_beside(fit));
-        (0..rows.len()).for_each(|channel| system.data.count(channel, &mut rows[channel]));
+        (0..rows.len()).for_each(|channel| system.data.apply_mask(channel, &mut rows[channel]));
     }
 
     /// Returns true if the arm with the members of `fit` can exist, as given and tuned: otherwise no file could describe it.
@@ -295,12 +296,12 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
 
     /// The findings with their evidence, the largest gain first; without those whose interval includes zero.
     fn findings(&mut self, borne_out: &BorneOut) -> Result<Option<Vec<Finding>>, LawError> {
-        let BorneOut { fit, left: with, without, on_test } = borne_out;
+        let BorneOut { fit, residual: with, without, on_test } = borne_out;
         let all = parameters(&mut self.search.system, fit, self.settings.seed);
         let system = &self.search.system;
         let on_fit = system.weights.by_row();
         let mut found = Vec::new();
-        for ((place, parameters), Without { fit: fit_without, left: without, shown }) in
+        for ((place, parameters), Without { fit: fit_without, residual: without, shown }) in
             all.into_iter().enumerate().zip(without)
         {
             let member = fit.members[place];

@@ -176,7 +176,7 @@ impl<'d, 'a> Weighed<'d, 'a> {
     /// Residual of `rival` in `signal`: twice a log of odds.
     fn left(&self, signal: &[Vec<f64>], rival: &Rival) -> Result<f64, ExciteError> {
         let mut system = self.system(signal)?;
-        let left = system.square_left();
+        let left = system.residual_squares();
         let best = self.scores(&mut system, rival).into_iter().map(|(_, gain)| gain.explained);
         Ok((left - 2.0 * best.fold(0.0, f64::max)).max(0.0))
     }

@@ -87,11 +87,11 @@ impl Tried {
 pub(crate) struct Found {
     /// The effects.
     pub members: Vec<Candidate>,
-    /// Standard deviation of the error of each row for a model with these effects: see [`Data::off_with`](crate::data::stacked::Data::off_with) and
-    /// [`Weights::most_probable_off`](crate::data::weights::Weights::most_probable_off).
-    pub off: Vec<Vec<f64>>,
+    /// Standard deviation of the error of each row for a model with these effects: see [`Data::row_error_with`](crate::data::stacked::Data::off_with) and
+    /// [`Weights::most_probable_row_error`](crate::data::weights::Weights::most_probable_off).
+    pub row_error: Vec<Vec<f64>>,
     /// The residuals of the model with these effects.
-    pub left: Vec<Vec<f64>>,
+    pub residual: Vec<Vec<f64>>,
     /// The part of their log evidence that comes from the priors, not from the rows.
     pub log_prior: f64,
 }
@@ -228,7 +228,7 @@ impl<'d, 'a> Search<'d, 'a> {
             let members = self.members_upon(&now)?;
             now = self.settled(members)?;
             let held = self.system.held_fit(&now.members)?;
-            self.system.distrust(&held)?;
+            self.system.downweight_outliers(&held)?;
         }
         Some(now)
     }
@@ -350,13 +350,18 @@ impl<'d, 'a> Search<'d, 'a> {
         let fit = self.system.held_fit(&answer.members)?;
         let data = self.system.data;
         let placed = self.system.placed(&fit, data.arm(), |_| true);
-        let left = self.system.left(&fit);
-        let off = self.system.weights.most_probable_off(
-            &data.off_with(&placed, seed),
-            &data.apart_with(&placed),
-            &left,
+        let residual = self.system.residual(&fit);
+        let row_error = self.system.weights.most_probable_row_error(
+            &data.row_error_with(&placed, seed),
+            &data.solution_spread_with(&placed),
+            &residual,
         );
-        Some(Found { members: self.candidates(&answer.members), off, left, log_prior: fit.log_prior })
+        Some(Found {
+            members: self.candidates(&answer.members),
+            row_error,
+            residual,
+            log_prior: fit.log_prior,
+        })
     }
 
     /// The candidates of these numbers.

@@ -24,26 +24,27 @@ pub(crate) fn steadied(t: &[f64], stretches: impl Iterator<Item = Range<usize>>)
 fn line(t: &[f64]) -> Option<Vec<f64>> {
     let mut counts: Vec<f64> = (0..t.len()).map(|k| k as f64).collect();
     let (start, step) = fitted(&counts, t);
-    for (row, lost) in losses(&off(&counts, t, start, step)) {
+    for (row, lost) in losses(&lateness(&counts, t, start, step)) {
         counts[row..].iter_mut().for_each(|count| *count += lost);
     }
     let (start, step) = fitted(&counts, t);
-    let left = off(&counts, t, start, step);
+    let left = lateness(&counts, t, start, step);
     // A clock that drifts by a step stays uncorrected.
     let drifts = left.chunks(AROUND).any(|part| median(part).round() != 0.0);
     (step > 0.0 && !drifts).then(|| counts.iter().map(|count| start + step * count).collect())
 }
 
 /// The rows before which samples were lost, and the number of lost samples.
-fn losses(off: &[f64]) -> Vec<(usize, f64)> {
-    let later = |row: usize| median(&off[row..row + AROUND]) - median(&off[row - AROUND..row]);
+fn losses(lateness: &[f64]) -> Vec<(usize, f64)> {
+    let later = |row: usize| median(&lateness[row..row + AROUND]) - median(&lateness[row - AROUND..row]);
     // A loss requires two stamps a window apart to be farther apart than expected.
-    let suspect = |row: &usize| off[row + AROUND - 1] - off[row - AROUND] > 0.0 && later(*row).round() > 0.0;
-    let rows: Vec<usize> = (AROUND..off.len().saturating_sub(AROUND)).filter(suspect).collect();
+    let suspect =
+        |row: &usize| lateness[row + AROUND - 1] - lateness[row - AROUND] > 0.0 && later(*row).round() > 0.0;
+    let rows: Vec<usize> = (AROUND..lateness.len().saturating_sub(AROUND)).filter(suspect).collect();
     rows.chunk_by(|a, b| b - a <= NEAR)
         .map(|run| {
             let best = run.iter().copied().max_by(|&a, &b| later(a).total_cmp(&later(b))).unwrap_or(run[0]);
-            let jump = |row: &usize| off[*row] - off[row - 1];
+            let jump = |row: &usize| lateness[*row] - lateness[row - 1];
             let row = (best - NEAR..=best + NEAR).max_by(|a, b| jump(a).total_cmp(&jump(b))).unwrap_or(best);
             (row, later(best).round())
         })
@@ -62,7 +63,7 @@ fn fitted(counts: &[f64], t: &[f64]) -> (f64, f64) {
 }
 
 /// Lateness of each stamp relative to the line, in steps.
-fn off(counts: &[f64], t: &[f64], start: f64, step: f64) -> Vec<f64> {
+fn lateness(counts: &[f64], t: &[f64], start: f64, step: f64) -> Vec<f64> {
     counts.iter().zip(t).map(|(count, t)| (t - start) / step - count).collect()
 }
 
