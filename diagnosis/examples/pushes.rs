@@ -29,7 +29,7 @@ fn main() {
     let folder = PathBuf::from(&arguments[0]);
     let count: usize = arguments[1].parse().unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(arguments.get(2).map_or(1, |seed| seed.parse().unwrap()));
-    let cases = sound(&folder);
+    let cases = faultless(&folder);
     let (mut all, mut found, mut alarms, mut alone) = (0, 0, 0, 0);
     for number in arguments.get(3).map_or(0, |n| n.parse().unwrap())..count {
         let case = &cases[number % cases.len()];
@@ -63,7 +63,7 @@ fn main() {
 }
 
 /// The cases in `folder` without a missing effect.
-fn sound(folder: &Path) -> Vec<PathBuf> {
+fn faultless(folder: &Path) -> Vec<PathBuf> {
     let is_sound = |name: &str| {
         let truth = std::fs::read_to_string(folder.join("truth").join(format!("{name}.json"))).unwrap();
         let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
@@ -99,7 +99,7 @@ fn drawn(rng: &mut ChaCha8Rng, arm: &Arm, recording: &Recording, floors: &[f64])
             None => {
                 let along = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)).normalize();
                 let row = recording.t.partition_point(|t| *t < start);
-                let torques = felt(arm, recording, row, &along);
+                let torques = joint_torques(arm, recording, row, &along);
                 let most = torques.iter().zip(floors).map(|(x, floor)| (x / floor).abs());
                 along * size / most.fold(0.0, f64::max)
             }
@@ -110,7 +110,7 @@ fn drawn(rng: &mut ChaCha8Rng, arm: &Arm, recording: &Recording, floors: &[f64])
 }
 
 /// Jᵀ f at `row`: the joint torques of a force on the tool.
-fn felt(arm: &Arm, recording: &Recording, row: usize, force: &Vector3<f64>) -> Vec<f64> {
+fn joint_torques(arm: &Arm, recording: &Recording, row: usize, force: &Vector3<f64>) -> Vec<f64> {
     let q: Vec<f64> = recording.q.iter().map(|column| column[row]).collect();
     let mut columns = DMatrix::zeros(6, arm.dof());
     jacobian(arm, &mut Workspace::new(arm), &q, &mut columns);
@@ -126,7 +126,7 @@ fn pushed(arm: &Arm, recording: &Recording, pushes: &[Push]) -> Recording {
             }
             let torques = match push.joint {
                 Some(joint) => (0..arm.dof()).map(|j| if j == joint { push.size.x } else { 0.0 }).collect(),
-                None => felt(arm, &recording, row, &push.size),
+                None => joint_torques(arm, &recording, row, &push.size),
             };
             let tau = recording.tau.as_mut().unwrap();
             tau.iter_mut().zip(torques).for_each(|(column, torque)| column[row] -= torque);
@@ -154,7 +154,7 @@ fn is_same(effect: &Effect, push: &Push, arm: &Arm, recording: &Recording, floor
     let impulses = |joint: Option<usize>, size: &Vector3<f64>, lasts: f64| -> Vec<f64> {
         let torques = match joint {
             Some(joint) => (0..arm.dof()).map(|j| if j == joint { size.x } else { 0.0 }).collect(),
-            None => felt(arm, recording, row, size),
+            None => joint_torques(arm, recording, row, size),
         };
         torques.iter().zip(floors).map(|(torque, floor)| lasts * torque / floor).collect()
     };

@@ -169,7 +169,7 @@ pub(crate) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 /// Returns true if the odds are strong enough to distinguish two candidates.
-pub(crate) fn is_told(log_odds: f64) -> bool {
+pub(crate) fn is_strong_evidence(log_odds: f64) -> bool {
     log_odds > STRONG
 }
 

@@ -11,7 +11,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::Serialize;
 use toml::{Table, Value};
 
-use crate::candidates::moments::{WhiteTorques, window};
+use crate::candidates::transients::{WhiteTorques, window};
 use crate::data::columns::{Answer, Column, dot};
 use crate::data::linearised::LinearisedRecording;
 use crate::data::stacked::{Data, REMEMBERED};
@@ -77,16 +77,16 @@ pub(crate) struct Candidate {
     /// Number of forms of this effect in the search: its prior probability is divided among them.
     pub forms: usize,
     /// True for an effect of a sensor, which acts on the sum of all other effects.
-    pub is_read: bool,
+    pub acts_on_readings: bool,
     /// True if the effect changes masses, lengths or gravity of the arm. The diagnosis computes the columns of such an effect once, because no other
     /// effect changes these columns.
     pub changes_arm: bool,
     /// The effect has several possible solutions, and the motion does not determine which one holds.
-    pub is_open: bool,
+    pub has_several_solutions: bool,
     /// The effect separates the parts of its joint: by clearance in the bearing (first), by a spring or a gap in the gear (second).
     parts: [bool; 2],
     /// Position of the journal in its bearing at the beginning of each recording, if the effect has a journal and the search has located it.
-    begins: Vec<Option<InBearing>>,
+    journal_starts: Vec<Option<InBearing>>,
     /// The places of the shown terms among all terms of the law; the others are zero.
     shown: Vec<usize>,
     /// Number of all terms of the law.
@@ -104,18 +104,18 @@ impl Candidate {
         joint: Option<usize>,
         form: Form,
     ) -> Result<Option<Self>, LawError> {
-        Self::beginning(data, kind, joint, form, vec![None; data.recordings.len()])
+        Self::with_journal_starts(data, kind, joint, form, vec![None; data.recordings.len()])
     }
 
-    /// The candidate, with its journal near the positions `begins` at the beginning of each recording, if these are known.
-    fn beginning(
+    /// The candidate, with its journal near the positions `journal_starts` at the beginning of each recording, if these are known.
+    fn with_journal_starts(
         data: &Data,
         kind: &'static EffectKind,
         joint: Option<usize>,
         form: Form,
-        mut begins: Vec<Option<InBearing>>,
+        mut journal_starts: Vec<Option<InBearing>>,
     ) -> Result<Option<Self>, LawError> {
-        let (terms, mut columns) = columns(data, (kind, joint), &form, &mut begins)?;
+        let (terms, mut columns) = columns(data, (kind, joint), &form, &mut journal_starts)?;
         if columns.iter().flatten().flatten().flatten().any(|x| !x.is_finite()) {
             return Ok(None);
         }
@@ -132,7 +132,7 @@ impl Candidate {
         }
         let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
         let placed = Placed::new(&table(kind, joint, data.arm(), terms[0].plus.clone()), data.arm());
-        let is_read = placed.as_ref().is_ok_and(|placed| placed.effect.measures());
+        let acts_on_readings = placed.as_ref().is_ok_and(|placed| placed.effect.measures());
         let mut arm = ArmParts::of(data.arm());
         let changes_arm = placed
             .as_ref()
@@ -143,7 +143,7 @@ impl Candidate {
         }
         let in_bearing = !injection.clearances.is_empty() || !injection.films.is_empty();
         let parts = [in_bearing, !injection.transmissions.is_empty()];
-        let is_open = placed.as_ref().is_ok_and(|placed| !placed.effect.courses().is_empty());
+        let has_several_solutions = placed.as_ref().is_ok_and(|placed| !placed.effect.courses().is_empty());
         let channels = (0..data.channels()).filter(|&c| columns.iter().any(|column| column[c].is_some()));
         let channels = channels.collect();
         Ok(Some(Self {
@@ -154,11 +154,11 @@ impl Candidate {
             columns: Rc::new(columns),
             channels,
             forms: 1,
-            is_read,
+            acts_on_readings,
             changes_arm,
             parts,
-            is_open,
-            begins,
+            has_several_solutions,
+            journal_starts,
             shown,
             all,
         }))
@@ -166,7 +166,8 @@ impl Candidate {
 
     /// The same effect in another `form`; `None` if the motion shows nothing of it, or other terms.
     pub fn reformed(&self, data: &Data, form: Form) -> Option<Self> {
-        let other = Self::beginning(data, self.kind, self.joint, form, self.begins.clone()).ok()??;
+        let other = Self::with_journal_starts(data, self.kind, self.joint, form, self.journal_starts.clone())
+            .ok()??;
         (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
     }
 
@@ -174,17 +175,17 @@ impl Candidate {
     pub fn name_in(&self, form: &Form) -> String {
         format!(
             "{} {:?} {form:?} {:?} {:?} {}",
-            self.kind.name, self.joint, self.begins, self.shown, self.forms
+            self.kind.name, self.joint, self.journal_starts, self.shown, self.forms
         )
     }
 
     /// Number of values in the columns of the candidate.
-    pub fn numbers_in_columns(&self) -> usize {
+    pub fn column_entries(&self) -> usize {
         self.columns.iter().flatten().flatten().map(Vec::len).sum()
     }
 
     /// The candidate as one of `forms` forms.
-    pub fn one_of(self, forms: usize) -> Self {
+    pub fn with_form_count(self, forms: usize) -> Self {
         Self { forms, ..self }
     }
 
@@ -203,7 +204,7 @@ impl Candidate {
         self.kind.name == other.kind.name
             && self.joint == other.joint
             && (self.form.only == other.form.only || self.form.only.is_none() || other.form.only.is_none())
-            && (!self.kind.happens() || meet(&self.form.shape, &other.form.shape))
+            && (!self.kind.happens() || overlap(&self.form.shape, &other.form.shape))
     }
 
     /// Returns true if no machine has both: they are the same effect, or each takes the whole clearance of the joint, or the whole spring and gap of
@@ -215,7 +216,7 @@ impl Candidate {
 
     /// Returns true if both are events and their times overlap.
     pub fn happens_with(&self, other: &Self) -> bool {
-        self.kind.happens() && other.kind.happens() && meet(&self.form.shape, &other.form.shape)
+        self.kind.happens() && other.kind.happens() && overlap(&self.form.shape, &other.form.shape)
     }
 
     /// Returns true if both have a column in a common channel; otherwise neither can replace the other.
@@ -242,7 +243,7 @@ impl Candidate {
     }
 
     /// The coefficients of all terms of the law, from those of the shown terms.
-    pub fn of_all(&self, coefficients: &[f64]) -> Vec<f64> {
+    pub fn all_coefficients(&self, coefficients: &[f64]) -> Vec<f64> {
         let usual = self.usual();
         let coefficients = usual.as_deref().unwrap_or(coefficients);
         let mut all = vec![0.0; self.all];
@@ -252,7 +253,7 @@ impl Candidate {
 
     /// The parameters of an arm file for these coefficients of the shown terms.
     pub fn parameters(&self, coefficients: &[f64]) -> Table {
-        self.kind.compose(&self.form.shape, &self.of_all(coefficients))
+        self.kind.compose(&self.form.shape, &self.all_coefficients(coefficients))
     }
 
     /// The table of an arm file that adds the effect with these coefficients of the shown terms.
@@ -268,8 +269,10 @@ impl Candidate {
     /// The effect in the recording number `recording`, with the initial position of its journal there.
     pub fn placed_in(&self, arm: &Arm, coefficients: &[f64], recording: usize) -> Option<Placed> {
         let mut placed = self.placed(arm, coefficients)?;
-        let begins = self.begins[recording].map(|place| Start::Within(place.eccentricity()));
-        if let Some(effect) = begins.and_then(|begins| placed.effect.with_initial_state(begins)) {
+        let journal_starts = self.journal_starts[recording].map(|place| Start::Within(place.eccentricity()));
+        if let Some(effect) =
+            journal_starts.and_then(|journal_starts| placed.effect.with_initial_state(journal_starts))
+        {
             placed.effect = effect;
         }
         Some(placed)
@@ -300,7 +303,7 @@ impl Candidate {
     }
 
     /// Returns true if a column of the candidate has a row in the channel number `channel` that is not zero and has a weight.
-    pub fn shows_in(&self, channel: usize, weights: &[Vec<f64>]) -> bool {
+    pub fn has_weight_in(&self, channel: usize, weights: &[Vec<f64>]) -> bool {
         let says = |rows: &Vec<f64>| rows.iter().zip(&weights[channel]).any(|(x, w)| x * w != 0.0);
         self.columns.iter().any(|column| column[channel].as_ref().is_some_and(says))
     }
@@ -317,7 +320,7 @@ impl Candidate {
             form.shape.insert(ABOUT.to_owned(), Value::Float(now + share * (coefficient - now)));
             return (*coefficient != 0.0).then_some(form);
         }
-        let mut around = self.of_all(coefficients);
+        let mut around = self.all_coefficients(coefficients);
         if let Some(now) = &self.form.around {
             around.iter_mut().zip(now).for_each(|(x, now)| *x = now + share * (*x - now));
         }
@@ -400,7 +403,7 @@ pub(crate) fn at_place(
         let because = refused.or_else(|| no_torque_of(data, joint));
         return Err(because.unwrap_or_else(|| "this motion shows nothing of it".to_owned()));
     }
-    let count = torques.filter(|_| kind.happens()).map_or(found.len(), |torques| torques.tried(kind));
+    let count = torques.filter(|_| kind.happens()).map_or(found.len(), |torques| torques.way_count(kind));
     found.iter_mut().for_each(|candidate| candidate.forms = count);
     Ok((found, lacks(&|place, recording| kind.missing(place, &recording.recorded()))))
 }
@@ -424,7 +427,7 @@ pub(crate) fn lasts(data: &Data, form: &Form) -> f64 {
 }
 
 /// Returns true if the times of the shapes `one` and `other` overlap; a shape without an end overlaps all.
-fn meet(one: &Table, other: &Table) -> bool {
+fn overlap(one: &Table, other: &Table) -> bool {
     match (window(one), window(other)) {
         (Some([from, to]), Some([begin, end])) => begin < to && from < end,
         _ => true,
@@ -523,12 +526,12 @@ fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
     })
 }
 
-/// All terms of a law and their columns. The search for the journal starts near `begins` in each recording, and stores its result there.
+/// All terms of a law and their columns. The search for the journal starts near `journal_starts` in each recording, and stores its result there.
 fn columns(
     data: &Data,
     (kind, joint): (&'static EffectKind, Option<usize>),
     form: &Form,
-    begins: &mut [Option<InBearing>],
+    journal_starts: &mut [Option<InBearing>],
 ) -> Result<(Vec<Term>, Vec<Column>), LawError> {
     let mut terms = Vec::new();
     let mut answers: Vec<Vec<Answer>> = Vec::new();
@@ -538,8 +541,12 @@ fn columns(
             answers.iter_mut().for_each(|answers| answers.push(vec![None; data.channels_per_recording()]));
             continue;
         }
-        let terms_of_recording =
-            recording.terms((kind, joint), &form.shape, &data.nuisances[number], &mut begins[number])?;
+        let terms_of_recording = recording.terms(
+            (kind, joint),
+            &form.shape,
+            &data.nuisances[number],
+            &mut journal_starts[number],
+        )?;
         let (of_recording, mut said): (Vec<Term>, Vec<Answer>) = terms_of_recording.into_iter().unzip();
         if !is_asked(number) {
             said.iter_mut().for_each(|said| said.fill(None));

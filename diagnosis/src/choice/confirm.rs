@@ -2,7 +2,7 @@
 
 use crate::evidence::nameless::most_in_single_channels;
 use crate::evidence::system::all_but;
-use crate::search::moves::{Answer, Search, WORTH};
+use crate::search::moves::{EffectSet, Search, WORTH};
 use crate::search::tried::tried;
 use crate::statistics::MOST_ROUNDS;
 
@@ -12,7 +12,7 @@ pub(crate) fn confirmed(
     search: &mut Search,
     members: Vec<usize>,
     progress: &mut dyn FnMut(&str),
-) -> Option<Answer> {
+) -> Option<EffectSet> {
     let mut now = compared(search, members, progress)?;
     while with_several(search, &mut now, progress)? {
         while with_another(search, &mut now, progress)? {}
@@ -25,7 +25,7 @@ pub(crate) fn compared(
     search: &mut Search,
     members: Vec<usize>,
     progress: &mut dyn FnMut(&str),
-) -> Option<Answer> {
+) -> Option<EffectSet> {
     let members = search.improve(members, progress)?.members;
     let mut now = grown(search, members, progress)?;
     while with_another(search, &mut now, progress)? {}
@@ -33,8 +33,8 @@ pub(crate) fn compared(
 }
 
 /// Replaces a member of `now` by another law if that is more probable, and returns true; otherwise the search returns to `now`.
-fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(&str)) -> Option<bool> {
-    let fit = search.system.held_fit(&now.members)?;
+fn with_another(search: &mut Search, now: &mut EffectSet, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+    let fit = search.system.fit_within_tolerances(&now.members)?;
     let mut others = tried(search, &fit);
     others.retain(|other| other.against < -WORTH);
     others.sort_by(|a, b| a.against.total_cmp(&b.against));
@@ -44,7 +44,7 @@ fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
         let there = grown(search, [rest, vec![other.index]].concat(), progress)?;
         // When this law looked more probable, the other members still had the parameters that suit the old finding.
         if search.same_effects(&there.members, &now.members) {
-            *now = search.agreed(now)?;
+            *now = search.made_consistent(now)?;
         } else if taken_over(search, now, there)? {
             return Some(true);
         }
@@ -56,7 +56,7 @@ fn with_another(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
 ///
 /// One law of several channels can stand for several laws with one channel each. No single one of these is worth the change, so that [`with_another`] does not
 /// find them. If even nameless shapes explain less than the law, several such laws can't replace it.
-fn with_several(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+fn with_several(search: &mut Search, now: &mut EffectSet, progress: &mut dyn FnMut(&str)) -> Option<bool> {
     for place in 0..now.members.len() {
         let member = now.members[place];
         let data = search.system.data;
@@ -67,15 +67,16 @@ fn with_several(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
         }
         let others = all_but(&now.members, place);
         let system = &search.system;
-        let (with, without) = (system.held_fit(&now.members)?, system.held_fit(&others)?);
+        let (with, without) =
+            (system.fit_within_tolerances(&now.members)?, system.fit_within_tolerances(&others)?);
         if most_in_single_channels(system, &system.residual(&without)) < with.value - without.value {
             continue;
         }
         progress("trying several in the place of one finding");
-        let laid = search.laid.clone();
+        let available = search.available.clone();
         search.leave_out(&[member]);
         let there = grown(search, others, progress)?;
-        search.laid = laid;
+        search.available = available;
         if taken_over(search, now, there)? {
             return Some(true);
         }
@@ -84,9 +85,9 @@ fn with_several(search: &mut Search, now: &mut Answer, progress: &mut dyn FnMut(
 }
 
 /// If `there`, the state of the search, is more probable than `now`, it becomes `now`, and the function returns true; otherwise the search returns to `now`.
-fn taken_over(search: &mut Search, now: &mut Answer, there: Answer) -> Option<bool> {
+fn taken_over(search: &mut Search, now: &mut EffectSet, there: EffectSet) -> Option<bool> {
     let is_better = there.evidence > now.evidence + WORTH;
-    *now = if is_better { there } else { search.agreed(now)? };
+    *now = if is_better { there } else { search.made_consistent(now)? };
     Some(is_better)
 }
 
@@ -94,12 +95,12 @@ fn taken_over(search: &mut Search, now: &mut Answer, there: Answer) -> Option<bo
 /// is singular.
 ///
 /// Each answer changes the weights of the rows, and with other weights the search may find other effects. It ends when a set of effects returns.
-fn grown(search: &mut Search, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+fn grown(search: &mut Search, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<EffectSet> {
     let mut last = search.polished(members)?;
     let mut met = vec![last.clone()];
     for _ in 0..MOST_ROUNDS {
         let better = search.improve(last.members, progress)?;
-        last = search.agreed(&better)?;
+        last = search.made_consistent(&better)?;
         let comes_back = met.iter().any(|known| search.same_effects(&known.members, &last.members));
         met.push(last.clone());
         if comes_back {
@@ -107,24 +108,24 @@ fn grown(search: &mut Search, members: Vec<usize>, progress: &mut dyn FnMut(&str
         }
     }
     let best = met.into_iter().max_by(|a, b| a.evidence.total_cmp(&b.evidence))?;
-    if search.same_effects(&best.members, &last.members) { Some(last) } else { search.agreed(&best) }
+    if search.same_effects(&best.members, &last.members) { Some(last) } else { search.made_consistent(&best) }
 }
 
 /// The better of `answer` and the result of the search with fit and choice part together, by evidence; `None` if the system is singular.
 pub(crate) fn searched_again(
     search: &mut Search,
-    answer: &Answer,
+    answer: &EffectSet,
     progress: &mut dyn FnMut(&str),
-) -> Option<Answer> {
+) -> Option<EffectSet> {
     search.system.reset_robust_weights()?;
-    search.met.clear();
+    search.visited.clear();
     let again = search.run(&[], progress)?;
     let again = compared(search, again.members, progress)?;
     search.system.reset_robust_weights()?;
-    let known = search.settled(answer.members.clone())?;
-    let there = search.settled(again.members.clone())?;
+    let known = search.with_best_shares(answer.members.clone())?;
+    let there = search.with_best_shares(again.members.clone())?;
     let best = if there.evidence > known.evidence + WORTH { again } else { known };
-    search.agreed(&best)
+    search.made_consistent(&best)
 }
 
 #[cfg(test)]
@@ -175,8 +176,8 @@ mod tests {
         let system = System::new(&data, target, weights).expect("a system");
         let mut search = Search::new(system, candidates);
         let is_coupling = |&index: &usize| search.system.candidate(index).kind.name == "joint_coupling";
-        let coupling = search.laid.iter().copied().find(is_coupling).expect("a coupling");
-        let coupled = search.settled(vec![coupling]).expect("an answer");
+        let coupling = search.available.iter().copied().find(is_coupling).expect("a coupling");
+        let coupled = search.with_best_shares(vec![coupling]).expect("an answer");
         let mut answer = coupled.clone();
         let is_better = with_several(&mut search, &mut answer, &mut |_| {});
         assert_eq!(is_better, Some(true), "something is more probable");

@@ -115,7 +115,7 @@ pub(crate) fn in_parts(
     most: usize,
 ) -> Result<(Comparison, Residuals), ResidualError> {
     check_joints(arm, recording)?;
-    let treatment = Treatment::judged_by(arm, recording, settings, most)?;
+    let treatment = Treatment::decided_by_windows(arm, recording, settings, most)?;
     let samples = treatment.stretches().last().map_or(0, |stretch| stretch.end);
     let compared_hz = treatment.rate_hz() / treatment.decimation() as f64;
     let mut motion = MotionTally::of(recording);

@@ -8,7 +8,7 @@ use freeplay_recording::{Recording, unwrapped};
 use super::change::{Change, reading};
 use super::finding::{Certainty, Setup, SetupFinding};
 use super::kinds;
-use super::kinds::Told;
+use super::kinds::Results;
 use super::odds::ChangeOdds;
 use super::outcome::Outcome;
 use super::problem::Links;
@@ -110,8 +110,8 @@ impl Examination<'_> {
             let name = |joint: usize| self.arm.joints()[joint].name.clone();
             certain.retain(|change| change.joint().map(name) != still.joint);
         }
-        let told = Told { arm: self.arm, best: &best, certain: &certain, rivals: &rivals };
-        setup.findings.extend(kinds::says(&told));
+        let results = Results { arm: self.arm, best: &best, certain: &certain, rivals: &rivals };
+        setup.findings.extend(kinds::findings(&results));
         self.take(setup, &certain);
         for change in &certain {
             match *change {

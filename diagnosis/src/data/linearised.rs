@@ -19,7 +19,7 @@ use crate::data::tolerance::Nuisance;
 use crate::error::ResidualError;
 use crate::signals::channel::{Channel, Kind};
 use crate::signals::filter::derivatives;
-use crate::signals::initial_state::{InBearing, begun, between, within};
+use crate::signals::initial_state::{InBearing, between, predicted_with_initial_states, within};
 use crate::signals::missing::masked;
 use crate::signals::motion::{Settings, Treatment};
 use crate::signals::residual::{Sharpening, check_joints, residuals_along};
@@ -244,7 +244,7 @@ impl<'a> LinearisedRecording<'a> {
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let middle = self.terms_as(kind, joint, shape)?;
         let (Some(joint), Some(start)) = (joint, kind.memory()) else { return Ok(middle) };
-        let at = |start: Start| self.terms_begun(kind, joint, shape, start).map(Some);
+        let at = |start: Start| self.terms_with_initial_state(kind, joint, shape, start).map(Some);
         let is_open = shape.contains_key(START) && self.number_of(Kind::Torque(joint)).is_some();
         let better = match start.range {
             Range::Number { .. } if is_open => {
@@ -278,7 +278,7 @@ impl<'a> LinearisedRecording<'a> {
     ///
     /// # Errors
     /// See [`LawError`].
-    pub fn terms_begun(
+    pub fn terms_with_initial_state(
         &self,
         kind: &'static EffectKind,
         joint: usize,
@@ -416,7 +416,7 @@ impl<'a> LinearisedRecording<'a> {
         let left_of = |prediction: &Prediction, kind: Kind| {
             Some(residual(prediction, &self.channels[self.number_of(kind)?]))
         };
-        let best = begun(more, |more| self.rough.upon(more), left_of)?;
+        let best = predicted_with_initial_states(more, |more| self.rough.upon(more), left_of)?;
         Ok(self.channels.iter().map(|channel| residual(&best, channel)).collect())
     }
 

@@ -145,7 +145,7 @@ impl Rows {
     }
 
     /// Log-likelihood of the most probable share minus that of the present share.
-    pub fn to_gain(&self, residual: &[f64], taken: f64) -> f64 {
+    pub fn share_gain(&self, residual: &[f64], taken: f64) -> f64 {
         self.best(residual, taken).1 - self.log_likelihood(&self.squares(residual, taken), self.share)
     }
 
@@ -172,7 +172,7 @@ impl Rows {
 
     /// Sets the share to the most probable one for the `residual`, with `taken` effective rows used up by coefficients. Returns true if the
     /// share changed by more than a step.
-    pub fn follow(&mut self, residual: &[f64], taken: f64) -> bool {
+    pub fn update_share(&mut self, residual: &[f64], taken: f64) -> bool {
         let (best, _) = self.best(residual, taken);
         let step = LEAST_SHARE.max(0.5 * (FINER - 1.0) * self.share);
         let moved = (best - self.share).abs() > step;
@@ -232,7 +232,7 @@ impl Weights {
                     share: USUAL_SHARE,
                     scale,
                 };
-                rows.follow(&rest, 0.0);
+                rows.update_share(&rest, 0.0);
                 let both = |(instrument, size): (&f64, &f64)| {
                     let row_error = rows.share * rows.share * size;
                     (instrument + row_error)

@@ -5,7 +5,7 @@ use freeplay_laws::{Effects, Placed};
 use freeplay_recording::Recording;
 
 use crate::candidates::candidate::{Candidate, Untestable, candidates};
-use crate::candidates::moments::window;
+use crate::candidates::transients::window;
 use crate::choice::choose::choose;
 use crate::choice::confirm::{compared, confirmed, searched_again};
 use crate::data::columns::{Column, add_all, less};
@@ -17,13 +17,13 @@ use crate::data::weights::Weights;
 use crate::evidence::nameless::is_unexplained;
 use crate::evidence::system::System;
 use crate::findings::conclude::conclude;
-use crate::findings::event::{Event, said_by};
-use crate::findings::happenings::happenings;
+use crate::findings::event::{Event, contribution_of};
+use crate::findings::event_search::find_events;
 use crate::findings::recording_quality;
 use crate::findings::standing::Standing;
 use crate::report::diagnosis::{Diagnosis, insufficient};
 use crate::report::settings::{DiagnoseError, DiagnoseSettings};
-use crate::search::moves::{Answer, Found, Search};
+use crate::search::moves::{EffectSet, Found, Search};
 use crate::signals::residual::check_joints;
 
 /// Locates the differences between `recordings` and the model `file`, names and fits the missing effects, and shows the gain on the test part of the
@@ -66,7 +66,7 @@ pub(crate) fn diagnose(
     notes.extend(recording_quality::notes(&data));
     let target = data.target();
     let (candidates, untestable) = candidates(&data, progress);
-    let (laid, found) = {
+    let (lasting, found) = {
         // Pieces of any law resemble pushes, so that the search for lasting laws comes first.
         let lasting = candidates.into_iter().filter(|candidate| !candidate.kind.happens()).collect();
         let weights = Weights::new(&data, &target, None, &data.row_error, settings.seed);
@@ -74,7 +74,7 @@ pub(crate) fn diagnose(
         let mut search = Search::new(system, lasting);
         searched(&mut search, settings.seed, progress).ok_or(DiagnoseError::Singular)?
     };
-    let study = Study { file, settings, target: &target, laid, notes, untestable };
+    let study = Study { file, settings, target: &target, lasting, notes, untestable };
     study.concluded(data, found, progress)
 }
 
@@ -85,7 +85,7 @@ struct Study<'s> {
     /// The residuals of the given model.
     target: &'s [Vec<f64>],
     /// All lasting laws, linearised on the machine with the found laws.
-    laid: Vec<Candidate>,
+    lasting: Vec<Candidate>,
     notes: Vec<String>,
     untestable: Vec<Untestable>,
 }
@@ -101,10 +101,10 @@ impl Study<'_> {
         data.update_tolerances(&self.settings.tolerances);
         progress("looking for what happens at a time");
         let parts = data.parts.clone();
-        let mut events = self.happened_first(&mut data, &found, &parts);
+        let mut events = self.events_reserving_rows(&mut data, &found, &parts);
         data.active_parts = vec![Part::Fit, Part::Choice];
         progress("confirming what was found");
-        let residual = less(&found.residual, &said_by(&events, self.target));
+        let residual = less(&found.residual, &contribution_of(&events, self.target));
         let mut with = {
             let weights = self.weights(&data, &events, &residual, &data.row_error);
             self.confirmed(&data, &events, weights, &found.members, progress)?
@@ -113,7 +113,7 @@ impl Study<'_> {
             let stood = self.standing(&data, &residual, with, progress)?;
             // Laws that the test part rejects may have imitated events.
             if stood.leaves_more || stood.is_less {
-                events = self.happened_first(&mut data, &stood.found, &parts);
+                events = self.events_reserving_rows(&mut data, &stood.found, &parts);
             }
             if events.is_empty() {
                 return self.by_laws(&data, &residual, stood.found);
@@ -122,7 +122,7 @@ impl Study<'_> {
             let weights = self.weights(
                 &data,
                 &events,
-                &less(&residual, &said_by(&events, self.target)),
+                &less(&residual, &contribution_of(&events, self.target)),
                 &stood.row_error,
             );
             with = self.confirmed(&data, &events, weights, &stood.members, progress)?;
@@ -136,12 +136,12 @@ impl Study<'_> {
             search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?
         };
         progress("looking for what happens at a time");
-        events = self.happened_beside(&mut data, &with, &events);
+        events = self.events_beside(&mut data, &with, &events);
         data.parts.clone_from(&parts);
         if are_the_same(&with.members, &without.members) {
             data.exclude_from_test(columns_of(&events));
         } else {
-            let others = self.happened_beside(&mut data, &without, &[]);
+            let others = self.events_beside(&mut data, &without, &[]);
             data.exclude_from_test(columns_of(&events).chain(columns_of(&others)));
             let weights = self.weights(&data, &events, &residual, &with.row_error);
             let of_with = self.evidence(&data, &events, weights.clone(), &with.members)?;
@@ -170,9 +170,11 @@ impl Study<'_> {
         for place in 0..found.members.len() {
             let member = &found.members[place];
             let is_open_rival = |one: &Candidate| {
-                one.excludes(member) && !one.same_effect(member) && (one.is_open || member.is_open)
+                one.excludes(member)
+                    && !one.same_effect(member)
+                    && (one.has_several_solutions || member.has_several_solutions)
             };
-            if !self.laid.iter().any(is_open_rival) {
+            if !self.lasting.iter().any(is_open_rival) {
                 continue;
             }
             let weights = self.weights(data, events, &found.residual, &found.row_error);
@@ -195,7 +197,7 @@ impl Study<'_> {
                 } else {
                     lost
                 };
-                self.laid.retain(|one| !one.same_effect(&lost));
+                self.lasting.retain(|one| !one.same_effect(&lost));
             }
         }
         Ok(found)
@@ -225,22 +227,23 @@ impl Study<'_> {
         residual: &[Vec<f64>],
         mut confirmed: Found,
         progress: &mut dyn FnMut(&str),
-    ) -> Result<Stood, DiagnoseError> {
+    ) -> Result<StandingLaws, DiagnoseError> {
         let mut is_less = false;
         loop {
             let count = confirmed.members.len();
             let weights = self.weights(data, &[], residual, &confirmed.row_error);
             let (mut search, members) = self.search(data, &[], weights, &confirmed.members)?;
-            let answer = search.settled(members).and_then(|answer| search.agreed(&answer));
+            let answer = search.with_best_shares(members).and_then(|answer| search.made_consistent(&answer));
             let answer = answer.ok_or(DiagnoseError::Singular)?;
             let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
             progress("testing");
             let standing = self.tested(&mut search, &answer, &[]);
             let (members, leaves_more) = standing.stands()?.ok_or(DiagnoseError::Singular)?;
-            let stood = search.settled(members).and_then(|answer| search.found(&answer, self.settings.seed));
+            let stood =
+                search.with_best_shares(members).and_then(|answer| search.found(&answer, self.settings.seed));
             let found = stood.ok_or(DiagnoseError::Singular)?;
             if found.members.len() >= count {
-                return Ok(Stood { found, leaves_more, is_less });
+                return Ok(StandingLaws { found, leaves_more, is_less });
             }
             // The rows lose the variance that the rejected law gave them, and the loop tests the other laws again.
             (confirmed, is_less) = (found, true);
@@ -263,15 +266,15 @@ impl Study<'_> {
     }
 
     /// The events beside the laws `found`. The method removes the rows of these events from the test part of `parts`.
-    fn happened_first(&self, data: &mut Data, found: &Found, parts: &[Vec<Part>]) -> Vec<Event> {
-        let events = self.happened_beside(data, found, &[]);
+    fn events_reserving_rows(&self, data: &mut Data, found: &Found, parts: &[Vec<Part>]) -> Vec<Event> {
+        let events = self.events_beside(data, found, &[]);
         data.parts.clone_from_slice(parts);
         // Events in nearly every row are no events, but a law without a name.
         if data.exclude_from_test(columns_of(&events)) { events } else { Vec::new() }
     }
 
     /// The events beside the laws `found`, in all parts. The data don't distinguish a push from the impacts of parts that separate and meet again.
-    fn happened_beside(&self, data: &mut Data, found: &Found, events: &[Event]) -> Vec<Event> {
+    fn events_beside(&self, data: &mut Data, found: &Found, events: &[Event]) -> Vec<Event> {
         if found.members.iter().any(|candidate| candidate.kind.shakes) {
             return Vec::new();
         }
@@ -282,7 +285,7 @@ impl Study<'_> {
         let sizes = self.weights(data, &[], &residual, &found.row_error);
         // Exact rows have no drift and leave no residual for an event.
         let happened =
-            happenings(data, &residual, &self.laid, &sizes, self.settings.seed).unwrap_or_default();
+            find_events(data, &residual, &self.lasting, &sizes, self.settings.seed).unwrap_or_default();
         data.active_parts = active;
         happened
     }
@@ -296,7 +299,7 @@ impl Study<'_> {
         residual: &[Vec<f64>],
         row_error: &[Vec<f64>],
     ) -> Weights {
-        let target = less(self.target, &said_by(events, self.target));
+        let target = less(self.target, &contribution_of(events, self.target));
         Weights::new(data, &target, Some(residual), row_error, self.settings.seed)
     }
 
@@ -308,9 +311,9 @@ impl Study<'_> {
         weights: Weights,
         members: &[Candidate],
     ) -> Result<(Search<'d, 'a>, Vec<usize>), DiagnoseError> {
-        let target = less(self.target, &said_by(events, self.target));
+        let target = less(self.target, &contribution_of(events, self.target));
         let system = System::new(data, target, weights).ok_or(DiagnoseError::Singular)?;
-        let mut search = Search::new(system, self.laid.clone());
+        let mut search = Search::new(system, self.lasting.clone());
         let members = members.iter().filter_map(|one| search.system.take(one.clone())).collect();
         Ok((search, members))
     }
@@ -324,7 +327,7 @@ impl Study<'_> {
         members: &[Candidate],
     ) -> Result<f64, DiagnoseError> {
         let (mut search, members) = self.search(data, events, weights, members)?;
-        let answer = search.settled(members).ok_or(DiagnoseError::Singular)?;
+        let answer = search.with_best_shares(members).ok_or(DiagnoseError::Singular)?;
         Ok(answer.evidence + events.iter().map(|event| event.log_prior).sum::<f64>())
     }
 
@@ -332,7 +335,7 @@ impl Study<'_> {
     fn conclusion(
         &self,
         search: &mut Search,
-        answer: &Answer,
+        answer: &EffectSet,
         events: &[Event],
     ) -> Result<Diagnosis, DiagnoseError> {
         let standing = self.tested(search, answer, events);
@@ -344,7 +347,7 @@ impl Study<'_> {
     fn tested<'c, 'd, 'a>(
         &'c self,
         search: &'c mut Search<'d, 'a>,
-        answer: &'c Answer,
+        answer: &'c EffectSet,
         events: &'c [Event],
     ) -> Standing<'c, 'd, 'a> {
         Standing { file: self.file, settings: self.settings, search, answer, events, target: self.target }
@@ -352,7 +355,7 @@ impl Study<'_> {
 }
 
 /// Laws that the test part did not reject.
-struct Stood {
+struct StandingLaws {
     found: Found,
     /// Whether `found` leaves errors so large that a law must act that the catalogue does not have.
     leaves_more: bool,
@@ -361,8 +364,8 @@ struct Stood {
 }
 
 /// `answer`, or, if it leaves an unexplained error, the result of a new search in all active rows; `None` if the system is singular.
-fn explained(search: &mut Search, answer: Answer, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
-    let fit = search.system.held_fit(&answer.members)?;
+fn explained(search: &mut Search, answer: EffectSet, progress: &mut dyn FnMut(&str)) -> Option<EffectSet> {
+    let fit = search.system.fit_within_tolerances(&answer.members)?;
     if is_unexplained(&search.system, &fit, &search.system.weights) {
         searched_again(search, &answer, progress)
     } else {
@@ -392,8 +395,8 @@ fn searched(
     search.run(&[], progress)?;
     progress("choosing between the best answers");
     let answer = choose(search)?;
-    let answer = search.agreed(&answer)?;
-    Some((search.candidates(&search.laid), search.found(&answer, seed)?))
+    let answer = search.made_consistent(&answer)?;
+    Some((search.candidates(&search.available), search.found(&answer, seed)?))
 }
 
 /// Checks that there are recordings, that they fit this arm, and that they have the same columns.

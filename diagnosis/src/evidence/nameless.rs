@@ -8,7 +8,7 @@ use crate::data::weights::{LEAST_SHARE, USUAL_SHARE, Weights};
 use crate::evidence::gain::Compared;
 use crate::evidence::system::{Fit, System};
 use crate::signals::channel::Kind;
-use crate::statistics::{Moments, half_width, is_told};
+use crate::statistics::{Moments, half_width, is_strong_evidence};
 
 /// Returns true if `fit` leaves unnamed effects in the rows with `weights`: the laws have a relative error that is unusual for this machine, or a pose without
 /// a finding has a residual.
@@ -30,10 +30,11 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> b
     let all: f64 = torques.iter().map(|(_, share)| share.ln()).sum();
     let is_unusual = |&(c, share): &(usize, f64)| {
         let usual = ((all - share.ln() + USUAL_SHARE.ln()) / torques.len() as f64).exp();
-        is_told(weights.rows[c].beyond(&residual[c], unusual * usual.hypot(USUAL_SHARE * said(c))))
+        is_strong_evidence(weights.rows[c].beyond(&residual[c], unusual * usual.hypot(USUAL_SHARE * said(c))))
     };
-    let is_left =
-        |&(c, _): &(usize, f64)| is_told(weights.rows[c].beyond(&residual[c], unusual * USUAL_SHARE));
+    let is_left = |&(c, _): &(usize, f64)| {
+        is_strong_evidence(weights.rows[c].beyond(&residual[c], unusual * USUAL_SHARE))
+    };
     !shakes && torques.iter().any(is_unusual) || poses.iter().any(|pose| is_left(pose) && !shows(pose.0))
 }
 
@@ -82,7 +83,7 @@ impl NamelessTorques {
         Self(torques.map(|c| CommonShapes::new(data, data.same_channel(c), &masks, &knots)).collect())
     }
 
-    /// Log of the probability of the residual torques `residual` under these shapes, including those of `places`.
+    /// Log of the probability of the torques `residual` under these shapes, including those of `places`.
     pub fn evidence(&self, residual: &[Vec<f64>], places: &[usize]) -> f64 {
         self.0.iter().map(|shapes| shapes.evidence(residual, places)).sum()
     }

@@ -79,7 +79,7 @@ pub(crate) struct System<'d, 'a> {
     /// Half the log of the determinant of K with no tolerance held at a limit.
     log_volume: f64,
     /// The tolerances that are held at a limit, because a set of blocks would move them beyond it.
-    pins: Vec<Option<f64>>,
+    held_at: Vec<Option<f64>>,
     blocks: Vec<Block>,
     /// ZᵢᵀWZⱼ by the numbers of the later and the earlier block.
     crosses: RefCell<BTreeMap<(usize, usize), Cross>>,
@@ -122,9 +122,9 @@ impl<'d, 'a> System<'d, 'a> {
         let channels: Vec<Channel> = (0..data.channels())
             .map(|c| Channel::new(c, &tolerances, &target, (0, weights.rows[c].weights())))
             .collect();
-        let pins = vec![None; precision.len()];
+        let held_at = vec![None; precision.len()];
         let free = normal_equations(&channels, &precision);
-        let (factor, whitened_target) = eliminated(&free, &pins)?;
+        let (factor, whitened_target) = eliminated(&free, &held_at)?;
         let (before, blocks, crosses) = (vec![None; channels.len()], Vec::new(), RefCell::default());
         let log_volume = half_log_determinant(&factor);
         Some(Self {
@@ -141,7 +141,7 @@ impl<'d, 'a> System<'d, 'a> {
             factor,
             free,
             whitened_target,
-            pins,
+            held_at,
             blocks,
             crosses,
         })
@@ -311,8 +311,8 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// The fit with every tolerance inside its limits, for a machine within its data sheet. Its value is comparable only with those of other such
     /// fits.
-    pub fn held_fit(&self, members: &[usize]) -> Option<Fit> {
-        self.held_within(members, &self.widths(members))
+    pub fn fit_within_tolerances(&self, members: &[usize]) -> Option<Fit> {
+        self.fit_within(members, &self.widths(members))
     }
 
     /// The limits of each tolerance beside `members`, in standard deviations: zero for a tolerance that a member replaces, infinite for one without a
@@ -324,11 +324,11 @@ impl<'d, 'a> System<'d, 'a> {
             // Half the width of a uniform distribution with the standard deviation one.
             (false, false) => [-1.0 / even(), 1.0 / even()],
         };
-        self.precision.iter().zip(self.named_by(members)).map(width).collect()
+        self.precision.iter().zip(self.replaced_by(members)).map(width).collect()
     }
 
-    /// [`System::held_fit`] with the tolerances inside `widths`.
-    fn held_within(&self, members: &[usize], widths: &[[f64; 2]]) -> Option<Fit> {
+    /// [`System::fit_within_tolerances`] with the tolerances inside `widths`.
+    fn fit_within(&self, members: &[usize], widths: &[[f64; 2]]) -> Option<Fit> {
         let fit = self.fit(members)?;
         let (n, m) = (self.precision.len(), fit.beta.len());
         let (mut normal, mut right) = (DMatrix::zeros(n + m, n + m), DVector::zeros(n + m));
@@ -362,24 +362,24 @@ impl<'d, 'a> System<'d, 'a> {
     }
 
     /// Holds the tolerances that `fit` would move beyond a limit at that limit. Returns true if the set of held tolerances changed.
-    pub fn pin(&mut self, fit: &Fit) -> Option<bool> {
+    pub fn hold_tolerances(&mut self, fit: &Fit) -> Option<bool> {
         let widths = self.widths(&fit.members);
-        let held = self.held_within(&fit.members, &widths)?.eta?;
+        let held = self.fit_within(&fit.members, &widths)?.eta?;
         // Zero limits hold a tolerance at zero; an infinite limit never holds one.
         let edge = |(eta, [_, most]): (&f64, &[f64; 2])| {
             (eta.abs() >= most * (1.0 - 1e-9)).then(|| most.copysign(*eta))
         };
-        let pins: Vec<Option<f64>> = held.iter().zip(&widths).map(edge).collect();
-        let moved = pins != self.pins;
+        let held_at: Vec<Option<f64>> = held.iter().zip(&widths).map(edge).collect();
+        let moved = held_at != self.held_at;
         if moved {
-            self.pins = pins;
-            self.eliminate_anew()?;
+            self.held_at = held_at;
+            self.eliminate()?;
         }
         Some(moved)
     }
 
     /// The tolerances that have the same effect as one of `members`, with any coefficients: a named effect replaces its tolerance.
-    fn named_by(&self, members: &[usize]) -> Vec<bool> {
+    fn replaced_by(&self, members: &[usize]) -> Vec<bool> {
         /// Share of a column's square that another column explains for both to be the same: the rest, a tenth of the standard deviation, can't be
         /// distinguished from noise beside a tolerance.
         const SAME: f64 = 0.99;
@@ -408,19 +408,19 @@ impl<'d, 'a> System<'d, 'a> {
     }
 
     /// Releases all tolerances.
-    pub fn unpin(&mut self) -> Option<()> {
-        self.pins.fill(None);
-        self.eliminate_anew()
+    pub fn release_tolerances(&mut self) -> Option<()> {
+        self.held_at.fill(None);
+        self.eliminate()
     }
 
     /// The normal matrix of the coefficients of `members` with every tolerance as wide as in the data sheet, including those that a member replaces:
     /// the data determine only the sum of both.
     pub fn normal_beside_all(&mut self, members: &[usize]) -> Option<DMatrix<f64>> {
-        let pins = self.pins.clone();
-        self.unpin()?;
+        let held_at = self.held_at.clone();
+        self.release_tolerances()?;
         let normal = self.fit(members).map(|fit| fit.normal);
-        self.pins = pins;
-        self.eliminate_anew()?;
+        self.held_at = held_at;
+        self.eliminate()?;
         normal
     }
 
@@ -459,10 +459,10 @@ impl<'d, 'a> System<'d, 'a> {
     }
 
     /// The log of the evidence without constant terms, as far as it is common to all sets under the same weights.
-    pub fn shared(&self) -> f64 {
+    pub fn common_log_evidence(&self) -> f64 {
         let volumes: f64 = self.weights.rows.iter().map(Rows::log_volume).sum();
         let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
-        let stiff: f64 = self.pins.iter().flatten().map(|edge| STIFF * edge * edge).sum();
+        let stiff: f64 = self.held_at.iter().flatten().map(|edge| STIFF * edge * edge).sum();
         volumes - 0.5 * (squares + stiff) + 0.5 * self.whitened_target.norm_squared() - self.log_volume
     }
 
@@ -494,7 +494,7 @@ impl<'d, 'a> System<'d, 'a> {
     }
 
     /// The score of each block of neighbouring rows at the coefficients of `fit`, the tolerances eliminated: ZᵀW(residual) of the block.
-    pub fn pulls(&self, fit: &Fit) -> Vec<DVector<f64>> {
+    pub fn block_scores(&self, fit: &Fit) -> Vec<DVector<f64>> {
         let residual = self.residual(fit);
         // The columns after the elimination of the tolerances, Z − N K⁻¹NᵀWZ, channel by channel.
         let upper = self.factor.l().transpose();
@@ -539,7 +539,7 @@ impl<'d, 'a> System<'d, 'a> {
     }
 
     /// Subtracts from `rows` the tolerances with the coefficients `eta`, except those without a prior.
-    pub fn without_tolerances(&self, rows: &mut [Vec<f64>], eta: &DVector<f64>) {
+    pub fn subtract_tolerances(&self, rows: &mut [Vec<f64>], eta: &DVector<f64>) {
         let bound = self.tolerances.iter().zip(&self.precision).zip(eta.iter());
         bound
             .filter(|((_, precision), _)| **precision >= 1.0)
@@ -573,15 +573,15 @@ impl<'d, 'a> System<'d, 'a> {
     }
 
     /// Updates the shares of discrepancy to the residuals of `fit`. Returns true if any changed; `None` if that makes the tolerances singular.
-    pub fn follow(&mut self, fit: &Fit) -> Option<bool> {
+    pub fn update_shares(&mut self, fit: &Fit) -> Option<bool> {
         let residual = self.residual(fit);
         let moved: Vec<usize> = (0..self.channels.len())
             .filter(|&c| {
-                let taken = self.taken(fit, c);
-                self.weights.rows[c].follow(&residual[c], taken)
+                let taken = self.coefficient_count(fit, c);
+                self.weights.rows[c].update_share(&residual[c], taken)
             })
             .collect();
-        self.weigh_anew(&moved)?;
+        self.reweigh(&moved)?;
         Some(!moved.is_empty())
     }
 
@@ -592,13 +592,13 @@ impl<'d, 'a> System<'d, 'a> {
         let active: Vec<usize> =
             (0..self.channels.len()).filter(|&c| self.weights.rows[c].effective() > 0.0).collect();
         active.iter().for_each(|&c| self.weights.rows[c].downweight_outliers(&residual[c]));
-        self.weigh_anew(&active)
+        self.reweigh(&active)
     }
 
     /// Sets the robust weight of every row to one. `None` if that makes the tolerances singular.
     pub fn reset_robust_weights(&mut self) -> Option<()> {
         self.weights.rows.iter_mut().for_each(Rows::reset_robust_weights);
-        self.weigh_anew(&(0..self.channels.len()).collect::<Vec<_>>())
+        self.reweigh(&(0..self.channels.len()).collect::<Vec<_>>())
     }
 
     /// Sets the shares of discrepancy to `shares`. `None` if that makes the tolerances singular.
@@ -606,17 +606,19 @@ impl<'d, 'a> System<'d, 'a> {
         let moved: Vec<usize> =
             (0..self.channels.len()).filter(|&c| self.weights.rows[c].share != shares[c]).collect();
         moved.iter().for_each(|&c| self.weights.rows[c].share = shares[c]);
-        self.weigh_anew(&moved)
+        self.reweigh(&moved)
     }
 
     /// Increase of the evidence of `fit` if the shares of discrepancy were those of its own residuals.
-    pub fn to_gain(&self, fit: &Fit) -> f64 {
+    pub fn share_gain(&self, fit: &Fit) -> f64 {
         let residual = self.residual(fit);
-        (0..self.channels.len()).map(|c| self.weights.rows[c].to_gain(&residual[c], self.taken(fit, c))).sum()
+        (0..self.channels.len())
+            .map(|c| self.weights.rows[c].share_gain(&residual[c], self.coefficient_count(fit, c)))
+            .sum()
     }
 
     /// Number of coefficients of `fit` with columns in the channel number `c`.
-    fn taken(&self, fit: &Fit, c: usize) -> f64 {
+    fn coefficient_count(&self, fit: &Fit, c: usize) -> f64 {
         let members = fit.members.iter().map(|&member| &self.blocks[member].candidate);
         members
             .filter(|candidate| candidate.channels.contains(&c))
@@ -630,7 +632,7 @@ impl<'d, 'a> System<'d, 'a> {
     }
 
     /// Recomputes the products of the channels `moved` after a change of their weights.
-    fn weigh_anew(&mut self, moved: &[usize]) -> Option<()> {
+    fn reweigh(&mut self, moved: &[usize]) -> Option<()> {
         if moved.is_empty() {
             return Some(());
         }
@@ -646,12 +648,12 @@ impl<'d, 'a> System<'d, 'a> {
         }
         self.free = normal_equations(&self.channels, &self.precision);
         self.log_volume = half_log_determinant(&Cholesky::new(self.free.0.clone())?);
-        self.eliminate_anew()
+        self.eliminate()
     }
 
     /// Eliminates the tolerances again.
-    fn eliminate_anew(&mut self) -> Option<()> {
-        (self.factor, self.whitened_target) = eliminated(&self.free, &self.pins)?;
+    fn eliminate(&mut self) -> Option<()> {
+        (self.factor, self.whitened_target) = eliminated(&self.free, &self.held_at)?;
         self.blocks.iter_mut().for_each(Block::forget);
         Some(())
     }
@@ -680,13 +682,13 @@ fn normal_equations(channels: &[Channel], precision: &[f64]) -> (DMatrix<f64>, D
     (normal, right)
 }
 
-/// The factor of K, and L⁻¹NᵀWy, with the tolerances of `pins` held at a limit.
+/// The factor of K, and L⁻¹NᵀWy, with the tolerances of `held_at` held at a limit.
 fn eliminated(
     free: &(DMatrix<f64>, DVector<f64>),
-    pins: &[Option<f64>],
+    held_at: &[Option<f64>],
 ) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
     let (mut normal, mut right) = free.clone();
-    for (k, edge) in pins.iter().enumerate().filter_map(|(k, pin)| Some((k, (*pin)?))) {
+    for (k, edge) in held_at.iter().enumerate().filter_map(|(k, limit)| Some((k, (*limit)?))) {
         normal[(k, k)] += STIFF;
         right[k] += STIFF * edge;
     }

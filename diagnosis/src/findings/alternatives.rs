@@ -10,7 +10,7 @@ use crate::report::diagnosis::{Alternative, EvidenceRow};
 use crate::report::words;
 use crate::search::moves::Search;
 use crate::search::tried::{Tried, tried};
-use crate::statistics::is_told;
+use crate::statistics::is_strong_evidence;
 
 /// The alternatives to the members of `fit` for the report.
 pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
@@ -33,7 +33,7 @@ pub(crate) fn instead(arm: &Arm, named: &Candidate, other: &Candidate, against: 
         joint: other.joint.map(|joint| arm.joints()[joint].name.clone()),
         instead_of: called(arm, named),
         why_not: words::odds_against(against),
-        indistinguishable: !is_told(against),
+        indistinguishable: !is_strong_evidence(against),
         what_would_separate: words.to_owned(),
         log_odds_against: against,
     }
@@ -43,11 +43,15 @@ pub(crate) fn instead(arm: &Arm, named: &Candidate, other: &Candidate, against: 
 pub(crate) fn rows_of_evidence(search: &mut Search, bare: &Fit, fit: &Fit) -> Vec<EvidenceRow> {
     let [alone, beside] = [bare, fit].map(|fit| {
         // Tolerances that another fit holds at an edge would look like an explanation by a law.
-        if search.system.pin(fit).is_some() { search.system.gains(fit, &search.laid) } else { Vec::new() }
+        if search.system.hold_tolerances(fit).is_some() {
+            search.system.gains(fit, &search.available)
+        } else {
+            Vec::new()
+        }
     });
     let system = &search.system;
     let mut rows: BTreeMap<(&str, Option<usize>), EvidenceRow> = BTreeMap::new();
-    for ((&index, alone), beside) in search.laid.iter().zip(alone).zip(beside) {
+    for ((&index, alone), beside) in search.available.iter().zip(alone).zip(beside) {
         let candidate = system.candidate(index);
         let value =
             |gain: Option<Gain>| gain.filter(|gain| gain.is_inside).map_or(f64::MIN, |gain| gain.value);

@@ -35,7 +35,7 @@ pub(crate) fn conclude(
     untestable: Vec<Untestable>,
 ) -> Result<Option<Diagnosis>, LawError> {
     let Some((fit, findings)) = of.standing()? else { return Ok(None) };
-    let Some(bare) = of.search.system.held_fit(&[]) else { return Ok(None) };
+    let Some(bare) = of.search.system.fit_within_tolerances(&[]) else { return Ok(None) };
     let mut alternatives = alternatives(of.search, &fit);
     alternatives.extend(of.events.iter().flat_map(|event| event.alternatives.iter().cloned()));
     let evidence = rows_of_evidence(of.search, &bare, &fit);
@@ -106,7 +106,7 @@ impl Conclusion<'_, '_, '_, '_> {
     /// Residuals of every row; `None` if a fit is singular.
     fn remains(&self) -> Result<Option<Remains>, LawError> {
         let system = &self.of.search.system;
-        let Some(bare) = system.held_fit(&[]) else { return Ok(None) };
+        let Some(bare) = system.fit_within_tolerances(&[]) else { return Ok(None) };
         let as_given = self.of.left_as_given(self.fit)?;
         let [mut retuned, mut after] = [self.of.target.to_vec(), as_given.clone()];
         self.of.tune(&mut retuned, &bare);

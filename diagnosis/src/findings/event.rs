@@ -65,6 +65,6 @@ impl Event {
 }
 
 /// The contribution of all `events` to every row, with the shape of `rows`.
-pub(crate) fn said_by(events: &[Event], rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub(crate) fn contribution_of(events: &[Event], rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     sum_of(events.iter().flat_map(Event::columns), rows)
 }

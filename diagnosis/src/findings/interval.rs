@@ -73,7 +73,7 @@ fn of_member(
             }
             let form = candidate.moved(system.data, &along, 1.0);
             beta.iter_mut().zip(&limits).for_each(|(x, [least, most])| *x = x.clamp(*least, *most));
-            candidate.kind.compose(&form.shape, &candidate.of_all(beta.as_slice()))
+            candidate.kind.compose(&form.shape, &candidate.all_coefficients(beta.as_slice()))
         })
         .collect();
     let interval = |name: &str| {
@@ -137,7 +137,7 @@ fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
     let Some(factor) = Cholesky::new(fit.normal.clone()) else { return DMatrix::identity(n, n) };
     let posterior = factor.inverse();
     let mut scores = DMatrix::zeros(n, n);
-    for pull in system.pulls(fit) {
+    for pull in system.block_scores(fit) {
         scores += &pull * pull.transpose();
     }
     let sandwich = &posterior * scores * &posterior;
@@ -161,7 +161,7 @@ fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
         let columns = system.candidate(member).columns.iter().zip(beta.iter().copied());
         let says = sum_of(columns, &weights);
         let (mut off, mut said) = (0.0, 0.0);
-        let is_open = system.candidate(member).is_open;
+        let is_open = system.candidate(member).has_several_solutions;
         for (c, ((rows, weights), says)) in system.weights.rows.iter().zip(&weights).zip(&says).enumerate() {
             let square: f64 = weights.iter().zip(says).map(|(weight, x)| weight * x * x).sum();
             off += rows.share.powi(2) * square;

@@ -37,7 +37,7 @@ pub(crate) fn joined(
         .iter()
         .map(|(name, value)| (name.clone(), given.parameters.get(name).unwrap_or(value).clone()))
         .collect();
-    let start = candidate.of_all(coefficients);
+    let start = candidate.all_coefficients(coefficients);
     let tried = [candidate.form.shape.clone(), of_given].into_iter().filter_map(|shape| {
         let table = |x: &[f64]| EffectTable {
             parameters: candidate.kind.compose(&shape, x),
@@ -57,7 +57,7 @@ pub(crate) fn joined(
 /// One step of each coefficient, in its own unit.
 fn scales(candidate: &Candidate) -> Vec<f64> {
     let mut scales =
-        candidate.of_all(&candidate.terms.iter().map(|term| 1.0 / term.weight).collect::<Vec<_>>());
+        candidate.all_coefficients(&candidate.terms.iter().map(|term| 1.0 / term.weight).collect::<Vec<_>>());
     scales.iter_mut().filter(|scale| **scale == 0.0).for_each(|scale| *scale = 1.0);
     scales
 }

@@ -3,7 +3,7 @@
 pub(crate) mod alternatives;
 pub(crate) mod conclude;
 pub(crate) mod event;
-pub(crate) mod happenings;
+pub(crate) mod event_search;
 pub(crate) mod held;
 pub(crate) mod interval;
 pub(crate) mod joined;

@@ -14,15 +14,15 @@ use crate::data::tolerance::Nuisance;
 use crate::evidence::gain::Compared;
 use crate::evidence::nameless::is_unexplained;
 use crate::evidence::system::{Fit, all_but};
-use crate::findings::event::{Event, said_by};
+use crate::findings::event::{Event, contribution_of};
 use crate::findings::held::held;
 use crate::findings::interval::{holds_nothing, parameters};
 use crate::findings::joined::joined;
 use crate::report::diagnosis::{Effect, Evidence};
 use crate::report::settings::DiagnoseSettings;
 use crate::report::words;
-use crate::search::moves::{Answer, Search};
-use crate::statistics::is_told;
+use crate::search::moves::{EffectSet, Search};
+use crate::statistics::is_strong_evidence;
 
 /// A fit whose members the test part confirms.
 struct BorneOut {
@@ -66,7 +66,7 @@ pub(crate) struct Standing<'c, 'd, 'a> {
     pub file: &'c ArmFile,
     pub settings: &'c DiagnoseSettings,
     pub search: &'c mut Search<'d, 'a>,
-    pub answer: &'c Answer,
+    pub answer: &'c EffectSet,
     /// Transient events, which the search does not model.
     pub events: &'c [Event],
     /// Measured minus the model as given.
@@ -124,7 +124,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         let mut members = self.answer.members.clone();
         let mut is_first = true;
         let (members, mut findings) = loop {
-            let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
+            let Some(fit) = self.search.system.fit_within_tolerances(&members) else { return Ok(None) };
             let Some(fit) = self.sure(fit) else { return Ok(None) };
             let sure = fit.members.clone();
             let Some(borne_out) = self.borne_out(fit)? else { return Ok(None) };
@@ -140,12 +140,12 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             if std::mem::take(&mut is_first) {
                 self.search.leave_out(&empty);
                 let better = self.search.improve(members, &mut |_| {});
-                let better = better.and_then(|better| self.search.agreed(&better));
+                let better = better.and_then(|better| self.search.made_consistent(&better));
                 let Some(better) = better else { return Ok(None) };
                 members = better.members;
             }
         };
-        let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
+        let Some(fit) = self.search.system.fit_within_tolerances(&members) else { return Ok(None) };
         // Without the members whose intervals include zero, the others may make an arm that can't exist.
         let Some(fit) = self.sure(fit) else { return Ok(None) };
         findings.retain(|finding| finding.of.member().is_none_or(|member| fit.members.contains(&member)));
@@ -165,7 +165,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
                 let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
                     f64::NEG_INFINITY
                 } else if can_exist || self.changes_arm(&fit, place) {
-                    fit.value - system.held_fit(&others)?.value
+                    fit.value - system.fit_within_tolerances(&others)?.value
                 } else {
                     f64::INFINITY
                 };
@@ -173,9 +173,9 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
                     least = Some((odds, place));
                 }
             }
-            let is_sure = |(odds, _): &(f64, usize)| is_told(*odds) && can_exist;
+            let is_sure = |(odds, _): &(f64, usize)| is_strong_evidence(*odds) && can_exist;
             let Some((_, place)) = least.filter(|least| !is_sure(least)) else { return Some(fit) };
-            fit = system.held_fit(&all_but(&fit.members, place))?;
+            fit = system.fit_within_tolerances(&all_but(&fit.members, place))?;
         }
     }
 
@@ -198,7 +198,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
                 };
                 let tested = self.tested(&fit, place, &on_test, [&residual, &residual_without]);
                 let odds = fit.value - others.value + 0.5 * tested.squares;
-                if exists && (!is_told(odds) || tested.gain().is_some_and(|gain| gain <= 0.0)) {
+                if exists && (!is_strong_evidence(odds) || tested.gain().is_some_and(|gain| gain <= 0.0)) {
                     (fit, residual) = (others, residual_without);
                     continue 'fits;
                 }
@@ -215,7 +215,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         let residual = system.residual(fit);
         let mut order = Vec::new();
         for place in 0..fit.members.len() {
-            let others = system.held_fit(&all_but(&fit.members, place))?;
+            let others = system.fit_within_tolerances(&all_but(&fit.members, place))?;
             let tested = self.tested(fit, place, on_test, [&residual, &system.residual(&others)]);
             order.push((tested.gain().unwrap_or(f64::INFINITY), place, others));
         }
@@ -242,10 +242,11 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         };
         let more: Vec<[f64; 2]> = (0..weights.len()).map(more).collect();
         let candidate = self.search.system.candidate(fit.members[place]);
-        let mut shown: Vec<usize> = (0..more.len()).filter(|&c| candidate.shows_in(c, weights)).collect();
+        let mut shown: Vec<usize> =
+            (0..more.len()).filter(|&c| candidate.has_weight_in(c, weights)).collect();
         let [where_shown, moved] = [0, 1].map(|of: usize| shown.iter().map(|&c| more[c][of]).sum::<f64>());
         // On average a true law reduces the squares by those of its prediction, and a false law increases them by as much.
-        if !is_told(0.5 * moved) {
+        if !is_strong_evidence(0.5 * moved) {
             shown.clear();
         }
         Tested { shown, where_shown, squares: more.iter().map(|more| more[0]).sum() }
@@ -267,13 +268,13 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
 
     /// Residuals of the model with these laws in each recording, after subtraction of the events.
     fn residual_beside(&self, laws: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
-        Ok(less(&self.data().residual_with(laws)?, &said_by(self.events, self.target)))
+        Ok(less(&self.data().residual_with(laws)?, &contribution_of(self.events, self.target)))
     }
 
     /// Subtracts from `rows` the contribution of the tolerances beside `fit`, and sets rows without weight to zero.
     pub(super) fn tune(&self, rows: &mut [Vec<f64>], fit: &Fit) {
         let system = &self.search.system;
-        system.without_tolerances(rows, &system.tolerances_beside(fit));
+        system.subtract_tolerances(rows, &system.tolerances_beside(fit));
         (0..rows.len()).for_each(|channel| system.data.apply_mask(channel, &mut rows[channel]));
     }
 

@@ -20,7 +20,7 @@ pub const WORTH: f64 = 0.01;
 
 /// A set of effects with its evidence.
 #[derive(Clone, Debug)]
-pub(crate) struct Answer {
+pub(crate) struct EffectSet {
     /// The numbers of its blocks.
     pub members: Vec<usize>,
     /// The shares of discrepancy for this set.
@@ -34,9 +34,9 @@ pub(crate) struct Search<'d, 'a> {
     /// The linear model.
     pub system: System<'d, 'a>,
     /// The blocks of all candidates.
-    pub laid: Vec<usize>,
+    pub available: Vec<usize>,
     /// All visited answers, the most probable first.
-    pub met: Vec<Answer>,
+    pub visited: Vec<EffectSet>,
     /// A cache of candidates in recently tried forms.
     tried: Tried,
 }
@@ -66,13 +66,13 @@ impl Tried {
             return known.clone();
         }
         let made = make(candidate, form);
-        self.numbers[0] += made.as_ref().map_or(0, Candidate::numbers_in_columns);
+        self.numbers[0] += made.as_ref().map_or(0, Candidate::column_entries);
         self.known.insert(name.clone(), made.clone());
         self.order.push_back(name);
         while self.numbers[0] > self.numbers[1] {
             let Some(first) = self.order.pop_front() else { break };
             let gone = self.known.remove(&first).flatten();
-            self.numbers[0] -= gone.as_ref().map_or(0, Candidate::numbers_in_columns);
+            self.numbers[0] -= gone.as_ref().map_or(0, Candidate::column_entries);
         }
         made
     }
@@ -99,24 +99,29 @@ pub(crate) struct Found {
 impl<'d, 'a> Search<'d, 'a> {
     /// A search among `candidates`.
     pub fn new(mut system: System<'d, 'a>, candidates: Vec<Candidate>) -> Self {
-        let laid: Vec<usize> =
+        let available: Vec<usize> =
             candidates.into_iter().filter_map(|candidate| system.take(candidate)).collect();
-        let most = laid.iter().map(|&index| system.candidate(index).numbers_in_columns()).sum();
-        Self { system, laid, met: Vec::new(), tried: Tried { numbers: [0, most], ..Tried::default() } }
+        let most = available.iter().map(|&index| system.candidate(index).column_entries()).sum();
+        Self {
+            system,
+            available,
+            visited: Vec::new(),
+            tried: Tried { numbers: [0, most], ..Tried::default() },
+        }
     }
 
     /// Searches once from `known` alone and once from `known` with the common effects, and restores the better answer; `None` if the system is
     /// singular.
-    pub fn run(&mut self, known: &[usize], progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+    pub fn run(&mut self, known: &[usize], progress: &mut dyn FnMut(&str)) -> Option<EffectSet> {
         /// Turns until both settle: the columns of a sensor change with the found effects, and the found effects change with the sensor.
         const TURNS: usize = 2;
         let first = self.system.shares();
         let from_nothing = self.improve(known.to_vec(), progress)?;
         self.system.set_shares(&first)?;
-        self.system.unpin()?;
+        self.system.release_tolerances()?;
         let common = [known.to_vec(), self.common(known)].concat();
-        let common = self.settled(common)?;
-        let common = self.laid_upon(&common)?;
+        let common = self.with_best_shares(common)?;
+        let common = self.relinearised(&common)?;
         let from_common = self.improve(common, progress)?;
         let mut best =
             if from_common.evidence > from_nothing.evidence + WORTH { from_common } else { from_nothing };
@@ -124,17 +129,17 @@ impl<'d, 'a> Search<'d, 'a> {
             if best.members.is_empty() {
                 break;
             }
-            self.back(&best)?;
-            let laid = self.laid_upon(&best)?;
-            self.met.clear();
-            let better = self.improve(laid, progress)?;
+            self.restore(&best)?;
+            let members = self.relinearised(&best)?;
+            self.visited.clear();
+            let better = self.improve(members, progress)?;
             let is_same = self.same_effects(&better.members, &best.members);
             best = better;
             if is_same {
                 break;
             }
         }
-        self.back(&best)?;
+        self.restore(&best)?;
         Some(best)
     }
 
@@ -148,19 +153,19 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// Recomputes the columns of the sensors and of the members of `answer` on the machine with these members: torque limits, delays and
     /// load-dependent friction act on all found effects. Returns the recomputed members.
-    fn laid_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
-        let members = self.members_upon(answer)?;
-        for place in 0..self.laid.len() {
-            let index = self.laid[place];
-            if self.system.candidate(index).is_read && !answer.members.is_empty() {
-                self.laid[place] = self.anew(index);
+    fn relinearised(&mut self, answer: &EffectSet) -> Option<Vec<usize>> {
+        let members = self.relinearised_members(answer)?;
+        for place in 0..self.available.len() {
+            let index = self.available[place];
+            if self.system.candidate(index).acts_on_readings && !answer.members.is_empty() {
+                self.available[place] = self.relinearised_block(index);
             }
         }
         Some(members)
     }
 
     /// Recomputes the members of `answer` alone.
-    fn members_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
+    fn relinearised_members(&mut self, answer: &EffectSet) -> Option<Vec<usize>> {
         let fit = self.system.fit(&answer.members)?;
         let data = self.system.data;
         let system = &self.system;
@@ -170,24 +175,28 @@ impl<'d, 'a> Search<'d, 'a> {
         }
         data.set_found(lasting);
         self.tried.clear();
-        Some(answer.members.iter().map(|&member| self.anew(member)).collect())
+        Some(answer.members.iter().map(|&member| self.relinearised_block(member)).collect())
     }
 
     /// The number of the block `index`, recomputed on the present machine.
-    fn anew(&mut self, index: usize) -> usize {
+    fn relinearised_block(&mut self, index: usize) -> usize {
         let candidate = self.system.candidate(index);
         if candidate.changes_arm {
             return index;
         }
-        let laid = candidate.reformed(self.system.data, candidate.form.clone());
-        laid.and_then(|laid| self.system.take(laid)).unwrap_or(index)
+        let reformed = candidate.reformed(self.system.data, candidate.form.clone());
+        reformed.and_then(|reformed| self.system.take(reformed)).unwrap_or(index)
     }
 
     /// The effects that are common on machines and improve the evidence beside `members`.
     fn common(&self, members: &[usize]) -> Vec<usize> {
         let odds = |index: usize| self.system.candidate(index).kind.occurs.odds();
-        let candidates: Vec<usize> =
-            self.laid.iter().copied().filter(|&index| odds(index) >= Occurrence::Common.odds()).collect();
+        let candidates: Vec<usize> = self
+            .available
+            .iter()
+            .copied()
+            .filter(|&index| odds(index) >= Occurrence::Common.odds())
+            .collect();
         let Some(fit) = self.system.fit(members) else { return Vec::new() };
         let gains = self.system.gains(&fit, &candidates);
         let found =
@@ -196,8 +205,8 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// Improves `members` until no step makes them more probable.
-    pub fn improve(&mut self, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
-        let mut now = self.settled(members)?;
+    pub fn improve(&mut self, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<EffectSet> {
+        let mut now = self.with_best_shares(members)?;
         loop {
             progress(&format!("searching: {} effects", now.members.len()));
             let better = match self.added(&now)? {
@@ -211,100 +220,100 @@ impl<'d, 'a> Search<'d, 'a> {
                 },
             };
             let Some(better) = better else { break };
-            self.meet(&now);
+            self.record_visited(&now);
             now = better;
         }
-        self.meet(&now);
+        self.record_visited(&now);
         Some(now)
     }
 
     /// Makes the coefficients of `answer` consistent with the machine on which each law acts, and gives outliers less weight. `None` if the system is
     /// singular.
-    pub fn agreed(&mut self, answer: &Answer) -> Option<Answer> {
+    pub fn made_consistent(&mut self, answer: &EffectSet) -> Option<EffectSet> {
         /// Turns until the coefficients settle: one law changes the machine of another, and that changes the machine of the first.
         const TURNS: usize = 4;
         let mut now = answer.clone();
         for _ in 0..TURNS {
-            let members = self.members_upon(&now)?;
-            now = self.settled(members)?;
-            let held = self.system.held_fit(&now.members)?;
+            let members = self.relinearised_members(&now)?;
+            now = self.with_best_shares(members)?;
+            let held = self.system.fit_within_tolerances(&now.members)?;
             self.system.downweight_outliers(&held)?;
         }
         Some(now)
     }
 
     /// Adds `answer` to the visited ones.
-    fn meet(&mut self, answer: &Answer) {
-        if self.met.iter().all(|known| known.members != answer.members) {
-            self.met.push(answer.clone());
-            self.met.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    fn record_visited(&mut self, answer: &EffectSet) {
+        if self.visited.iter().all(|known| known.members != answer.members) {
+            self.visited.push(answer.clone());
+            self.visited.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         }
     }
 
     /// `members` with the most probable shares of discrepancy.
-    pub fn settled(&mut self, members: Vec<usize>) -> Option<Answer> {
+    pub fn with_best_shares(&mut self, members: Vec<usize>) -> Option<EffectSet> {
         /// Largest number of turns: a share changes less in each turn, and the grid of shares ends the loop.
         const TURNS: usize = 4;
         for _ in 0..TURNS {
             let fit = self.system.fit(&members)?;
-            let moved = self.system.follow(&fit)?;
+            let moved = self.system.update_shares(&fit)?;
             let fit = self.system.fit(&members)?;
-            if !self.system.pin(&fit)? && !moved {
+            if !self.system.hold_tolerances(&fit)? && !moved {
                 break;
             }
         }
-        let evidence = self.system.fit(&members)?.value + self.system.shared();
-        Some(Answer { members, shares: self.system.shares(), evidence })
+        let evidence = self.system.fit(&members)?.value + self.system.common_log_evidence();
+        Some(EffectSet { members, shares: self.system.shares(), evidence })
     }
 
     /// The evidence of `members` with their own shares, approximately.
-    fn about(&self, members: &[usize]) -> Option<f64> {
+    fn approximate_evidence(&self, members: &[usize]) -> Option<f64> {
         let fit = self.system.fit(members)?;
-        Some(fit.value + self.system.shared() + self.system.to_gain(&fit))
+        Some(fit.value + self.system.common_log_evidence() + self.system.share_gain(&fit))
     }
 
     /// `members` with their own shares, if that makes them more probable than `now`; else the method restores the system.
-    fn accepted(&mut self, now: &Answer, members: Vec<usize>) -> Option<Option<Answer>> {
-        let there = self.settled(members)?;
+    fn accepted(&mut self, now: &EffectSet, members: Vec<usize>) -> Option<Option<EffectSet>> {
+        let there = self.with_best_shares(members)?;
         let there = self.sharpened(there)?;
-        if there.evidence > now.evidence + WORTH && self.can_exist(&there.members) {
+        if there.evidence > now.evidence + WORTH && self.is_physical(&there.members) {
             return Some(Some(there));
         }
-        self.meet(&there);
-        self.back(now)?;
+        self.record_visited(&there);
+        self.restore(now)?;
         Some(None)
     }
 
     /// Restores the shares and the held tolerances of `answer`.
-    pub fn back(&mut self, answer: &Answer) -> Option<()> {
+    pub fn restore(&mut self, answer: &EffectSet) -> Option<()> {
         self.system.set_shares(&answer.shares)?;
         let fit = self.system.fit(&answer.members)?;
-        self.system.pin(&fit)?;
+        self.system.hold_tolerances(&fit)?;
         Some(())
     }
 
     /// `answer` with its last member in the best form, after tolerances with the same effect have become zero.
-    fn sharpened(&mut self, answer: Answer) -> Option<Answer> {
+    fn sharpened(&mut self, answer: EffectSet) -> Option<EffectSet> {
         let Some((&last, others)) = answer.members.split_last() else { return Some(answer) };
         let index = self.refined(others, last)?;
         if index == last {
             return Some(answer);
         }
-        self.settled(others.iter().copied().chain([index]).collect())
+        self.with_best_shares(others.iter().copied().chain([index]).collect())
     }
 
     /// `members`, each in the best form beside the others on the machine with them.
-    pub fn polished(&mut self, mut members: Vec<usize>) -> Option<Answer> {
+    pub fn polished(&mut self, mut members: Vec<usize>) -> Option<EffectSet> {
         /// Turns until the forms settle: a law that acts on others changes with them, and they change with it.
         const TURNS: usize = 3;
-        let mut now = self.settled(members.clone())?;
+        let mut now = self.with_best_shares(members.clone())?;
         for _ in 0..TURNS {
             // A tolerance that reached its limit beside an earlier form need not reach it beside a better one.
-            self.system.unpin()?;
+            self.system.release_tolerances()?;
             let refined = self.each_refined(members.clone(), |_| true)?;
             let is_still = refined == members;
-            let settled = self.settled(refined)?;
-            now = self.agreed(&settled)?;
+            let with_best_shares = self.with_best_shares(refined)?;
+            now = self.made_consistent(&with_best_shares)?;
             if is_still {
                 break;
             }
@@ -314,11 +323,11 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// Fits the shape parameters of `members`, and then all coefficients, to the rows with their present weights.
-    pub fn refitted(&mut self, members: Vec<usize>) -> Option<Answer> {
-        let members = self.settled(members)?.members;
+    pub fn refitted(&mut self, members: Vec<usize>) -> Option<EffectSet> {
+        let members = self.with_best_shares(members)?.members;
         let members = self.each_refined(members, |candidate| !candidate.numbers().is_empty())?;
-        let settled = self.settled(members)?;
-        self.agreed(&settled)
+        let with_best_shares = self.with_best_shares(members)?;
+        self.made_consistent(&with_best_shares)
     }
 
     /// Refines the form of each member for which `is_moved` holds, beside the others.
@@ -338,7 +347,7 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// Returns true if an arm with `members` is physical: no mass is negative.
-    fn can_exist(&self, members: &[usize]) -> bool {
+    fn is_physical(&self, members: &[usize]) -> bool {
         let arm = self.system.data.arm();
         let Some(fit) = self.system.fit(members) else { return false };
         let placed = self.system.placed(&fit, arm, |_| true);
@@ -346,8 +355,8 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// The effects of `answer`, and their residuals.
-    pub fn found(&self, answer: &Answer, seed: u64) -> Option<Found> {
-        let fit = self.system.held_fit(&answer.members)?;
+    pub fn found(&self, answer: &EffectSet, seed: u64) -> Option<Found> {
+        let fit = self.system.fit_within_tolerances(&answer.members)?;
         let data = self.system.data;
         let placed = self.system.placed(&fit, data.arm(), |_| true);
         let residual = self.system.residual(&fit);
@@ -375,7 +384,7 @@ impl<'d, 'a> Search<'d, 'a> {
         let is_left_out = |index: usize| {
             effects.iter().any(|&effect| system.candidate(effect).same_effect(system.candidate(index)))
         };
-        self.laid.retain(|&index| !is_left_out(index));
+        self.available.retain(|&index| !is_left_out(index));
     }
 
     /// The candidates that may join `members`.
@@ -384,7 +393,7 @@ impl<'d, 'a> Search<'d, 'a> {
             let candidate = self.system.candidate(*index);
             members.iter().any(|&member| self.system.candidate(member).excludes(candidate))
         };
-        self.laid.iter().copied().filter(|index| !is_taken(index)).collect()
+        self.available.iter().copied().filter(|index| !is_taken(index)).collect()
     }
 
     /// The best form of each effect that may join `members` with a gain above `least`: the best [`TRIED`] of them, in order. A form with a coefficient at its
@@ -418,7 +427,7 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// `now` with the additional effect that gives the highest evidence.
-    pub fn added(&mut self, now: &Answer) -> Option<Option<Answer>> {
+    pub fn added(&mut self, now: &EffectSet) -> Option<Option<EffectSet>> {
         if now.members.len() >= MOST * self.system.data.arm().dof() {
             return Some(None);
         }
@@ -437,12 +446,12 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// `now` without the member whose removal gives the highest evidence.
-    fn dropped(&mut self, now: &Answer) -> Option<Option<Answer>> {
+    fn dropped(&mut self, now: &EffectSet) -> Option<Option<EffectSet>> {
         let mut without: Vec<(f64, Vec<usize>)> = (0..now.members.len())
             .filter_map(|place| {
                 let mut members = now.members.clone();
                 members.remove(place);
-                Some((self.about(&members)?, members))
+                Some((self.approximate_evidence(&members)?, members))
             })
             .collect();
         without.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -458,7 +467,7 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// `now` with another effect in the place of one of its members.
-    fn swapped(&mut self, now: &Answer) -> Option<Option<Answer>> {
+    fn swapped(&mut self, now: &EffectSet) -> Option<Option<EffectSet>> {
         let mut best: Option<(f64, Vec<usize>, usize)> = None;
         for (place, &member) in now.members.iter().enumerate() {
             let others = all_but(&now.members, place);
@@ -487,7 +496,7 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// `now` with a law in the place of one that it excludes, each in its best form.
-    fn swapped_for_rival(&mut self, now: &Answer) -> Option<Option<Answer>> {
+    fn swapped_for_rival(&mut self, now: &EffectSet) -> Option<Option<EffectSet>> {
         for &member in &now.members {
             if self.system.candidate(member).kind.happens() {
                 continue;
@@ -528,9 +537,11 @@ impl<'d, 'a> Search<'d, 'a> {
     pub fn open_rivals(&mut self, members: &[usize], place: usize) -> Option<Vec<usize>> {
         let (member, others) = (members[place], all_but(members, place));
         let rivals = self.rivals(&others, member)?;
-        let is_open = |index: &usize| self.system.candidate(*index).is_open;
-        let rivals: Vec<usize> =
-            rivals.into_iter().filter(|rival| is_open(rival) || is_open(&member)).collect();
+        let has_several_solutions = |index: &usize| self.system.candidate(*index).has_several_solutions;
+        let rivals: Vec<usize> = rivals
+            .into_iter()
+            .filter(|rival| has_several_solutions(rival) || has_several_solutions(&member))
+            .collect();
         rivals.into_iter().map(|rival| self.refined(&others, rival)).collect()
     }
 
@@ -559,26 +570,26 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// `now` with one more effect and without the members that become unnecessary: one law replaces several that imitate it.
-    fn exchanged(&mut self, now: &Answer) -> Option<Option<Answer>> {
+    fn exchanged(&mut self, now: &EffectSet) -> Option<Option<EffectSet>> {
         let nearest = self.nearest(&now.members, f64::NEG_INFINITY)?;
         self.exchanged_for(now, &nearest)
     }
 
     /// The same exchange with the candidates that explain most alone: many members together may leave nothing for such a candidate to explain.
-    pub fn exchanged_whole(&mut self, now: &Answer) -> Option<Option<Answer>> {
+    pub fn exchanged_whole(&mut self, now: &EffectSet) -> Option<Option<EffectSet>> {
         let nearest = self.nearest(&[], 0.0)?;
         self.exchanged_for(now, &nearest)
     }
 
     /// The same exchange with one of `others`, in their order.
-    fn exchanged_for(&mut self, now: &Answer, others: &[usize]) -> Option<Option<Answer>> {
+    fn exchanged_for(&mut self, now: &EffectSet, others: &[usize]) -> Option<Option<EffectSet>> {
         for &index in others {
             let Some(members) = self.thinned(&now.members, index)? else { continue };
             let Some((&last, others)) = members.split_last() else { continue };
             if !self.is_inside(others, last)? {
                 continue;
             }
-            if self.about(&members)? <= now.evidence + WORTH {
+            if self.approximate_evidence(&members)? <= now.evidence + WORTH {
                 continue;
             }
             if let Some(better) = self.accepted(now, members)? {

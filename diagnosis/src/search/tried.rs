@@ -24,19 +24,20 @@ pub(crate) struct Tried {
 pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
     let mut all = Vec::new();
     // The search may have ended with other tolerances at an edge.
-    if search.system.pin(fit).is_none() {
+    if search.system.hold_tolerances(fit).is_none() {
         return all;
     }
     for (place, &member) in fit.members.iter().enumerate() {
         let others = all_but(&fit.members, place);
-        let (Some(without), Some(own)) = (search.system.fit(&others), search.system.held_fit(&fit.members))
+        let (Some(without), Some(own)) =
+            (search.system.fit(&others), search.system.fit_within_tolerances(&fit.members))
         else {
             continue;
         };
         for index in nearest(search, &without, member) {
             let Some(index) = search.refined(&others, index) else { continue };
             let instead: Vec<usize> = others.iter().copied().chain([index]).collect();
-            let Some(there) = search.system.held_fit(&instead) else { continue };
+            let Some(there) = search.system.fit_within_tolerances(&instead) else { continue };
             all.push(Tried { place, index, against: own.value - there.value });
         }
     }
@@ -52,7 +53,7 @@ fn nearest(search: &Search, without: &Fit, member: usize) -> Vec<usize> {
         let is_taken = without.members.iter().any(|&known| system.candidate(known).excludes(other));
         !is_taken && !other.same_effect(named) && other.meets(named) && !other.contains(named)
     };
-    let candidates: Vec<usize> = search.laid.iter().copied().filter(may).collect();
+    let candidates: Vec<usize> = search.available.iter().copied().filter(may).collect();
     let gains = system.gains(without, &candidates);
     let mut best: BTreeMap<(&str, Option<usize>), (f64, usize)> = BTreeMap::new();
     for (&index, gain) in candidates.iter().zip(&gains) {

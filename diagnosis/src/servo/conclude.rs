@@ -93,7 +93,7 @@ impl Conclusion<'_> {
         if let Some(burden) = &self.numbers.fitted.model.burden {
             model.effects.extend(burden.tables());
         }
-        let (happened, stops) = self.happenings();
+        let (happened, stops) = self.event_effects();
         effects.extend(happened);
         for stop in stops {
             let is_same = |table: &&mut EffectTable| table.kind == stop.kind && table.joint == stop.joint;
@@ -173,7 +173,8 @@ impl Conclusion<'_> {
     fn told(&self, finding: &Finding) -> Option<f64> {
         let Some(changes) = self.changes else {
             let evidence = self.evidence(finding);
-            return (self.is_told(finding) && evidence > named_from(self.moves.len())).then_some(evidence);
+            return (self.is_strong_evidence(finding) && evidence > named_from(self.moves.len()))
+                .then_some(evidence);
         };
         let references = self.references(finding);
         let said = changes.iter().filter_map(|change| {
@@ -193,7 +194,7 @@ impl Conclusion<'_> {
     /// Returns true if the data support `finding` against the reference values. One of its parameters must lie beyond the deviation of fit and tolerance. Put
     /// back, with all other parameters refitted, it must move the simulated position somewhere in the choice part by more than a step of the encoder. Smaller
     /// differences also show in thousands of rows, but only if the model is that exact.
-    fn is_told(&self, finding: &Finding) -> bool {
+    fn is_strong_evidence(&self, finding: &Finding) -> bool {
         let references = self.references(finding);
         let tells = |(index, old): &(usize, f64)| {
             let other = self.numbers.fitted.with(self.numbers.unknowns, *index, *old);

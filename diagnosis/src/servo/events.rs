@@ -243,8 +243,8 @@ impl Judging<'_> {
             }
         }
         let force = normal.clone().try_inverse().map(|inverse| inverse * right);
-        let is_told = joints.iter().all(|joint| self.is_known[*joint]);
-        let force = force.filter(|force| is_told && force.iter().all(|f| f.is_finite()));
+        let is_strong_evidence = joints.iter().all(|joint| self.is_known[*joint]);
+        let force = force.filter(|force| is_strong_evidence && force.iter().all(|f| f.is_finite()));
         What::Contact {
             joints,
             point: point.map(|sum: f64| sum / f64::max(count, 1.0)),

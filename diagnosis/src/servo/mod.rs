@@ -11,7 +11,7 @@
 //! - `scores`: errors on the test part.
 //! - `events`: stops and contacts, which no servo explains.
 //! - `torque_law`, `beside_torque`, `torque_servos`: for recordings with torques, the law of each joint, its validity, and its findings.
-//! - `findings`: the parameters as effects; `happenings`: events as effects; `passages`: rows for pictures; `conclude`: the result; `diagnose`: the whole
+//! - `findings`: the parameters as effects; `event_effects`: events as effects; `passages`: rows for pictures; `conclude`: the result; `diagnose`: the whole
 //!   sequence.
 
 mod alone;
@@ -22,9 +22,9 @@ mod changes;
 mod compare;
 mod conclude;
 mod diagnose;
+mod event_effects;
 mod events;
 mod findings;
-mod happenings;
 mod limits;
 mod parts;
 mod passages;

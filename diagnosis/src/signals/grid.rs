@@ -7,7 +7,7 @@ use freeplay_recording::Recording;
 
 use crate::error::{FEWEST, ResidualError};
 use crate::signals::missing::bridged;
-use crate::signals::stamps::steadied;
+use crate::signals::stamps::corrected_stamps;
 use crate::statistics::{FINEST, roughness, span};
 
 /// A step this many times longer than the usual ones is a gap; nothing is interpolated across a gap. A bus that delivers in bursts makes shorter steps, and a
@@ -67,7 +67,7 @@ impl Grid {
             return Ok(stamped);
         }
         let stretches = stamped.stretches.iter().map(|stretch| stretch.rows.clone());
-        let steady = steadied(&recording.t, stretches).and_then(|t| {
+        let steady = corrected_stamps(&recording.t, stretches).and_then(|t| {
             Some(Self { jitter: stamped.jitter, longest: stamped.longest, ..Self::of(&t)?.with_times(&t) })
         });
         Ok(steady.filter(|steady| steady.is_smoother_than(&stamped, recording)).unwrap_or(stamped))

@@ -28,7 +28,7 @@ const WORTH_A_STEP: f64 = 1e-5;
 const LEAST_LESS: f64 = 0.05;
 
 /// The prediction of effects, the effect whose initial state the fit set, and the residuals of the channels that determine this state.
-struct Began {
+struct Trial {
     said: Prediction,
     law: Placed,
     left: Vec<f64>,
@@ -39,14 +39,14 @@ struct Began {
 ///
 /// # Errors
 /// Those of `machine`.
-pub(crate) fn begun<'p>(
+pub(crate) fn predicted_with_initial_states<'p>(
     effects: &[&'p Placed],
     machine: impl Fn(&[&'p Placed]) -> Result<Baseline<'p>, LawError>,
     left: impl Fn(&Prediction, Kind) -> Option<Vec<f64>>,
 ) -> Result<Prediction, LawError> {
     let mut best = machine(effects)?.prediction().clone();
     let (others, open): (Vec<&Placed>, Vec<&Placed>) =
-        effects.iter().copied().partition(|law| told_by(law).is_empty());
+        effects.iter().copied().partition(|law| observed_by(law).is_empty());
     if open.is_empty() {
         return Ok(best);
     }
@@ -54,29 +54,35 @@ pub(crate) fn begun<'p>(
     let mut known: Vec<Option<Placed>> = open.iter().map(|_| None).collect();
     for (index, law) in open.iter().enumerate() {
         let left = |said: &Prediction| -> Option<Vec<f64>> {
-            Some(told_by(law).into_iter().map(|kind| left(said, kind)).collect::<Option<Vec<_>>>()?.concat())
+            Some(
+                observed_by(law)
+                    .into_iter()
+                    .map(|kind| left(said, kind))
+                    .collect::<Option<Vec<_>>>()?
+                    .concat(),
+            )
         };
         let Some(now) = left(&best) else { continue };
         let beside = open.iter().zip(&known).enumerate().filter(|(other, _)| *other != index);
         let beside: Vec<&Placed> = beside.map(|(_, (open, known))| known.as_ref().unwrap_or(open)).collect();
         let others = others.upon(&beside)?;
-        let at = |start: Start| -> Result<Option<Began>, LawError> {
+        let at = |start: Start| -> Result<Option<Trial>, LawError> {
             let Some(effect) = law.effect.with_initial_state(start) else { return Ok(None) };
             let law = Placed { kind: law.kind, joint: law.joint, effect, line: law.line };
             let said = others.with(&[&law])?;
-            Ok(left(&said).map(|left| Began { said, law, left }))
+            Ok(left(&said).map(|left| Trial { said, law, left }))
         };
-        let squares = |began: &Began| square(&began.left);
+        let squares = |began: &Trial| square(&began.left);
         let found = if is_between(law) {
             between(square(&now), |place| at(Start::Between(place)), squares)?
         } else {
-            let step = |here: &Began, nudged: [&Began; 2]| {
+            let step = |here: &Trial, nudged: [&Trial; 2]| {
                 gauss_newton_step(&here.left, nudged.map(|there| &*there.left))
             };
             within((square(&now), None), |place| at(Start::Within(place)), squares, step)?
                 .map(|(_, began)| began)
         };
-        if let Some(Began { said, law, .. }) = found {
+        if let Some(Trial { said, law, .. }) = found {
             (best, known[index]) = (said, Some(law));
         }
     }
@@ -89,7 +95,7 @@ fn is_between(law: &Placed) -> bool {
 }
 
 /// The kinds of channel that determine the initial state of `law`: none if the law has no memory, or if the file gives its state.
-fn told_by(law: &Placed) -> Vec<Kind> {
+fn observed_by(law: &Placed) -> Vec<Kind> {
     match law.joint {
         Some(joint) if is_between(law) => vec![Kind::Torque(joint)],
         Some(_) if law.effect.with_initial_state(Start::Within([0.0; 2])).is_some() => {

@@ -11,7 +11,7 @@ use freeplay_recording::Recording;
 use crate::error::ResidualError;
 use crate::signals::grid::{Grid, Stretch, no_grid};
 use crate::signals::motion::Treatment;
-use crate::signals::stamps::steadied;
+use crate::signals::stamps::corrected_stamps;
 
 /// Largest number of rows times joints of a recording without parts, and of each part of a longer one: such a column for every joint takes 16 MB, and
 /// some tens exist at once.
@@ -42,7 +42,7 @@ impl Grid {
     ///
     /// # Errors
     /// See [`Grid::new`].
-    pub(crate) fn judged_by(recording: &Recording, most: usize) -> Result<Self, ResidualError> {
+    pub(crate) fn decided_by_windows(recording: &Recording, most: usize) -> Result<Self, ResidualError> {
         if recording.len() <= most {
             return Self::new(recording);
         }
@@ -104,7 +104,8 @@ impl Grid {
             whole.rows.start + first..whole.rows.end.min(whole.rows.start + end)
         };
         let shake = self.is_steadied && !whole.even;
-        let times = shake.then(|| steadied(&recording.t[rows.clone()], std::iter::once(0..rows.len())));
+        let times =
+            shake.then(|| corrected_stamps(&recording.t[rows.clone()], std::iter::once(0..rows.len())));
         let times = times.flatten();
         // A grid through corrected samples, at most half a step aside, needs interpolation only at a lost sample.
         let aside = times.as_ref().map_or(0.0, |t| (t[0] - time(span.start)) / self.step);

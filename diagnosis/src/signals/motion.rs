@@ -66,14 +66,14 @@ impl Treatment {
     /// [`ResidualError::Stamps`], [`ResidualError::Cutoff`], [`ResidualError::Trim`], and [`ResidualError::TooShort`] if no stretch
     /// lasts four periods of the cutoff.
     pub fn new(arm: &Arm, recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
-        Self::judged_by(arm, recording, settings, usize::MAX)
+        Self::decided_by_windows(arm, recording, settings, usize::MAX)
     }
 
     /// The treatment of a `recording` of `arm`. Decisions about the whole recording use about `most` rows.
     ///
     /// # Errors
     /// See [`Treatment::new`].
-    pub(crate) fn judged_by(
+    pub(crate) fn decided_by_windows(
         arm: &Arm,
         recording: &Recording,
         settings: &Settings,
@@ -82,7 +82,7 @@ impl Treatment {
         if let Some(trim_s) = settings.trim_s.filter(|trim| !(*trim >= 0.0 && trim.is_finite())) {
             return Err(ResidualError::Trim { trim_s });
         }
-        let grid = Grid::judged_by(recording, most)?;
+        let grid = Grid::decided_by_windows(recording, most)?;
         let mut treatment = Self::on(grid.clone(), recording, settings)?;
         if settings.lowpass_hz.is_some() {
             return Ok(treatment);

@@ -10,10 +10,10 @@ use freeplay_recording::{Group, Recording};
 
 use crate::error::ResidualError;
 use crate::signals::channel::{Channel, Kind};
-use crate::signals::initial_state::begun;
+use crate::signals::initial_state::predicted_with_initial_states;
 use crate::signals::missing::masked;
 use crate::signals::motion::Treatment;
-use crate::signals::rest::settle;
+use crate::signals::rest::clamp_at_rest;
 use crate::statistics::{Moments, difference};
 
 /// All channels of a recording that a model can predict, on one grid after the treatment.
@@ -43,7 +43,7 @@ pub fn residuals(
     let whole = treatment.whole_motion(recording);
     let sharpening = Sharpening::of(arm, recording, treatment, &whole);
     let mut residuals = residuals_along(arm, effects, recording, treatment, &whole, &sharpening)?;
-    settle(arm, effects, recording, treatment, (&whole, &sharpening), &mut residuals)?;
+    clamp_at_rest(arm, effects, recording, treatment, (&whole, &sharpening), &mut residuals)?;
     Ok(residuals)
 }
 
@@ -65,7 +65,7 @@ pub(crate) fn residuals_along(
         Some(masked(off, treatment.present(recording, column).as_deref()))
     };
     let effects: Vec<&Placed> = effects.iter().collect();
-    let prediction = begun(&effects, machine, left)?;
+    let prediction = predicted_with_initial_states(&effects, machine, left)?;
     let channels = channels(arm, recording, treatment, &prediction);
     if channels.iter().all(Channel::is_missing) {
         return Err(ResidualError::NothingToCompare { origin: recording.origin.clone(), joints: arm.dof() });

@@ -22,7 +22,7 @@ pub(crate) const STILL: f64 = 1e-4;
 ///
 /// # Errors
 /// See [`ResidualError`].
-pub(crate) fn settle(
+pub(crate) fn clamp_at_rest(
     arm: &Arm,
     effects: &[Placed],
     recording: &Recording,

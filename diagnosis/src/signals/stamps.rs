@@ -10,7 +10,7 @@ const NEAR: usize = 3;
 
 /// Corrected stamps `t` of evenly spaced samples, some of them lost, whose stamps are late at random: the straight line through the stamps over the
 /// count of all samples. The function treats each stretch of `stretches` alone; `None` if no such line fits.
-pub(crate) fn steadied(t: &[f64], stretches: impl Iterator<Item = Range<usize>>) -> Option<Vec<f64>> {
+pub(crate) fn corrected_stamps(t: &[f64], stretches: impl Iterator<Item = Range<usize>>) -> Option<Vec<f64>> {
     let mut steady = t.to_vec();
     for rows in stretches {
         if rows.len() > 2 * AROUND {
@@ -74,7 +74,7 @@ fn median(x: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::steadied;
+    use super::corrected_stamps;
 
     /// Stamps of 1000 samples, of which those in `lost` are missing, late by up to `shake` of the step 0.01 s.
     fn stamps(lost: &[usize], shake: f64) -> Vec<f64> {
@@ -86,7 +86,7 @@ mod tests {
     fn shaking_stamps_are_steadied_and_lost_samples_stay_lost() {
         for lost in [vec![], vec![300], vec![200, 201, 640]] {
             let shaking = stamps(&lost, 0.6);
-            let steady = steadied(&shaking, std::iter::once(0..shaking.len())).expect("a line");
+            let steady = corrected_stamps(&shaking, std::iter::once(0..shaking.len())).expect("a line");
             let exact = stamps(&lost, 0.0);
             let late = steady.iter().zip(&exact).map(|(a, b)| a - b).collect::<Vec<_>>();
             let (least, most) = late.iter().fold((f64::MAX, f64::MIN), |(l, m), x| (l.min(*x), m.max(*x)));
@@ -103,10 +103,10 @@ mod tests {
     #[test]
     fn bursts_are_spread_and_a_clock_that_changes_its_rate_is_left_alone() {
         let bursts: Vec<f64> = (0..1000).map(|k| f64::from(k / 5) * 0.05 + f64::from(k % 5) * 1e-6).collect();
-        let steady = steadied(&bursts, std::iter::once(0..bursts.len())).expect("a line");
+        let steady = corrected_stamps(&bursts, std::iter::once(0..bursts.len())).expect("a line");
         assert!(steady.windows(2).all(|pair| (pair[1] - pair[0] - 0.01).abs() < 1e-5));
         let drifting: Vec<f64> =
             (0..1000).map(|k| 0.01 * f64::from(k) + 1e-6 * f64::from(k).powi(2)).collect();
-        assert!(steadied(&drifting, std::iter::once(0..drifting.len())).is_none());
+        assert!(corrected_stamps(&drifting, std::iter::once(0..drifting.len())).is_none());
     }
 }

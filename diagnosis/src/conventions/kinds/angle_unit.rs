@@ -9,7 +9,7 @@ use freeplay_arm::{Arm, JointKind};
 
 use super::super::change::{Change, reading};
 use super::super::finding::{Certainty, SetupFinding};
-use super::{Ask, Told};
+use super::{Ask, Results};
 use crate::statistics::variance;
 
 /// Factor by which a joint may exceed its limits: beyond it the cause is no overshoot but another unit. Limits of speed are placeholders in many files.
@@ -28,9 +28,9 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| *change == Change::AngleUnit);
-    found.into_iter().map(|_| finding(told.arm, Certainty::Sure)).collect()
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    let found = results.of(|change| *change == Change::AngleUnit);
+    found.into_iter().map(|_| finding(results.arm, Certainty::Sure)).collect()
 }
 
 fn finding(arm: &Arm, certainty: Certainty) -> SetupFinding {

@@ -5,7 +5,7 @@
 
 use super::super::change::{Change, Late, groups};
 use super::super::finding::{Certainty, SetupFinding};
-use super::{Ask, Told};
+use super::{Ask, Results};
 
 /// Greatest delay of the catalogue, s: with a larger one, no position loop of 3.5 Hz would be stable (60 degrees of its phase).
 pub(crate) const LEAST: f64 = 0.048;
@@ -30,8 +30,8 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| matches!(change, Change::Delay(..)));
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    let found = results.of(|change| matches!(change, Change::Delay(..)));
     let one = |change| match change {
         Change::Delay(late, delay) => Some(finding(late, delay, Certainty::Sure)),
         _ => None,

@@ -4,7 +4,7 @@
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
-use super::{Ask, Told};
+use super::{Ask, Results};
 
 /// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
@@ -13,8 +13,8 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| *change == Change::Compensated);
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    let found = results.of(|change| *change == Change::Compensated);
     let one = |change: Change| {
         SetupFinding {
         kind: "gravity_compensated",
@@ -24,7 +24,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
         certainty: Certainty::Sure,
         statement: format!(
             "The torques hold no gravity: the controller, or the driver, has taken the arm's weight out of them.{}",
-            told.rival(&change)
+            results.rival(&change)
         ),
         remedy: "Record the whole torque, or say gravity_compensated = true in the mapping, which adds the model's weight."
             .to_owned(),

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::outcome::Outcome;
-use super::{Ask, Told, brief};
+use super::{Ask, Results, brief};
 
 /// Greatest tilt of a base in the catalogue, rad: mountings are rotated by 30 degrees and more.
 pub(crate) const LEAST: f64 = 0.44;
@@ -32,10 +32,10 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| matches!(change, Change::Gravity(_) | Change::AnyGravity));
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    let found = results.of(|change| matches!(change, Change::Gravity(_) | Change::AnyGravity));
     let Some(&change) = found.first() else { return Vec::new() };
-    let (gravity, angle) = (told.best.gravity, angle(told.arm, told.best));
+    let (gravity, angle) = (results.best.gravity, angle(results.arm, results.best));
     let numbers: Vec<String> = gravity.iter().map(|x| format!("{}", (x * 1e4).round() / 1e4)).collect();
     let standing = if angle > 2.8 {
         "The arm hangs upside down against its model"
@@ -54,7 +54,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
             "{standing}: its torques show gravity turned by {} degrees, [{}] m/s² in the base frame.{}",
             brief(angle.to_degrees()),
             numbers.join(", "),
-            told.rival(&change)
+            results.rival(&change)
         ),
         remedy: format!("Write gravity = [{}] into the arm file.", numbers.join(", ")),
         gravity: Some([gravity.x, gravity.y, gravity.z]),

@@ -6,7 +6,7 @@ use freeplay_arm::JointKind;
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
-use super::{Ask, Told};
+use super::{Ask, Results};
 
 /// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
@@ -17,11 +17,11 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| matches!(change, Change::Relative { .. }));
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    let found = results.of(|change| matches!(change, Change::Relative { .. }));
     let one = |change: Change| {
         let Change::Relative { joint, other, factor } = change else { return None };
-        let (name, other) = (told.name(joint), told.name(other));
+        let (name, other) = (results.name(joint), results.name(other));
         let (sum, back) = if factor > 0.0 { ("plus", "Subtract") } else { ("minus", "Add") };
         Some(SetupFinding {
             kind: "joint_coordinates",
@@ -30,7 +30,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
             certainty: Certainty::Sure,
             statement: format!(
                 "The position of {name} is recorded relative to the arm's base, not to {other}: it is the model's {name} {sum} {other}.{}",
-                told.rival(&change)
+                results.rival(&change)
             ),
             remedy: format!("{back} {other} in the mapping."),
             joint: Some(name),

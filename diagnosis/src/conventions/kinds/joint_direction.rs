@@ -4,7 +4,7 @@
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
-use super::{Ask, Told};
+use super::{Ask, Results};
 use crate::signals::rest::STILL;
 use crate::statistics::Moments;
 
@@ -20,14 +20,14 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| matches!(change, Change::Direction { .. }));
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    let found = results.of(|change| matches!(change, Change::Direction { .. }));
     let one = |change: Change| {
         let Change::Direction { joint, with_torque } = change else { return None };
-        let name = told.name(joint);
+        let name = results.name(joint);
         let torque =
-            if !told.best.changes.is_empty() && with_torque { ", and its torque with it" } else { "" };
-        let rival = told.rival(&change);
+            if !results.best.changes.is_empty() && with_torque { ", and its torque with it" } else { "" };
+        let rival = results.rival(&change);
         Some(SetupFinding {
             kind: "joint_direction",
             value: -1.0,

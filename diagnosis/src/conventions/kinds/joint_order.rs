@@ -5,7 +5,7 @@
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
-use super::{Ask, Told, listed};
+use super::{Ask, Results, listed};
 
 /// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
@@ -14,15 +14,15 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy: one finding for each joint that has another column, with that column's number as its value.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| matches!(change, Change::Exchange(..)));
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    let found = results.of(|change| matches!(change, Change::Exchange(..)));
     if found.is_empty() {
         return Vec::new();
     }
-    let reading = super::super::change::reading(told.arm, &found);
+    let reading = super::super::change::reading(results.arm, &found);
     let sources: Vec<usize> = reading.positions.iter().map(|position| position.source).collect();
     let moved: Vec<usize> = (0..sources.len()).filter(|&joint| sources[joint] != joint).collect();
-    let names: Vec<String> = moved.iter().map(|&joint| told.name(joint)).collect();
+    let names: Vec<String> = moved.iter().map(|&joint| results.name(joint)).collect();
     let columns: Vec<String> = sources.iter().map(|source| format!("q{}", source + 1)).collect();
     let statement = if moved.len() == 2 {
         format!("{} are exchanged in the recording.", listed(&names))
@@ -35,7 +35,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let remedy = format!("Name the columns in the model's order in the mapping: {}.", columns.join(", "));
     let one = |joint: &usize| SetupFinding {
         kind: "joint_order",
-        joint: Some(told.name(*joint)),
+        joint: Some(results.name(*joint)),
         value: (sources[*joint] + 1) as f64,
         unit: "1",
         certainty: Certainty::Sure,

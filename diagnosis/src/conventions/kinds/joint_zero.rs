@@ -12,7 +12,7 @@ pub(crate) use freeplay_laws::catalogue::MOST_ENCODER_OFFSET as LEAST;
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
-use super::{Ask, Told, brief};
+use super::{Ask, Results, brief};
 
 /// Number of tested parts of half a turn: a fit that starts within 15 degrees of an offset finds it, and right angles are among them.
 const PARTS: i8 = 6;
@@ -38,11 +38,11 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| matches!(change, Change::Zero { .. }));
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    let found = results.of(|change| matches!(change, Change::Zero { .. }));
     let one = |change: Change| {
         let Change::Zero { joint, offset, .. } = change else { return None };
-        let (name, degrees) = (told.name(joint), brief(offset.to_degrees()));
+        let (name, degrees) = (results.name(joint), brief(offset.to_degrees()));
         Some(SetupFinding {
             kind: "joint_zero",
             value: offset,
@@ -50,7 +50,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
             certainty: Certainty::Sure,
             statement: format!(
                 "{name} reads {degrees} degrees where the model has its zero.{}",
-                told.rival(&change)
+                results.rival(&change)
             ),
             remedy: format!(
                 "Take {} rad off {name} in the mapping, or turn its frame in the model.",

@@ -36,7 +36,7 @@ pub(crate) struct Ask<'a> {
 }
 
 /// Input of a kind for its findings.
-pub(crate) struct Told<'a> {
+pub(crate) struct Results<'a> {
     pub arm: &'a Arm,
     /// The best set.
     pub best: &'a Outcome,
@@ -46,7 +46,7 @@ pub(crate) struct Told<'a> {
     pub rivals: &'a [(Change, String)],
 }
 
-impl Told<'_> {
+impl Results<'_> {
     /// The name of a joint.
     pub fn name(&self, joint: usize) -> String {
         self.arm.joints()[joint].name.clone()
@@ -67,21 +67,21 @@ impl Told<'_> {
 /// A kind that the search tests.
 struct Kind {
     asks: fn(&Ask) -> Vec<Change>,
-    says: fn(&Told) -> Vec<SetupFinding>,
+    findings: fn(&Results) -> Vec<SetupFinding>,
 }
 
 /// In the order in which a person would correct them.
 const KINDS: [Kind; 10] = [
-    Kind { asks: angle_unit::asks, says: angle_unit::says },
-    Kind { asks: joint_order::asks, says: joint_order::says },
-    Kind { asks: joint_direction::asks, says: joint_direction::says },
-    Kind { asks: joint_zero::asks, says: joint_zero::says },
-    Kind { asks: joint_coordinates::asks, says: joint_coordinates::says },
-    Kind { asks: torque_sign::asks, says: torque_sign::says },
-    Kind { asks: torque_unit::asks, says: torque_unit::says },
-    Kind { asks: gravity_direction::asks, says: gravity_direction::says },
-    Kind { asks: gravity_compensated::asks, says: gravity_compensated::says },
-    Kind { asks: clock_offset::asks, says: clock_offset::says },
+    Kind { asks: angle_unit::asks, findings: angle_unit::findings },
+    Kind { asks: joint_order::asks, findings: joint_order::findings },
+    Kind { asks: joint_direction::asks, findings: joint_direction::findings },
+    Kind { asks: joint_zero::asks, findings: joint_zero::findings },
+    Kind { asks: joint_coordinates::asks, findings: joint_coordinates::findings },
+    Kind { asks: torque_sign::asks, findings: torque_sign::findings },
+    Kind { asks: torque_unit::asks, findings: torque_unit::findings },
+    Kind { asks: gravity_direction::asks, findings: gravity_direction::findings },
+    Kind { asks: gravity_compensated::asks, findings: gravity_compensated::findings },
+    Kind { asks: clock_offset::asks, findings: clock_offset::findings },
 ];
 
 /// All hypotheses, physics beside the reading included.
@@ -94,8 +94,8 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// The findings of the certain changes.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    KINDS.iter().flat_map(|kind| (kind.says)(told)).collect()
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    KINDS.iter().flat_map(|kind| (kind.findings)(results)).collect()
 }
 
 /// Returns true if a change is so small that it belongs to the catalogue of effects, whose law describes it better.

@@ -4,7 +4,7 @@
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
-use super::{Ask, Told, listed};
+use super::{Ask, Results, listed};
 
 /// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
@@ -13,12 +13,12 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy: one finding for all joints, or one each.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| matches!(change, Change::TorqueSign(_)));
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
+    let found = results.of(|change| matches!(change, Change::TorqueSign(_)));
     let Some(&first) = found.first() else { return Vec::new() };
     let joints: Vec<usize> = found.iter().filter_map(Change::joint).collect();
-    let is_all = joints.len() == told.arm.dof();
-    let names: Vec<String> = joints.iter().map(|&joint| told.name(joint)).collect();
+    let is_all = joints.len() == results.arm.dof();
+    let names: Vec<String> = joints.iter().map(|&joint| results.name(joint)).collect();
     let whose = if is_all {
         "All torques".to_owned()
     } else {
@@ -27,7 +27,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let verb = if names.len() > 1 { "have" } else { "has" };
     let statement = format!(
         "{whose} {verb} the other sign than the model's: positive should drive the joint forward.{}",
-        told.rival(&first)
+        results.rival(&first)
     );
     let finding = |joint: Option<String>| SetupFinding {
         kind: "torque_sign",

@@ -6,7 +6,7 @@
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::outcome::Outcome;
-use super::{Ask, Told, brief, listed};
+use super::{Ask, Results, brief, listed};
 
 /// Between a half and two, a wrong gain or mass explains a scale; no unit does.
 const NEAR: f64 = 2.0;
@@ -59,29 +59,29 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 }
 
 /// Words and remedy; one statement for all joints that share a constant.
-pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
+pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
     let found =
-        told.of(|change| matches!(change, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale));
+        results.of(|change| matches!(change, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale));
     let mut joints: Vec<(usize, f64)> = Vec::new();
     for change in found {
-        let of = |joint: usize| (joint, told.best.scale[joint]);
+        let of = |joint: usize| (joint, results.best.scale[joint]);
         match change.joint() {
             Some(joint) => joints.push(of(joint)),
-            None => joints.extend((0..told.arm.dof()).map(of)),
+            None => joints.extend((0..results.arm.dof()).map(of)),
         }
     }
     joints.sort_by_key(|(joint, ..)| *joint);
     let Some(&(_, first)) = joints.first() else { return Vec::new() };
     let is_one = joints.iter().all(|(_, scale)| (scale / first - 1.0).abs() < SAME);
-    let is_all = joints.len() == told.arm.dof();
+    let is_all = joints.len() == results.arm.dof();
     if is_one {
-        return of_one(told, &joints, first, is_all);
+        return of_one(results, &joints, first, is_all);
     }
-    of_several(told, &joints, is_all)
+    of_several(results, &joints, is_all)
 }
 
-fn of_one(told: &Told, joints: &[(usize, f64)], scale: f64, is_all: bool) -> Vec<SetupFinding> {
-    let names: Vec<String> = joints.iter().map(|(joint, ..)| told.name(*joint)).collect();
+fn of_one(results: &Results, joints: &[(usize, f64)], scale: f64, is_all: bool) -> Vec<SetupFinding> {
+    let names: Vec<String> = joints.iter().map(|(joint, ..)| results.name(*joint)).collect();
     let whose = whose(&names, is_all);
     let statement = format!(
         "{whose} {} the model's at every load. {}",
@@ -96,8 +96,8 @@ fn of_one(told: &Told, joints: &[(usize, f64)], scale: f64, is_all: bool) -> Vec
     names.into_iter().map(|name| one(Some(name))).collect()
 }
 
-fn of_several(told: &Told, joints: &[(usize, f64)], is_all: bool) -> Vec<SetupFinding> {
-    let names: Vec<String> = joints.iter().map(|(joint, ..)| told.name(*joint)).collect();
+fn of_several(results: &Results, joints: &[(usize, f64)], is_all: bool) -> Vec<SetupFinding> {
+    let names: Vec<String> = joints.iter().map(|(joint, ..)| results.name(*joint)).collect();
     let constants: Vec<String> = joints.iter().map(|(_, scale)| brief(1.0 / scale)).collect();
     let question = if joints.iter().all(|(_, scale)| *scale < 1.0) {
         "Are they motor currents in amperes, or torques on the motor's side of the gears?"

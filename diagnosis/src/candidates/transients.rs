@@ -54,7 +54,7 @@ impl WhiteTorques {
 
     /// Number of equally probable ways in which a `kind` may happen at one place. It may start at each used row, and its duration is between one row
     /// and all rows, uniform in the logarithm (Jeffreys 1961, Theory of Probability, §3.1).
-    pub fn tried(&self, kind: &EffectKind) -> usize {
+    pub fn way_count(&self, kind: &EffectKind) -> usize {
         let rows = self.torques.iter().flatten().map(Torque::count).sum::<usize>();
         let torques = self.torques.iter().flatten().count().max(1);
         let recordings = (self.torques.len() / self.channels_per_recording.max(1)).max(1);

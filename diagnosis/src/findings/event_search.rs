@@ -3,7 +3,7 @@
 use freeplay_laws::kinds;
 
 use crate::candidates::candidate::{Candidate, at_place, places};
-use crate::candidates::moments::{END, MOST, WhiteTorques, window};
+use crate::candidates::transients::{END, MOST, WhiteTorques, window};
 use crate::data::columns::{add_all, less, sum_of};
 use crate::data::stacked::Data;
 use crate::data::weights::Weights;
@@ -18,12 +18,12 @@ use crate::findings::interval::{holds_nothing, parameters};
 use crate::report::diagnosis::Alternative;
 use crate::search::moves::Search;
 use crate::search::tried::LISTED;
-use crate::statistics::{STRONG, is_told};
+use crate::statistics::{STRONG, is_strong_evidence};
 
 /// The events in the active rows. The found laws leave the `residual`. An event must be more probable than none, and no law of `lasting` may
 /// explain its rows as well. The search uses whitened rows, so that the slow drift of the other residuals does not hide a push. The evidence is that
 /// of the diagnosis. `None` if the system is singular.
-pub(crate) fn happenings(
+pub(crate) fn find_events(
     data: &Data,
     residual: &[Vec<f64>],
     lasting: &[Candidate],
@@ -37,12 +37,12 @@ pub(crate) fn happenings(
     }
     let known = search.candidates(&members);
     let known = known.into_iter().filter_map(|one| one.reformed(data, one.form.clone())).collect();
-    let rest = less(residual, &said(&search, &members, residual)?);
+    let rest = less(residual, &contribution(&search, &members, residual)?);
     let whitening = sizes.whitening(data, &rest);
     let (mut search, members) = found_among(data, residual, &whitening, known)?;
-    let members = beside_laws(&mut search, members, lasting)?;
+    let members = unexplained_by_laws(&mut search, members, lasting)?;
     let odds = odds(data, &mut search, &members, &whitening.least())?;
-    let rest = less(residual, &said(&search, &members, residual)?);
+    let rest = less(residual, &contribution(&search, &members, residual)?);
     let fit = search.system.fit(&members)?;
     let parameters = parameters(&mut search.system, &fit, seed);
     let weights = sizes.by_row();
@@ -83,8 +83,8 @@ fn found_among<'d, 'a>(
     let mut search = Search::new(system, Vec::new());
     let known = known.into_iter().filter_map(|one| search.system.take(one)).collect();
     let members = one_by_one(data, &mut search, known, residual, &mut torques)?;
-    let members = told(data, &search, members, &whitening.least())?;
-    let members = beside_shapes(data, &search, members, residual)?;
+    let members = certain(data, &search, members, &whitening.least())?;
+    let members = unexplained_by_shapes(data, &search, members, residual)?;
     Some((search, members))
 }
 
@@ -131,16 +131,16 @@ fn one_by_one(
     residual: &[Vec<f64>],
     torques: &mut WhiteTorques,
 ) -> Option<Vec<usize>> {
-    let mut now = search.settled(members)?;
+    let mut now = search.with_best_shares(members)?;
     while now.members.len() < MOST * data.recordings.len() {
-        torques.set(&less(residual, &said(search, &now.members, residual)?));
-        search.laid.clear();
+        torques.set(&less(residual, &contribution(search, &now.members, residual)?));
+        search.available.clear();
         for kind in kinds().filter(|kind| kind.happens()) {
             for joint in places(kind, data.arm()) {
                 let Ok((found, _)) = at_place(data, kind, joint, Some(torques)) else { continue };
                 let inside = found.into_iter().filter(|one| is_inside(data, one));
                 let taken: Vec<usize> = inside.filter_map(|one| search.system.take(one)).collect();
-                search.laid.extend(taken);
+                search.available.extend(taken);
             }
         }
         let Some(better) = search.added(&now)? else { break };
@@ -174,7 +174,8 @@ fn at_the_same_time(data: &Data, search: &mut Search, member: usize) -> Vec<usiz
     for kind in kinds().filter(|kind| kind.happens() && kind.parameter(END).is_some()) {
         for joint in places(kind, data.arm()) {
             let other = Candidate::new(data, kind, joint, own.form.clone()).ok().flatten();
-            let other = other.filter(|other| !other.same_effect(&own)).map(|other| other.one_of(own.forms));
+            let other =
+                other.filter(|other| !other.same_effect(&own)).map(|other| other.with_form_count(own.forms));
             all.extend(other.and_then(|other| search.system.take(other)));
         }
     }
@@ -183,7 +184,7 @@ fn at_the_same_time(data: &Data, search: &mut Search, member: usize) -> Vec<usiz
 
 /// The certain ones of `members`: without any of them the rows are less probable, even with heavier tails. A law that is wrong at some places is
 /// wrong at more places than events occur.
-fn told(data: &Data, search: &Search, mut members: Vec<usize>, least: &[f64]) -> Option<Vec<usize>> {
+fn certain(data: &Data, search: &Search, mut members: Vec<usize>, least: &[f64]) -> Option<Vec<usize>> {
     loop {
         let all = probability(data, search, &members, least)?;
         let mut odds = Vec::new();
@@ -194,7 +195,8 @@ fn told(data: &Data, search: &Search, mut members: Vec<usize>, least: &[f64]) ->
                 if is_inside { all - probability(data, search, &others, least)? } else { f64::NEG_INFINITY };
             odds.push((members[place], of_one));
         }
-        let unsure = odds.iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|unsure| !is_told(unsure.1));
+        let unsure =
+            odds.iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|unsure| !is_strong_evidence(unsure.1));
         let Some(&(unsure, _)) = unsure else { return Some(members) };
         members.retain(|member| *member != unsure);
     }
@@ -216,7 +218,7 @@ fn probability(data: &Data, search: &Search, members: &[usize], least: &[f64]) -
 
 /// Those of `members` that remain probable beside shapes of the motion without a name: a torque that follows the motion is no event, whether a law
 /// explains it or not. `None` if the system is singular.
-fn beside_shapes(
+fn unexplained_by_shapes(
     data: &Data,
     search: &Search,
     members: Vec<usize>,
@@ -227,7 +229,7 @@ fn beside_shapes(
     let shapes = NamelessTorques::new(data, &places);
     let evidence = |events: &[usize], places: &[usize]| {
         let named: Vec<usize> = events.iter().map(|&event| members[event]).collect();
-        Some(shapes.evidence(&less(residual, &said(search, &named, residual)?), places))
+        Some(shapes.evidence(&less(residual, &contribution(search, &named, residual)?), places))
     };
     let mut events: Vec<usize> = (0..members.len()).collect();
     let mut all = evidence(&events, &[])?;
@@ -250,7 +252,7 @@ fn beside_shapes(
         let priors: f64 = events.iter().chain(places).map(|&one| priors[one]).sum();
         Some(evidence(events, places)? + priors)
     };
-    let events = beside_places(events, &places, value)?;
+    let events = unexplained_by_places(events, &places, value)?;
     Some(events.into_iter().map(|event| members[event]).collect())
 }
 
@@ -258,7 +260,7 @@ fn beside_shapes(
 /// no event, whether a law explains it or not. The number of an event is that of its place among `places`. `value` is the log of the probability of
 /// events and places; each place has the prior of the event at it. If a joint passes a position only once, the data don't distinguish the two: the
 /// event stays unless the place is better by the odds of a name. `None` if `value` is.
-fn beside_places(
+fn unexplained_by_places(
     mut events: Vec<usize>,
     places: &[Option<JointRange>],
     value: impl Fn(&[usize], &[usize]) -> Option<f64>,
@@ -294,12 +296,16 @@ fn joint_range(data: &Data, candidate: &Candidate) -> Option<JointRange> {
 
 /// Those of `members` that no law of `lasting` replaces: pieces of a law resemble pushes, and whitened rows are sensitive to laws that are too small
 /// to be named. `None` if the system is singular.
-fn beside_laws(search: &mut Search, members: Vec<usize>, lasting: &[Candidate]) -> Option<Vec<usize>> {
+fn unexplained_by_laws(
+    search: &mut Search,
+    members: Vec<usize>,
+    lasting: &[Candidate],
+) -> Option<Vec<usize>> {
     if members.is_empty() {
         return Some(members);
     }
-    search.laid = lasting.iter().filter_map(|law| search.system.take(law.clone())).collect();
-    let mut now = search.settled(members)?;
+    search.available = lasting.iter().filter_map(|law| search.system.take(law.clone())).collect();
+    let mut now = search.with_best_shares(members)?;
     while let Some(better) = search.exchanged_whole(&now)? {
         now = better;
     }
@@ -322,7 +328,7 @@ fn is_inside(data: &Data, candidate: &Candidate) -> bool {
 }
 
 /// The contribution of `members` to every row, before whitening.
-fn said(search: &Search, members: &[usize], rows: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+fn contribution(search: &Search, members: &[usize], rows: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let system = &search.system;
     let fit = system.fit(members)?;
     let mut columns = Vec::new();

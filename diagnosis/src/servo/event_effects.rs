@@ -17,7 +17,7 @@ use crate::statistics::STRONG as NAMED_FROM;
 
 impl Conclusion<'_> {
     /// Stops and contacts as effects, and tables of the stops. Several contacts with the same stop count as one.
-    pub(super) fn happenings(&self) -> (Vec<Effect>, Vec<EffectTable>) {
+    pub(super) fn event_effects(&self) -> (Vec<Effect>, Vec<EffectTable>) {
         let (mut effects, mut tables) = (Vec::new(), Vec::<EffectTable>::new());
         let mut met: BTreeSet<(usize, bool)> = BTreeSet::new();
         for event in &self.events {
