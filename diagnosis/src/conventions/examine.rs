@@ -176,7 +176,7 @@ impl Examination<'_> {
                 // Parameters that were fitted together with such a unit need a new fit.
                 best = search.refitted(&kept);
                 let readings = best.readings();
-                best = search.beside(&readings, &self.large(&best, &readings), None);
+                best = search.best_with_physics(&readings, &self.large(&best, &readings), None);
                 continue;
             }
             let judged = self.judged(search, &best);
@@ -192,7 +192,7 @@ impl Examination<'_> {
             };
             let mut kept = without(&best.changes, least);
             kept.retain(Change::is_reading);
-            best = search.beside(&kept, &self.large(&best, &kept), None);
+            best = search.best_with_physics(&kept, &self.large(&best, &kept), None);
         }
     }
 
@@ -243,8 +243,9 @@ impl Examination<'_> {
             readings.iter().copied().filter(|other| other.joint() != change.joint()).collect();
         // If no other reading is possible without the change, the recording as it stands is the rival.
         let starts = [readings.as_slice(), &others, &[]];
-        let rivals =
-            starts.iter().map(|start| search.beside(start, &self.large(best, start), Some(change.sort())));
+        let rivals = starts
+            .iter()
+            .map(|start| search.best_with_physics(start, &self.large(best, start), Some(change.sort())));
         let Some(other) = rivals.into_iter().find(is_comparable) else {
             return f64::NEG_INFINITY;
         };

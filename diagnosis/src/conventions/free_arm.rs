@@ -69,7 +69,7 @@ pub(super) fn fitted(
     for _ in 0..ROUNDS {
         let (mut normal, mut right) = (DMatrix::<f64>::identity(count, count), DVector::zeros(count));
         for ((cleared, channel), target) in cleared.iter().zip(&channels).zip(targets) {
-            let weight = target.independent / (cleared.left(&beta) + channel.floor);
+            let weight = target.independent / (cleared.residual_square(&beta) + channel.floor);
             for i in 0..count {
                 right[i] += weight * prior[i] * cleared.right[i];
                 for k in 0..count {

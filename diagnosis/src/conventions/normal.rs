@@ -41,7 +41,7 @@ pub(super) fn fit(channels: &[Channel], count: usize) -> Fit {
         for _ in 0..ROUNDS {
             let (mut normal, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
             for (cleared, channel) in cleared.iter().zip(channels) {
-                let weight = 1.0 / (cleared.left(&shared) + channel.floor);
+                let weight = 1.0 / (cleared.residual_square(&shared) + channel.floor);
                 normal += &cleared.normal * weight;
                 right += &cleared.right * weight;
             }
@@ -107,7 +107,7 @@ impl Cleared {
         }
     }
 
-    pub fn left(&self, shared: &[f64]) -> f64 {
+    pub fn residual_square(&self, shared: &[f64]) -> f64 {
         let x = DVector::from_column_slice(shared);
         (self.square - 2.0 * x.dot(&self.right) + x.dot(&(&self.normal * &x))).max(0.0)
     }

@@ -98,7 +98,7 @@ impl<'a> Search<'a> {
     }
 
     /// The best set of `start` with further physics, small misreadings included. The changes of `kept` stay, and the search tries none of the sort `judged`.
-    pub fn beside(&self, start: &[Change], kept: &[Change], judged: Option<u8>) -> Outcome {
+    pub fn best_with_physics(&self, start: &[Change], kept: &[Change], judged: Option<u8>) -> Outcome {
         let scope = Scope::Beside(kept, judged);
         self.settled(&climb(&self.few, start, scope).changes, scope)
     }

@@ -57,16 +57,16 @@ impl Beside {
 
     /// Residual squares of `terms` with their best coefficients.
     pub fn residual_squares(&self, terms: &[(Term, Answer)]) -> f64 {
-        self.fit(&said(terms)).0
+        self.fit(&columns_of(terms)).0
     }
 
     /// The Gauss-Newton step in multiples of two nudges, from the columns of a law's only term `here` and after each nudge; see
     /// [`crate::signals::initial_state::within`].
     pub fn step(&self, here: &[(Term, Answer)], nudged: [&Vec<(Term, Answer)>; 2]) -> Option<[f64; 2]> {
-        let mut columns = said(here);
+        let mut columns = columns_of(here);
         columns.truncate(1);
         for there in nudged {
-            let more = said(there).into_iter().next()?.into_iter().zip(&columns[0]);
+            let more = columns_of(there).into_iter().next()?.into_iter().zip(&columns[0]);
             columns.push(more.map(|(there, here)| difference(there, here.as_deref())).collect());
         }
         let (_, found) = self.fit(&columns);
@@ -102,8 +102,8 @@ impl Beside {
 }
 
 /// The columns of `terms`.
-fn said(terms: &[(Term, Answer)]) -> Vec<Column> {
-    terms.iter().map(|(_, said)| said.clone()).collect()
+fn columns_of(terms: &[(Term, Answer)]) -> Vec<Column> {
+    terms.iter().map(|(_, answer)| answer.clone()).collect()
 }
 
 /// `there` minus `here`.

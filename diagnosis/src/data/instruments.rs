@@ -12,17 +12,22 @@ use crate::signals::filter::derivatives;
 use crate::statistics::difference;
 
 /// Measured minus model of `recording`: the machine on the recorded motion, measured with noise, against the model on the motion of its noisy encoders.
-pub(crate) fn read_badly(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+pub(crate) fn simulated_instrument_residual(
+    recording: &LinearisedRecording,
+    rng: &mut ChaCha8Rng,
+) -> Vec<Vec<f64>> {
     let motion = recording.motion();
     let (torque, tool) =
         (rigid_torques(recording.arm(), motion, None), tool_positions(recording.arm(), &motion.q));
-    let (read, jumps) = misread(recording, rng);
+    let (read, jumps) = simulated_readings(recording, rng);
     let (read_torque, read_tool) =
         (rigid_torques(recording.arm(), &read, None), tool_positions(recording.arm(), &read.q));
     let mut residual = Vec::new();
     for (channel, noise) in recording.channels.iter().zip(&recording.prepared.noises.channels) {
         let mut rest = recording.treated(&match channel.kind {
-            Kind::Link(joint) | Kind::Position(joint) => misreading(rng, &recording.whole().q[joint], noise),
+            Kind::Link(joint) | Kind::Position(joint) => {
+                simulated_error(rng, &recording.whole().q[joint], noise)
+            }
             Kind::Torque(_) | Kind::Tool(_) => normals(rng, recording.whole().len(), noise.deviation),
         });
         let mut add = |truth: &[f64], model: &[f64]| {
@@ -55,7 +60,7 @@ pub(crate) fn rigid_torque_error(
     seed: u64,
 ) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let (read, _) = misread(recording, &mut rng);
+    let (read, _) = simulated_readings(recording, &mut rng);
     let [truth, read] =
         [recording.motion(), &read].map(|motion| rigid_torques(recording.arm(), motion, None));
     let mut error = recording.treated(&normals(&mut rng, recording.whole().len(), noise.deviation));
@@ -65,9 +70,12 @@ pub(crate) fn rigid_torque_error(
 }
 
 /// The motion from noisy encoders, and the resulting error of the model's dry friction, by joint.
-fn misread(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> (Trajectory, Vec<Option<Vec<f64>>>) {
+fn simulated_readings(
+    recording: &LinearisedRecording,
+    rng: &mut ChaCha8Rng,
+) -> (Trajectory, Vec<Option<Vec<f64>>>) {
     let (mut read, whole) = (recording.motion().clone(), recording.whole());
-    let wrong = misread_whole(recording, rng);
+    let wrong = simulated_motion(recording, rng);
     let mut jumps = Vec::new();
     for joint in 0..recording.arm().dof() {
         let into = |column: &mut Vec<f64>, wrong: &[f64], right: &[f64]| {
@@ -89,10 +97,10 @@ fn misread(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> (Trajectory
 }
 
 /// The motion from noisy encoders, on all grid points.
-pub(crate) fn misread_whole(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> Trajectory {
+pub(crate) fn simulated_motion(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> Trajectory {
     let (mut read, whole) = (recording.whole().clone(), recording.whole());
     for (joint, noise) in recording.prepared.noises.positions.iter().enumerate() {
-        let error = recording.prepared.treatment.low_pass(&misreading(rng, &whole.q[joint], noise));
+        let error = recording.prepared.treatment.low_pass(&simulated_error(rng, &whole.q[joint], noise));
         for stretch in &whole.stretches {
             let error = &error[stretch.clone()];
             let (v, a) = derivatives(error, whole.step(stretch));
@@ -108,7 +116,7 @@ pub(crate) fn misread_whole(recording: &LinearisedRecording, rng: &mut ChaCha8Rn
 }
 
 /// Error of an encoder at `position`: its noise, and its rounding, which is not random where the joint hardly moves.
-fn misreading(rng: &mut ChaCha8Rng, position: &[f64], noise: &Noise) -> Vec<f64> {
+fn simulated_error(rng: &mut ChaCha8Rng, position: &[f64], noise: &Noise) -> Vec<f64> {
     let step = noise.step;
     if step <= 0.0 {
         return normals(rng, position.len(), noise.deviation);

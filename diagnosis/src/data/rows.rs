@@ -9,7 +9,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::data::columns::Answer;
-use crate::data::instruments::misread_whole;
+use crate::data::instruments::simulated_motion;
 use crate::data::linearised::LinearisedRecording;
 use crate::random::normals;
 use crate::signals::channel::{Channel, Kind};
@@ -168,7 +168,7 @@ pub(crate) fn solution_spread_with(recording: &LinearisedRecording, found: &[Pla
 /// Speeds of each joint of `recording` that its encoder does not show, on all grid points: those that the noise of the encoder hides, and those below the
 /// speed of a joint at rest.
 fn unseen_speeds(recording: &LinearisedRecording, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
-    let (read, whole) = (misread_whole(recording, rng), recording.whole());
+    let (read, whole) = (simulated_motion(recording, rng), recording.whole());
     let of_joint = |(read, v): (&Vec<f64>, &Vec<f64>)| {
         let creeping = normals(rng, v.len(), slowest(v));
         (0..v.len()).map(|k| read[k] - v[k] + creeping[k]).collect()

@@ -148,7 +148,7 @@ impl CommonShapes {
 
     /// The prediction of the shapes that act everywhere, by channel and row. Their coefficients are fitted to `residual`, with the prior size of shapes that
     /// makes its rows most probable.
-    pub fn said(&self, data: &Data, residual: &[Vec<f64>], knots: &[Knots]) -> Vec<(usize, Vec<f64>)> {
+    pub fn prediction(&self, data: &Data, residual: &[Vec<f64>], knots: &[Knots]) -> Vec<(usize, Vec<f64>)> {
         let beta = self.most_probable(residual, &[]).beta;
         let of_channel = |&c: &usize| {
             let mut said = vec![0.0; data.counts[c].len()];

@@ -9,7 +9,7 @@ use freeplay_servo::DEGREES_OF_FREEDOM;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::data::instruments::read_badly;
+use crate::data::instruments::simulated_instrument_residual;
 use crate::data::noise::effective_samples;
 use crate::data::parts::Part;
 use crate::data::shapes::{Knots, Shapes};
@@ -418,8 +418,11 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
 /// positions and channels.
 fn instruments(data: &Data, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut residual: Vec<Vec<f64>> =
-        data.recordings.iter().flat_map(|recording| read_badly(recording, &mut rng)).collect();
+    let mut residual: Vec<Vec<f64>> = data
+        .recordings
+        .iter()
+        .flat_map(|recording| simulated_instrument_residual(recording, &mut rng))
+        .collect();
     for (channel, rows) in residual.iter_mut().enumerate() {
         data.apply_mask(channel, rows);
     }

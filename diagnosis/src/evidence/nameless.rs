@@ -90,7 +90,7 @@ impl NamelessTorques {
 }
 
 /// Prediction of nameless shapes, fitted to the fit and the choice part of `residual`, for every row.
-pub(crate) fn said(system: &System, residual: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub(crate) fn nameless_prediction(system: &System, residual: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let data = system.data;
     let knots = data.recordings.first().map(Knots::of).unwrap_or_default();
     let masks: Vec<Vec<f64>> =
@@ -98,7 +98,7 @@ pub(crate) fn said(system: &System, residual: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut said: Vec<Vec<f64>> = residual.iter().map(|rows| vec![0.0; rows.len()]).collect();
     for c in 0..data.channels_per_recording() {
         let shapes = CommonShapes::new(data, data.same_channel(c), &masks, &knots);
-        for (channel, rows) in shapes.said(data, residual, &knots) {
+        for (channel, rows) in shapes.prediction(data, residual, &knots) {
             said[channel] = rows;
         }
     }

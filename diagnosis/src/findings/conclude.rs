@@ -45,7 +45,7 @@ pub(crate) fn conclude(
     add_all(&mut residual, of.events.iter().flat_map(Event::columns));
     let maps = conclusion.maps(&residual);
     let verdict = conclusion.verdict(&alternatives, findings.is_empty());
-    let laws = findings.iter().map(|finding| conclusion.said(&finding.of)).collect();
+    let laws = findings.iter().map(|finding| conclusion.contribution(&finding.of)).collect();
     let passages = passages(of.data(), &Columns { remains: &remains, laws });
     let (tables, effects): (Vec<EffectTable>, Vec<Effect>) =
         findings.into_iter().map(|finding| (finding.table, finding.effect)).unzip();
@@ -89,7 +89,7 @@ struct Conclusion<'s, 'c, 'd, 'a> {
 
 impl Conclusion<'_, '_, '_, '_> {
     /// The contribution of a finding to every row, by channel; that of a law with its coefficients in `fit`.
-    fn said(&self, of: &Cause) -> Vec<Vec<f64>> {
+    fn contribution(&self, of: &Cause) -> Vec<Vec<f64>> {
         let system = &self.of.search.system;
         match of {
             Cause::Event(number) => sum_of(self.of.events[*number].columns(), self.of.target),
@@ -113,7 +113,7 @@ impl Conclusion<'_, '_, '_, '_> {
         self.of.tune(&mut after, self.fit);
         Ok(Some(Remains {
             before: self.of.target.to_vec(),
-            nameless: less(&retuned, &nameless::said(system, &retuned)),
+            nameless: less(&retuned, &nameless::nameless_prediction(system, &retuned)),
             retuned,
             after,
             as_given,

@@ -25,7 +25,11 @@ use crate::statistics::Moments;
 ///
 /// # Errors
 /// See [`LawError`].
-pub(crate) fn held(data: &Data, found: &[Placed], seed: u64) -> Result<Vec<(EffectTable, Effect)>, LawError> {
+pub(crate) fn held_joints(
+    data: &Data,
+    found: &[Placed],
+    seed: u64,
+) -> Result<Vec<(EffectTable, Effect)>, LawError> {
     let joints = 0..data.arm().dof();
     let joints: Vec<usize> =
         joints.filter(|&joint| data.recordings.iter().all(|recording| is_held(recording, joint))).collect();
@@ -52,7 +56,7 @@ fn of_joint(
     let (arm, channels) = (data.arm(), data.same_channel(of_recording));
     let nominal = arm.joints()[joint].friction.coulomb;
     let blank = || vec![Vec::new(); residual.len()];
-    let (mut before, mut on_test, mut most, mut misread) = (blank(), blank(), 0.0_f64, Vec::new());
+    let (mut before, mut on_test, mut most, mut torque_errors) = (blank(), blank(), 0.0_f64, Vec::new());
     for &c in &channels {
         let (number, _) = data.place(c);
         let (recording, parts) = (&data.recordings[number], &data.parts[number]);
@@ -60,7 +64,7 @@ fn of_joint(
         on_test[c] = parts.iter().map(|part| f64::from(u8::from(*part == Part::Test))).collect();
         let seen = before[c].iter().zip(parts).filter(|(_, part)| **part != Part::Test);
         most = seen.fold(most, |most, (beyond, _)| most.max(beyond.abs()));
-        misread.extend(rigid_torque_error(
+        torque_errors.extend(rigid_torque_error(
             recording,
             joint,
             &recording.prepared.noises.channels[of_recording],
@@ -68,8 +72,8 @@ fn of_joint(
         ));
     }
     // Of many rows, the one with the greatest torque also has the greatest reading error.
-    let worst = misread.iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
-    let (least, noise) = (most - worst - nominal, Moments::of(&misread).rms);
+    let worst = torque_errors.iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
+    let (least, noise) = (most - worst - nominal, Moments::of(&torque_errors).rms);
     if least <= worst {
         return None;
     }

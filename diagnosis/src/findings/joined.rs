@@ -48,10 +48,10 @@ pub(crate) fn joined(
             Some(weighed(data, &less(&neither, &residual_replacing(data, given, Some(&placed)).ok()?)))
         };
         let x = solved(&said, &whole, start.clone(), &scales(candidate))?;
-        Some((off(&said(&x)?, &whole), table(&x)))
+        Some((squared_distance(&said(&x)?, &whole), table(&x)))
     });
-    let (off, table) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (off < 0.01 * dot(&whole, &whole)).then_some(table)
+    let (squared_distance, table) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (squared_distance < 0.01 * dot(&whole, &whole)).then_some(table)
 }
 
 /// One step of each coefficient, in its own unit.
@@ -126,6 +126,6 @@ fn weighed(data: &Data, rows: &[Vec<f64>]) -> Vec<f64> {
 }
 
 /// Squared distance of two columns.
-fn off(one: &[f64], other: &[f64]) -> f64 {
+fn squared_distance(one: &[f64], other: &[f64]) -> f64 {
     one.iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum()
 }

@@ -15,7 +15,7 @@ use crate::evidence::gain::Compared;
 use crate::evidence::nameless::is_unexplained;
 use crate::evidence::system::{Fit, all_but};
 use crate::findings::event::{Event, contribution_of};
-use crate::findings::held::held;
+use crate::findings::held::held_joints;
 use crate::findings::interval::{holds_nothing, parameters};
 use crate::findings::joined::joined;
 use crate::report::diagnosis::{Effect, Evidence};
@@ -125,12 +125,13 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         let mut is_first = true;
         let (members, mut findings) = loop {
             let Some(fit) = self.search.system.fit_within_tolerances(&members) else { return Ok(None) };
-            let Some(fit) = self.sure(fit) else { return Ok(None) };
-            let sure = fit.members.clone();
+            let Some(fit) = self.certain(fit) else { return Ok(None) };
+            let certain = fit.members.clone();
             let Some(borne_out) = self.borne_out(fit)? else { return Ok(None) };
             let Some(findings) = self.findings(&borne_out)? else { return Ok(None) };
             let kept: Vec<usize> = findings.iter().filter_map(|finding| finding.of.member()).collect();
-            let (kept, empty): (Vec<_>, Vec<_>) = sure.into_iter().partition(|member| kept.contains(member));
+            let (kept, empty): (Vec<_>, Vec<_>) =
+                certain.into_iter().partition(|member| kept.contains(member));
             if empty.is_empty() {
                 break (kept, findings);
             }
@@ -147,13 +148,13 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         };
         let Some(fit) = self.search.system.fit_within_tolerances(&members) else { return Ok(None) };
         // Without the members whose intervals include zero, the others may make an arm that can't exist.
-        let Some(fit) = self.sure(fit) else { return Ok(None) };
+        let Some(fit) = self.certain(fit) else { return Ok(None) };
         findings.retain(|finding| finding.of.member().is_none_or(|member| fit.members.contains(&member)));
         Ok(Some((fit, findings)))
     }
 
     /// Removes from `fit` the members that are no findings: those with odds below 20 to 1 given the other members, and differences within the tolerances.
-    fn sure(&self, mut fit: Fit) -> Option<Fit> {
+    fn certain(&self, mut fit: Fit) -> Option<Fit> {
         let system = &self.search.system;
         let step = 1.0 / self.data().recordings[0].prepared.treatment.rate_hz();
         loop {
@@ -351,7 +352,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             let (table, effect) = event.finding(self.arm());
             found.push(Finding { of: Cause::Event(number), table, effect });
         }
-        let held = held(system.data, &system.placed(fit, self.arm(), |_| true), self.settings.seed)?;
+        let held = held_joints(system.data, &system.placed(fit, self.arm(), |_| true), self.settings.seed)?;
         found.extend(held.into_iter().map(|(table, effect)| Finding { of: Cause::Hold, table, effect }));
         let all: f64 = found.iter().map(|finding| finding.effect.evidence.share.max(0.0)).sum();
         for finding in &mut found {

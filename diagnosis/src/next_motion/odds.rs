@@ -78,8 +78,8 @@ impl Scales<'_> {
         let mut odds = Vec::new();
         for other in others {
             let of_other = self.signal(weighed, other)?;
-            let one = weighed.left(&of_first, other)?;
-            let two = weighed.left(&of_other, first)?;
+            let one = weighed.residual(&of_first, other)?;
+            let two = weighed.residual(&of_other, first)?;
             odds.push(one.min(two));
         }
         Ok(odds)
@@ -174,7 +174,7 @@ impl<'d, 'a> Weighed<'d, 'a> {
     }
 
     /// Residual of `rival` in `signal`: twice a log of odds.
-    fn left(&self, signal: &[Vec<f64>], rival: &Rival) -> Result<f64, ExciteError> {
+    fn residual(&self, signal: &[Vec<f64>], rival: &Rival) -> Result<f64, ExciteError> {
         let mut system = self.system(signal)?;
         let left = system.residual_squares();
         let best = self.scores(&mut system, rival).into_iter().map(|(_, gain)| gain.explained);

@@ -87,8 +87,8 @@ impl Tried {
 pub(crate) struct Found {
     /// The effects.
     pub members: Vec<Candidate>,
-    /// Standard deviation of the error of each row for a model with these effects: see [`Data::row_error_with`](crate::data::stacked::Data::off_with) and
-    /// [`Weights::most_probable_row_error`](crate::data::weights::Weights::most_probable_off).
+    /// Standard deviation of the error of each row for a model with these effects: see [`Data::row_error_with`](crate::data::stacked::Data::row_error_with) and
+    /// [`Weights::most_probable_row_error`](crate::data::weights::Weights::most_probable_row_error).
     pub row_error: Vec<Vec<f64>>,
     /// The residuals of the model with these effects.
     pub residual: Vec<Vec<f64>>,

@@ -25,7 +25,7 @@ pub struct Alone {
 }
 
 /// Fits the servo of each joint alone, starting from `first`; `all` holds the possible unknowns. A joint without any keeps its servo.
-pub fn alone(recorded: &Recorded, first: &ServoArm, all: &[Unknown]) -> Vec<Alone> {
+pub fn fitted_alone(recorded: &Recorded, first: &ServoArm, all: &[Unknown]) -> Vec<Alone> {
     let tracks = by_joint(recorded.tracks, &first.arm);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     each(first.joints.len(), threads, |joint| {

@@ -70,7 +70,7 @@ impl Conclusion<'_> {
         let mut effects: Vec<Effect> = found
             .iter()
             .filter(|finding| finding.is_named)
-            .filter_map(|finding| Some(self.effect(finding, self.told(finding)?, &clean)))
+            .filter_map(|finding| Some(self.effect(finding, self.log_odds(finding)?, &clean)))
             .collect();
         let mut model = file.clone();
         let is_replaced = |table: &EffectTable| {
@@ -170,7 +170,7 @@ impl Conclusion<'_> {
     }
 
     /// Log odds of `finding` if the data support it: if servos were given, those of the changes with its parameters, otherwise those of the parameters.
-    fn told(&self, finding: &Finding) -> Option<f64> {
+    fn log_odds(&self, finding: &Finding) -> Option<f64> {
         let Some(changes) = self.changes else {
             let evidence = self.evidence(finding);
             return (self.is_strong_evidence(finding) && evidence > named_from(self.moves.len()))
@@ -239,7 +239,7 @@ impl Conclusion<'_> {
         let joint = Some(self.numbers.file.arm.joints()[finding.joint].name.clone());
         let phrase = phrase(finding.kind, &finding.parameters);
         let joints = [finding.joint];
-        let without = self.without(finding).map(|model| self.left_by(&model, clean));
+        let without = self.model_without(finding).map(|model| self.left_by(&model, clean));
         let without = without.as_ref().unwrap_or(&self.before);
         let gain = gain([without, &self.after], clean, &joints, self.tracks, self.settings.seed);
         let square = |of: &Deviations| rms(of, clean, &joints).powi(2);
@@ -367,7 +367,7 @@ impl Conclusion<'_> {
     }
 
     /// The model without `finding`, all other parameters refitted; `None` for the servo itself.
-    fn without(&self, finding: &Finding) -> Option<ServoArm> {
+    fn model_without(&self, finding: &Finding) -> Option<ServoArm> {
         let (parameter, value) = finding.absent?;
         let index = self.numbers.index(finding.joint, parameter)?;
         Some(self.numbers.fitted.with(self.numbers.unknowns, index, value))

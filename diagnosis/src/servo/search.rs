@@ -148,17 +148,17 @@ impl<'a> Search<'a> {
     /// Returns true if `one` has a smaller loss than `other`; both have the same changes.
     fn is_nearer(&self, one: &Changed, other: &Changed) -> bool {
         let noise = nearer_noise(one, other);
-        self.left(one, noise) < self.left(other, noise)
+        self.loss(one, noise) < self.loss(other, noise)
     }
 
     /// Loss of log-likelihood of the fit part under `changed`.
-    fn left(&self, changed: &Changed, noise: &Noise) -> f64 {
+    fn loss(&self, changed: &Changed, noise: &Noise) -> f64 {
         self.parts[0].lost_by(&changed.fitted.model, noise, &changed.unknowns)
     }
 
     /// Loss of log-likelihood of the fit and the choice part under `changed`.
     fn left_in_both(&self, changed: &Changed, noise: &Noise) -> f64 {
-        self.left(changed, noise) + lost(self.parts[1], &changed.fitted.model, noise)
+        self.loss(changed, noise) + lost(self.parts[1], &changed.fitted.model, noise)
     }
 
     /// The value and the standard deviation of `unknown` in `changed`.
@@ -211,8 +211,8 @@ impl<'a> Search<'a> {
             let evidence = self.evidence(&change, &with, changed);
             let is_better = best.as_ref().is_none_or(|(other, before)| {
                 let noise = nearer_noise(&with, other);
-                self.left(&with, noise) + Search::price(&change, &with)
-                    < self.left(other, noise) + Search::price(before, other)
+                self.loss(&with, noise) + Search::price(&change, &with)
+                    < self.loss(other, noise) + Search::price(before, other)
             });
             if is_better && evidence > named_from(self.given.joints.len()) {
                 best = Some((with, change));

@@ -2,7 +2,7 @@
 
 use freeplay_servo::{Fitted, Problem, ServoArm, Track, Unknown, servos as begin_with, unknowns};
 
-use super::alone::alone;
+use super::alone::fitted_alone;
 use super::burdens::add_burden;
 use super::limits::add_limits;
 use super::recorded::{Found, Recorded, is_same};
@@ -15,7 +15,7 @@ pub fn servos(recorded: &Recorded, progress: &mut dyn FnMut(&str)) -> Found {
     let all: Vec<Unknown> = unknowns(sights, &first, tolerances.zero);
     let all: Vec<Unknown> = all.into_iter().filter(|unknown| moves[unknown.joint]).collect();
     progress("fitting the servo of each joint on its own");
-    let alone = alone(recorded, &first, &all);
+    let alone = fitted_alone(recorded, &first, &all);
     let first = ServoArm::new(file.arm.clone(), alone.iter().map(|one| one.servo).collect());
     let believed: Vec<Unknown> = alone.into_iter().flat_map(|one| one.unknowns).collect();
     let mut joints = Joints { recorded, all, believed };

@@ -29,20 +29,21 @@ const LEAST_LESS: f64 = 0.05;
 
 /// The prediction of effects, the effect whose initial state the fit set, and the residuals of the channels that determine this state.
 struct Trial {
-    said: Prediction,
+    prediction: Prediction,
     law: Placed,
-    left: Vec<f64>,
+    residual: Vec<f64>,
 }
 
-/// The prediction of the `machine` with `effects`, each memory in the initial state that fits the recording best. `left` gives measured minus predicted of one kind of
-/// channel, row by row, if the recording has this channel. The function computes the effects without a memory once for all trials.
+/// The prediction of the `machine` with `effects`, each memory in the initial state that fits the recording best. `residual` gives measured minus
+/// predicted of one kind of channel, row by row, if the recording has this channel. The function computes the effects without a memory once for all
+/// trials.
 ///
 /// # Errors
 /// Those of `machine`.
 pub(crate) fn predicted_with_initial_states<'p>(
     effects: &[&'p Placed],
     machine: impl Fn(&[&'p Placed]) -> Result<Baseline<'p>, LawError>,
-    left: impl Fn(&Prediction, Kind) -> Option<Vec<f64>>,
+    residual: impl Fn(&Prediction, Kind) -> Option<Vec<f64>>,
 ) -> Result<Prediction, LawError> {
     let mut best = machine(effects)?.prediction().clone();
     let (others, open): (Vec<&Placed>, Vec<&Placed>) =
@@ -53,37 +54,37 @@ pub(crate) fn predicted_with_initial_states<'p>(
     let others = machine(&others)?;
     let mut known: Vec<Option<Placed>> = open.iter().map(|_| None).collect();
     for (index, law) in open.iter().enumerate() {
-        let left = |said: &Prediction| -> Option<Vec<f64>> {
+        let residual = |prediction: &Prediction| -> Option<Vec<f64>> {
             Some(
                 observed_by(law)
                     .into_iter()
-                    .map(|kind| left(said, kind))
+                    .map(|kind| residual(prediction, kind))
                     .collect::<Option<Vec<_>>>()?
                     .concat(),
             )
         };
-        let Some(now) = left(&best) else { continue };
+        let Some(now) = residual(&best) else { continue };
         let beside = open.iter().zip(&known).enumerate().filter(|(other, _)| *other != index);
         let beside: Vec<&Placed> = beside.map(|(_, (open, known))| known.as_ref().unwrap_or(open)).collect();
         let others = others.upon(&beside)?;
         let at = |start: Start| -> Result<Option<Trial>, LawError> {
             let Some(effect) = law.effect.with_initial_state(start) else { return Ok(None) };
             let law = Placed { kind: law.kind, joint: law.joint, effect, line: law.line };
-            let said = others.with(&[&law])?;
-            Ok(left(&said).map(|left| Trial { said, law, left }))
+            let prediction = others.with(&[&law])?;
+            Ok(residual(&prediction).map(|residual| Trial { prediction, law, residual }))
         };
-        let squares = |began: &Trial| square(&began.left);
+        let squares = |trial: &Trial| square(&trial.residual);
         let found = if is_between(law) {
             between(square(&now), |place| at(Start::Between(place)), squares)?
         } else {
             let step = |here: &Trial, nudged: [&Trial; 2]| {
-                gauss_newton_step(&here.left, nudged.map(|there| &*there.left))
+                gauss_newton_step(&here.residual, nudged.map(|there| &*there.residual))
             };
             within((square(&now), None), |place| at(Start::Within(place)), squares, step)?
-                .map(|(_, began)| began)
+                .map(|(_, trial)| trial)
         };
-        if let Some(Trial { said, law, .. }) = found {
-            (best, known[index]) = (said, Some(law));
+        if let Some(Trial { prediction, law, .. }) = found {
+            (best, known[index]) = (prediction, Some(law));
         }
     }
     Ok(best)
@@ -105,19 +106,19 @@ fn observed_by(law: &Placed) -> Vec<Kind> {
     }
 }
 
-/// The result of `at` for the position between two stops that minimises `left`; `None` unless this position is surely better than the `middle`.
+/// The result of `at` for the position between two stops that minimises `residual`; `None` unless this position is surely better than the `middle`.
 ///
 /// # Errors
 /// Those of `at`.
 pub(crate) fn between<T, E>(
     middle: f64,
     at: impl Fn(f64) -> Result<Option<T>, E>,
-    left: impl Fn(&T) -> f64,
+    residual: impl Fn(&T) -> f64,
 ) -> Result<Option<T>, E> {
     let (mut least, mut best) = ((1.0 - LEAST_LESS) * middle, None);
     for (number, place) in BEGINNINGS.into_iter().enumerate() {
         let Some(there) = at(place)? else { return Ok(None) };
-        let square = left(&there);
+        let square = residual(&there);
         // If the first full crossing comes soon, the initial state hardly matters.
         if number == 0 && (square - middle).abs() < LEAST_LESS * middle {
             return Ok(None);
@@ -156,7 +157,7 @@ impl InBearing {
     }
 }
 
-/// Finds the place of a journal that minimises `left`, by Gauss-Newton steps; returns the place and the result of `at` for its eccentricity. The search starts
+/// Finds the place of a journal that minimises `residual`, by Gauss-Newton steps; returns the place and the result of `at` for its eccentricity. The search starts
 /// at `about`, or at the best of a few places if `about` is unknown. `step` computes the step in nudges from the results at a place and at its two nudged
 /// neighbours. `None` if no place leaves less than the `settled` one.
 ///
@@ -165,14 +166,14 @@ impl InBearing {
 pub(crate) fn within<T, E>(
     (settled, about): (f64, Option<InBearing>),
     at: impl Fn([f64; 2]) -> Result<Option<T>, E>,
-    left: impl Fn(&T) -> f64,
+    residual: impl Fn(&T) -> f64,
     step: impl Fn(&T, [&T; 2]) -> Option<[f64; 2]>,
 ) -> Result<Option<(InBearing, T)>, E> {
     let at = |place: InBearing| at(place.eccentricity());
     let mut best: Option<(f64, InBearing, T)> = None;
     for place in about.map_or_else(|| PLACES.map(InBearing).to_vec(), |about| vec![about]) {
         let Some(there) = at(place)? else { return Ok(None) };
-        let square = left(&there);
+        let square = residual(&there);
         if best.as_ref().is_none_or(|(least, ..)| square < *least) {
             best = Some((square, place, there));
         }
@@ -186,7 +187,7 @@ pub(crate) fn within<T, E>(
         for share in BACKTRACKING {
             let next = place.towards(nudges.map(|x| share * x));
             let Some(there) = at(next)? else { break };
-            let square = left(&there);
+            let square = residual(&there);
             if square < least {
                 (least, place, here) = (square, next, there);
                 break;
