@@ -20,73 +20,80 @@ pub struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    /// Run a scenario: one process simulates an arm with play, another one is the controller; several controllers run in turn.
+    /// Run a scenario: one process simulates an arm with play, and another process runs the controller. Several controllers run
+    /// one after another.
     Run(freeplay_harness::run::RunArgs),
-    /// Measure how far a model is from a recording, channel by channel.
+    /// Measure the residuals between a model and a recording, channel by channel.
     Compare(crate::compare::CompareArgs),
-    /// Swap controllers at random ticks, every pair of them, and measure the gap, jump and deviation of each swap.
+    /// Swap every pair of controllers at random ticks, and measure the gap, jump and deviation of each swap.
     Swap(freeplay_exam::swap_command::SwapArgs),
-    /// Examine a controller: inject faults and judge how each of them is handled.
+    /// Inject faults into a controller, and judge how the run handles each fault.
     Faults(freeplay_exam::faults::FaultsArgs),
-    /// Measure every stage of the loop, alternating with a bare clock loop and bare iceoryx2, and name the cause of every missed deadline.
+    /// Measure the time of every stage of the loop, and name the cause of every missed deadline. Measurements of a bare clock
+    /// loop and of bare iceoryx2 alternate with those of the loop.
     Bench(freeplay_exam::bench::BenchArgs),
     /// Compare runs in one HTML file: verdicts, deviations, contact, latencies, and the settings that differ.
     Report(freeplay_harness::report_command::ReportArgs),
-    /// Check whether this machine is fit for runs, for median latencies and for their tails, and say what to change.
+    /// Check whether this machine is fit for runs, for measuring median latencies and for measuring tail latencies, and recommend
+    /// changes.
     Doctor(freeplay_doctor::DoctorArgs),
     /// Find where a model and recordings differ, name the missing physics, and write a better model.
     Diagnose(crate::diagnose_args::DiagnoseArgs),
-    /// Close the loop: simulate machines with concealed physics, diagnose them, and control them with the model found.
+    /// Demonstrate the whole process: simulate machines with concealed physics, diagnose them, and control them with the
+    /// identified models.
     Demo(freeplay_proof::demo::DemoArgs),
-    /// Design the next motion where two causes are possible: a safe motion that tells them apart.
+    /// Design a safe motion that distinguishes between two possible causes.
     Excite(crate::excite::ExciteArgs),
-    /// Prove the diagnosis on concealed effects: seal recordings, diagnose each once, reveal the truth, score.
+    /// Test the diagnosis on concealed effects: seal recordings, diagnose each one once, reveal the true effects, and score the
+    /// answers.
     Blind(Box<freeplay_proof::blind::BlindArgs>),
     /// Send the recorded states of a run to a new controller process and compare its commands with the recorded ones.
     Replay(freeplay_harness::replay::ReplayArgs),
-    /// Show what a recording holds, export it to CSV or Parquet, or import ROS bags, other CSV files and libfranka logs.
+    /// Show the contents of a recording, export it to CSV or Parquet, or import ROS bags, other CSV files and libfranka logs.
     Record(crate::record::RecordArgs),
     /// Check a scenario, show each of its values with its origin, or print the schema for editors.
     Scenario(crate::scenario_command::ScenarioArgs),
-    /// Show what a model file holds: the chain that is the arm, its joints, limits and effects.
+    /// Show the contents of a model file: the kinematic chain of the arm, its joints, limits and effects.
     Arm(crate::arm_command::ArmArgs),
     /// Write a model in the format of another tool (URDF, MJCF, FMU), and list what that format cannot express.
     Export(crate::export_command::ExportArgs),
-    /// Spread a command or a parameter sweep over cores and machines; needs the Python package.
+    /// Distribute a command or a parameter sweep over cores and machines. This needs the Python package.
     Campaign(crate::campaign_command::CampaignArgs),
-    /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
+    /// Simulate the 40 reference runs of the paper's arm, and compare them with an independent reference.
     ReferenceRuns(freeplay_paper::reference_runs::ReferenceArgs),
     /// Reproduce the paper (Erkaya 2018): its scenarios, figures and claims, each with a verdict.
     Reproduce(freeplay_paper::reproduce::ReproduceArgs),
-    /// Compute the least deviation that is possible at sharp corners: an offline optimum with full knowledge of the arm.
+    /// Compute the smallest possible deviation at sharp corners by offline optimisation with full knowledge of the arm.
     Bound(freeplay_paper::bound_table::BoundArgs),
-    /// Print the table of compensation: paths, periods, clearances, wrong models and two joints with play, under every built-in controller.
+    /// Print the table of compensation results under every built-in controller: paths, periods, clearances, wrong models, and two
+    /// joints with play.
     Cells(freeplay_paper::cells::CellsArgs),
-    /// Learn the tool deviation that a model leaves unexplained, from recordings, and prove in simulated runs that compensating it helps.
+    /// Train a network on the tool deviation that a model leaves unexplained in recordings, and test in simulated runs whether
+    /// compensating it helps.
     Train(freeplay_training::TrainArgs),
-    /// Print completions for a shell.
+    /// Print the completion script for a shell.
     Completions(crate::manual::CompletionsArgs),
-    /// Print the manual page, or write all pages with --out.
+    /// Print the manual page, or write the manual pages of all commands with --out.
     Man(crate::manual::ManArgs),
     /// Explain the exit codes.
     #[command(after_help = EXIT_CODES)]
     ExitCodes,
-    /// The process that makes sealed recordings; `freeplay blind` starts it.
+    /// Generate sealed recordings. `freeplay blind` starts this process.
     #[command(hide = true)]
     BlindGenerate(freeplay_proof::blind::GenerateArgs),
-    /// The process that answers for a sealed recording; `freeplay blind` starts it.
+    /// Diagnose a sealed recording. `freeplay blind` starts this process.
     #[command(hide = true)]
     BlindAnalyst(freeplay_proof::blind::AnalystArgs),
-    /// The process that simulates the machine; `freeplay run` starts it.
+    /// Simulate the machine. `freeplay run` starts this process.
     #[command(hide = true)]
     Plant(freeplay_harness::plant_command::PlantArgs),
-    /// The process of a built-in controller; `freeplay run` starts it.
+    /// Run a built-in controller. `freeplay run` starts this process.
     #[command(hide = true)]
     Controller(freeplay_harness::controller_command::ControllerArgs),
-    /// The process that ends a controller with its run; `freeplay run` starts it.
+    /// End a controller when its run ends. `freeplay run` starts this process.
     #[command(hide = true)]
     Guard,
-    /// A yardstick of `freeplay bench`, which starts it.
+    /// Run a reference measurement of `freeplay bench`, which starts this process.
     #[command(hide = true)]
     Yardstick(freeplay_exam::bench::YardstickArgs),
 }

@@ -14,12 +14,12 @@ use freeplay_terminal::layout::text_table;
 use freeplay_terminal::output::{say, show};
 use serde_json::{Value, json};
 
-/// Shows what a model file holds.
+/// Shows the contents of a model file.
 #[derive(Args, Debug)]
 pub struct ArmArgs {
-    /// The model: an arm file (URDF, MJCF or TOML), or "paper".
+    /// Model: an arm file (URDF, MJCF or TOML), or "paper".
     model: String,
-    /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
+    /// Link of the model at the end of the arm. Default: tool0, or the end of the longest chain without its fingers.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
     /// Output format.

@@ -25,14 +25,15 @@ A campaign that is started again continues where it stopped:
   freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proved
   freeplay campaign run s.toml --sweep path.period=6,12 --sweep=--seed=1,2,3 --out swept";
 
-/// Spreads a command over cores and machines, and merges what it leaves into one receipt.
+/// Distributes a command over cores and machines, and merges the results into one receipt.
 ///
-/// It is part of the Python package, which is looked for in the interpreter that FREEPLAY_PYTHON names, in the one beside this executable,
-/// and in the system's.
+/// The command is part of the Python package. Freeplay looks for the package in three interpreters, in this order: the one that FREEPLAY_PYTHON
+/// names, the one beside this executable, and the system's.
 #[derive(Args, Debug)]
 #[command(after_help = OPTIONS)]
 pub struct CampaignArgs {
-    /// The command to spread: blind, or run, faults, swap, cells, reference-runs and others with --sweep; then its arguments.
+    /// Command to distribute, followed by its arguments: blind, or, with --sweep, run, faults, swap, cells, reference-runs and
+    /// others.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true, value_name = "COMMAND")]
     arguments: Vec<OsString>,
 }

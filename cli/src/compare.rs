@@ -24,40 +24,46 @@ use serde_json::{Value, json};
 
 use crate::{compare_curves, inputs};
 
-/// Compares a recording with what a model makes of the recorded motion.
+/// Compares a recording with the predictions of a model for the recorded motion.
 ///
-/// Torques: measured, against inverse dynamics of the measured motion plus the model's nominal friction. Tool: tracked position,
-/// against forward kinematics. Link encoders: against the motor side. Both sides pass the same low-pass. Where the model has servos, and where a recording
-/// holds commanded positions and no torques: measured positions against those simulated from the commanded ones, unfiltered.
+/// Torques: the measured torques are compared with the inverse dynamics of the measured motion plus the nominal friction of the
+/// model. Tool: the tracked position is compared with the forward kinematics. Link encoders are compared with the motor side.
+/// Both sides pass through the same low-pass filter.
+///
+/// If the model has servos, or if a recording has commanded positions and no torques, the measured positions are compared with
+/// positions simulated from the commanded ones, without a filter.
 #[derive(Args, Debug)]
 pub struct CompareArgs {
-    /// The model: an arm file (URDF, MJCF or TOML), or "paper".
+    /// Model: an arm file (URDF, MJCF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
-    /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
+    /// Link of the model at the end of the arm. Default: the end of the chain whose joints the recording names, or of the longest
+    /// chain.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// The recording, of any kind that `freeplay record` reads, from a machine or from `freeplay run`.
+    /// Recording from a machine or from `freeplay run`, in any format that `freeplay record` reads.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
-    /// Mapping file that gives the meaning of the columns, such as the setup.toml of a diagnosis.
+    /// Mapping file that defines the meaning of the columns, such as the setup.toml of a diagnosis.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
     /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for report.html, with measured against model for every joint, compare.json and residuals.parquet, the curves as columns; where
-    /// the model has servos beside recorded torques, positions.parquet has those of the positions. A name that ends in .html, .json or .parquet is the
-    /// file of one of the first three alone.
+    /// Write the results to this folder: report.html shows measured values against the model for every joint, compare.json holds
+    /// the figures, and residuals.parquet holds the curves as columns. If the model has servos and the recording has torques,
+    /// positions.parquet holds the curves of the positions. A name that ends in .html, .json or .parquet writes only that one of
+    /// the first three files.
     #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz, or less where the motion is noisy.
+    /// Cutoff frequency of the low-pass filter. Default: 3 % of the recording's sample rate, between 10 and 40 Hz, or less if the
+    /// motion is noisy.
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
-    /// Time left out at both ends; without it: five periods of the cutoff, an eighth of the recording at most.
+    /// Time to leave out at both ends. Default: five periods of the cutoff frequency, at most an eighth of the recording.
     #[arg(long, value_name = "S")]
     trim: Option<f64>,
 }

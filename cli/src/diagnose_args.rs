@@ -7,31 +7,38 @@ use freeplay_diagnosis::{DiagnoseSettings, Settings, Tolerances};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::Failure;
 
-/// Locates where a recording and a model differ, names the physics left out, models it and shows the fit improve, or says why not.
+/// Locates where a recording and a model differ, names the missing physics, models it and shows how the fit improves, or gives
+/// the reason why it cannot.
 ///
-/// What is missing is sought in the first 70 % of a recording and judged on the rest, and on each other part by a fit that has not seen
-/// it; its numbers rest on all of it. With several recordings, on all but the last, which judges. Verdicts:
-/// nothing_missing, named, one_of, unknown, insufficient_data; setup, where recording and model don't mean the same (units, signs, order, zeros,
-/// gravity, clocks): then all else is said of the mended reading. All of them end with exit code 0.
+/// The diagnosis searches for missing physics in the first 70 % of a recording, and judges the result on the rest. It also judges
+/// the result on each other part, with a fit that has not seen that part. The final numbers use the whole recording. With several
+/// recordings, the search uses all but the last one, and the last one judges the result.
+///
+/// Verdicts: nothing_missing, named, one_of, unknown, insufficient_data, setup. The verdict setup means that the recording and
+/// the model use different conventions (units, signs, order, zeros, gravity, clocks). All other results then apply to the
+/// corrected recording. All verdicts end with exit code 0.
 #[derive(Args, Debug)]
 pub struct DiagnoseArgs {
-    /// The model: an arm file (URDF, MJCF or TOML), or "paper".
+    /// Model: an arm file (URDF, MJCF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     pub model: String,
-    /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
+    /// Link of the model at the end of the arm. Default: the end of the chain whose joints the recording names, or of the longest
+    /// chain.
     #[arg(long, value_name = "LINK")]
     pub tip: Option<String>,
-    /// Recordings of one machine with the same columns, of any kind that `freeplay record` reads. A part of each is held out.
+    /// Recordings of one machine with the same columns, in any format that `freeplay record` reads. The diagnosis holds out a
+    /// part of each recording.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     pub recording: Vec<PathBuf>,
-    /// Mapping file that gives the meaning of the columns, such as the setup.toml of a diagnosis.
+    /// Mapping file that defines the meaning of the columns, such as the setup.toml of a diagnosis.
     #[arg(long, value_name = "FILE")]
     pub mapping: Option<PathBuf>,
     /// Output format.
     #[arg(long, default_value = "text")]
     pub format: Format,
-    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances; a name that
-    /// ends in .toml or .json is the file of the model, or of the diagnosis, alone.
+    /// Write diagnosis.json, report.html and model.toml to this folder. model.toml is the model with the missing physics, tuned
+    /// within its tolerances. A name that ends in .toml writes the model alone to that file. A name that ends in .json writes the
+    /// diagnosis alone.
     #[arg(long, value_name = "DIR|FILE")]
     pub out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
@@ -40,16 +47,17 @@ pub struct DiagnoseArgs {
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz, or less where the motion is noisy.
+    /// Cutoff frequency of the low-pass filter. Default: 3 % of the recording's sample rate, between 10 and 40 Hz, or less if the
+    /// motion is noisy.
     #[arg(long, value_name = "HZ")]
     pub lowpass: Option<f64>,
     /// Tolerance of masses and inertias, %.
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0)]
     pub mass_tolerance: f64,
-    /// Tolerance of the friction that the model names, %.
+    /// Tolerance of the friction in the model, %.
     #[arg(long, value_name = "PERCENT", default_value_t = 5.0)]
     pub friction_tolerance: f64,
-    /// Tolerance of encoder zeros, mrad (mm for a slide).
+    /// Tolerance of encoder zeros, mrad (mm for a prismatic joint).
     #[arg(long, value_name = "MRAD", default_value_t = 0.1)]
     pub zero_tolerance: f64,
     /// Tolerance of lengths, mm.

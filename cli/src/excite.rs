@@ -38,43 +38,45 @@ const LINK_NOISE: f64 = 1e-4;
 /// Independent samples per second, assumed without a diagnosis.
 const PER_SECOND: f64 = 10.0;
 
-/// Writes a safe motion that separates causes which a recording left possible, and says with what odds.
+/// Designs a safe motion that distinguishes between the causes that a recording leaves possible, and estimates the odds.
 ///
-/// The motion is a short Fourier series for every joint, from rest to rest, inside 80 % of the limits of position, speed,
-/// acceleration and torque of the arm file. It knows nothing of what stands around the arm: look at it before you run it.
-/// excite.csv holds its rows (t, q1…qn), excite.toml is a scenario that `freeplay run` plays.
+/// The motion of every joint is a short Fourier series that starts and ends at rest. It stays within 80 % of the position, speed,
+/// acceleration and torque limits in the arm file. The design ignores obstacles around the arm: check the motion before you run
+/// it. excite.csv holds the rows of the motion (t, q1…qn), and excite.toml is a scenario for `freeplay run`.
 #[derive(Args, Debug)]
 pub struct ExciteArgs {
-    /// A diagnosis.json that names its model and recordings.
+    /// Diagnosis file (diagnosis.json) that names its model and recordings.
     diagnosis: Option<PathBuf>,
-    /// The model: an arm file (URDF, MJCF or TOML), or "paper"; without it: the diagnosis's.
+    /// Model: an arm file (URDF, MJCF or TOML), or "paper". Default: the model of the diagnosis.
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
-    /// The link of the model at the end of the arm; without it: the diagnosis's.
+    /// Link of the model at the end of the arm. Default: the link in the diagnosis.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// Two kinds of effects to separate, where there is no diagnosis: --kinds backlash,joint_elasticity --joint elbow.
+    /// Two kinds of effects to distinguish, if there is no diagnosis: --kinds backlash,joint_elasticity --joint elbow.
     #[arg(long, value_delimiter = ',', value_name = "A,B")]
     kinds: Vec<String>,
-    /// The joint that they may sit at; none for effects of the whole arm.
+    /// Joint where the effects of --kinds may occur. Leave it out for effects of the whole arm.
     #[arg(long, requires = "kinds")]
     joint: Option<String>,
-    /// Folder for excite.csv and excite.toml; a name that ends in .toml is the file of the scenario, with its rows beside it.
+    /// Write excite.csv and excite.toml to this folder. A name that ends in .toml is the file of the scenario, and the rows go
+    /// beside it.
     #[arg(long, value_name = "DIR|FILE", default_value = "out")]
     out: PathBuf,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How long the motion takes, s.
+    /// Duration of the motion, s.
     #[arg(long, default_value_t = 16.0, value_name = "S")]
     duration: f64,
     /// Number of candidate motions.
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     candidates: u32,
-    /// Posture about which the arm moves, rad (m), one value a joint; without it: the middle of the recording, else of the joints' ranges.
+    /// Joint positions around which the arm moves, rad (m), one value for each joint. Default: the middle of the recording, or of
+    /// the joints' ranges without a recording.
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "Q1,Q2,…")]
     posture: Option<Vec<f64>>,
-    /// How far a joint may move from the posture, rad (m).
+    /// Largest distance of a joint from the posture, rad (m).
     #[arg(long, default_value_t = 1.2, value_name = "RAD")]
     reach: f64,
     /// Seed of the search.

@@ -17,34 +17,35 @@ use serde_json::json;
 
 /// Writes a model, such as the model.toml of a diagnosis, in the format of another tool.
 ///
-/// URDF has words for masses, places, limits, damping and friction; MJCF also for rotors, springs, gears that give way, gaps, play, shafts,
-/// drives and delays. What the format has no words for is listed, here and at the top of the file. An FMU is the plant with all of it.
+/// URDF can express masses, positions, limits, damping and friction. MJCF can also express rotor inertias, springs, elastic
+/// gears, gaps, play, shafts, drives and delays. The command lists what the format cannot express, here and at the top of the
+/// file. An FMU is the plant with all effects.
 #[derive(Args, Debug)]
 pub struct ExportArgs {
-    /// The model: an arm file (URDF, MJCF or TOML), or "paper".
+    /// Model: an arm file (URDF, MJCF or TOML), or "paper".
     model: String,
-    /// The format.
+    /// Format to write.
     #[arg(long, value_name = "FORMAT")]
     to: Target,
-    /// The file to write; without it the text goes to standard output.
+    /// Write the model to this file. Default: standard output, as text.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
+    /// Link of the model at the end of the arm. Default: tool0, or the end of the longest chain without its fingers.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// Output format of the list of effects that the file cannot express, with --out.
+    /// Output format of the list of effects that the file cannot express. Used with --out.
     #[arg(long, default_value = "text")]
     format: Format,
 }
 
-/// A format of another tool.
+/// Format of another tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Target {
-    /// For ROS, Pinocchio, Drake and most others.
+    /// Robot description for ROS, Pinocchio, Drake and most other tools.
     Urdf,
-    /// For MuJoCo.
+    /// Model file for MuJoCo.
     Mjcf,
-    /// FMI 3.0 Co-Simulation: the machine itself, for Simulink, Modelica tools and others.
+    /// FMI 3.0 Co-Simulation: the simulated machine, for Simulink, Modelica tools and others.
     Fmu,
 }
 

@@ -21,17 +21,18 @@ Exit codes:
    70  an internal fault, of this program or of the machine, such as too little memory
   130  interrupted; recordings are closed properly";
 
-/// Completions for a shell.
+/// Prints the completion script for a shell.
 #[derive(Args, Debug)]
 pub struct CompletionsArgs {
-    /// The shell, as in: freeplay completions bash > ~/.local/share/bash-completion/completions/freeplay
+    /// Shell, as in: freeplay completions bash > ~/.local/share/bash-completion/completions/freeplay
     shell: Shell,
 }
 
-/// The manual.
+/// Prints the manual.
 #[derive(Args, Debug)]
 pub struct ManArgs {
-    /// Folder for all pages, freeplay.1 and one for each command; without it: the first page to standard output.
+    /// Write all pages to this folder: freeplay.1 and one page for each command. Default: print the first page to standard
+    /// output.
     #[arg(long)]
     out: Option<PathBuf>,
 }

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use crate::check;
 use crate::inputs::Measured;
 
-/// Looks into recordings and turns them into other forms.
+/// Shows recordings, and converts them to other formats.
 #[derive(Args, Debug)]
 pub struct RecordArgs {
     #[command(subcommand)]
@@ -29,22 +29,24 @@ pub struct RecordArgs {
 
 #[derive(Subcommand, Debug)]
 enum Action {
-    /// Show what a recording holds: joints, samples, rate, columns with their ranges, metadata, marks.
+    /// Show the contents of a recording: joints, samples, rate, columns with their ranges, metadata, marks.
     Info(InfoArgs),
-    /// Write a recording in another form: CSV, Parquet or MCAP.
+    /// Write a recording in another format: CSV, Parquet or MCAP.
     Export(ExportArgs),
-    /// Convert a recording of another tool into Freeplay's form: a ROS bag, a CSV with other columns, Parquet, NumPy, MATLAB, a robot's log.
+    /// Convert a recording of another tool into Freeplay's format: a ROS bag, a CSV with other columns, Parquet, NumPy, MATLAB, a
+    /// robot's log.
     Import(ImportArgs),
 }
 
 #[derive(Args, Debug)]
 struct InfoArgs {
-    /// The recording, of any kind that can be read.
+    /// Recording, in any format that Freeplay reads.
     recording: PathBuf,
-    /// The model of its arm, URDF, MJCF or TOML: with it, also check that model and recording agree in their conventions (units, signs, order, zeros, gravity, clocks).
+    /// Model of the arm that made the recording: URDF, MJCF or TOML. With a model, the command also checks that model and
+    /// recording agree in their conventions (units, signs, order, zeros, gravity, clocks).
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
-    /// The mapping file, which says what the columns mean; `record import` and `diagnose` write such files.
+    /// Mapping file that defines the meaning of the columns. `record import` and `diagnose` write such files.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
     /// Output format.
@@ -52,12 +54,12 @@ struct InfoArgs {
     format: Format,
 }
 
-/// A form that a recording is exported to.
+/// Format for the export of a recording.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Form {
-    /// Comma-separated, a header, the shortest numbers that read back to the same bits.
+    /// Comma-separated values with a header. Each number has the fewest digits that read back to the same bits.
     Csv,
-    /// Apache Parquet, one column of doubles each, for pandas and the like.
+    /// Apache Parquet, in which each column holds doubles, for pandas and similar tools.
     Parquet,
     /// MCAP, for Foxglove and PlotJuggler.
     Mcap,
@@ -65,12 +67,12 @@ enum Form {
 
 #[derive(Args, Debug)]
 struct ExportArgs {
-    /// The recording, of any kind that can be read.
+    /// Recording, in any format that Freeplay reads.
     recording: PathBuf,
-    /// The form to write.
+    /// Format to write.
     #[arg(long)]
     format: Form,
-    /// The file to write; without it: beside the recording, with the form's ending.
+    /// Write the export to this file. Default: a file beside the recording, with the extension of the format.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace an existing file.
@@ -80,22 +82,23 @@ struct ExportArgs {
 
 #[derive(Args, Debug)]
 struct ImportArgs {
-    /// The file or folder: a ROS bag (MCAP, SQLite, ROS 1), CSV, Parquet, a LeRobot data set, .npz, .mat.
+    /// File or folder to import: a ROS bag (MCAP, SQLite, ROS 1), CSV, Parquet, a LeRobot data set, .npz, .mat.
     file: PathBuf,
-    /// What the columns mean: a mapping file; without it they are taken by their names, and the mapping is written beside the recording.
+    /// Mapping file that defines the meaning of the columns. Without it, the command identifies the columns by their names and
+    /// writes the mapping beside the recording.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
-    /// The bag's topic of sensor_msgs/JointState; without it: the only one, or /joint_states.
+    /// Topic of the bag with sensor_msgs/JointState. Default: the only such topic, or /joint_states.
     #[arg(long)]
     topic: Option<String>,
-    /// The bag's topic of geometry_msgs/msg/PoseStamped with the tool's pose in the base frame; without it: the only one.
+    /// Topic of the bag with geometry_msgs/msg/PoseStamped: the pose of the tool in the base frame. Default: the only such topic.
     #[arg(long)]
     pose_topic: Option<String>,
-    /// The joints from base to tool, each by its name or a part of it that no other has, or by its column (q1) where joints have no names; without
-    /// it: all, in the order of the file.
+    /// Joints from base to tool. Give the name of each joint, a part of the name that no other joint has, or the column (q1) if
+    /// joints have no names. Default: all joints in the order of the file.
     #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
     joints: Vec<String>,
-    /// The recording to write, .mcap, .csv or .parquet.
+    /// Write the recording to this file: .mcap, .csv or .parquet.
     #[arg(long)]
     out: PathBuf,
     /// Replace an existing file.

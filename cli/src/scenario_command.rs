@@ -14,7 +14,7 @@ use freeplay_terminal::files::read_text;
 use freeplay_terminal::output::say;
 use toml::{Table, Value};
 
-/// Looks at scenarios without running them.
+/// Shows and checks scenarios without running them.
 #[derive(Args, Debug)]
 pub struct ScenarioArgs {
     #[command(subcommand)]
@@ -23,7 +23,7 @@ pub struct ScenarioArgs {
 
 #[derive(Subcommand, Debug)]
 enum Action {
-    /// Check that a scenario can be run: keys, values, arm files, path, controllers; what is wrong with line and column.
+    /// Check that a scenario can run: keys, values, arm files, path, controllers. Errors are reported with line and column.
     Check(CheckArgs),
     /// Show the effective value of every key and its origin: the default, the file or --set.
     Show(ShowArgs),
@@ -33,14 +33,14 @@ enum Action {
 
 #[derive(Args, Debug)]
 struct CheckArgs {
-    /// The scenarios.
+    /// Scenario files to check.
     #[arg(required = true)]
     scenario: Vec<PathBuf>,
 }
 
 #[derive(Args, Debug)]
 struct ShowArgs {
-    /// The scenario; without it: the default one.
+    /// Scenario file. Default: the default scenario.
     scenario: Option<PathBuf>,
     /// Change a key of the scenario, as in --set path.period=12.
     #[arg(long, value_name = "KEY=VALUE")]

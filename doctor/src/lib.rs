@@ -30,22 +30,22 @@ pub const DEFAULT_PRIORITY: u8 = 80;
 /// The schema of its JSON output.
 const SCHEMA: &str = "freeplay.doctor/1";
 
-/// Looks at the machine.
+/// Checks whether the machine is fit for runs in real time.
 #[derive(Args, Debug)]
 pub struct DoctorArgs {
     /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// End with code 4 unless the machine is fit for tails.
+    /// Exit with code 4 unless the machine is fit for measuring tail latencies.
     #[arg(long)]
     require_rt: bool,
     /// Skip the wake-up measurement, which takes 3 s.
     #[arg(long)]
     quick: bool,
-    /// Write a page as well.
+    /// Also write the findings to this HTML file.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Read /proc and /sys below this folder.
+    /// Read the files of /proc and /sys below this folder.
     #[arg(long, value_name = "DIR", hide = true)]
     root: Option<PathBuf>,
 }

@@ -39,30 +39,30 @@ const LEAST_PATIENCE_S: f64 = 120.0;
 /// Largest permitted ratio of a jump to the greatest steady change.
 const MOST_JUMP: f64 = 1.0;
 
-/// Swaps controllers.
+/// Swaps controllers at random ticks, and measures each swap.
 #[derive(Args, Debug)]
 pub struct SwapArgs {
-    /// The scenario, as for `freeplay run`.
+    /// Scenario file, as for `freeplay run`.
     scenario: Option<PathBuf>,
-    /// The controllers: built-in names, or paths of executables or FMUs; without any: all built-in ones.
+    /// Controllers to swap: built-in names, or paths of executables or FMUs. Default: all built-in controllers.
     #[arg(long)]
     controller: Vec<String>,
-    /// Swaps in all.
+    /// Total number of swaps.
     #[arg(long, default_value_t = 200)]
     swaps: u32,
-    /// Swaps of one run.
+    /// Number of swaps in one run.
     #[arg(long, default_value_t = 15)]
     per_run: u32,
-    /// Schedule of the ticks.
+    /// Schedule of the ticks: real time or lockstep.
     #[arg(long)]
     pace: Option<Pacing>,
     /// Change a key of the scenario, as in --set path.period=12.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Seed of the ticks and of all noise; each run has the next.
+    /// Seed of the swap ticks and of all noise. Each run uses the next seed.
     #[arg(long)]
     seed: Option<u64>,
-    /// Folder for the results; without it: out/ and the time.
+    /// Write the results to this folder. Default: a folder in out/ named after the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.

@@ -12,33 +12,34 @@ use freeplay_terminal::exit::{Exit, Failure};
 
 use crate::slowed_controller::SlowedController;
 
-/// Runs a controller as a process of its own; `freeplay run` starts it.
+/// Runs a controller in its own process. `freeplay run` starts this process.
 #[derive(Args, Debug)]
 pub struct ControllerArgs {
-    /// Name of a built-in controller, path of an FMU, or path of an executable, which finds the run in its environment.
+    /// Name of a built-in controller, path of an FMU, or path of an executable, which reads the address of the run from its
+    /// environment.
     pub name: PathBuf,
     /// Address of the run in shared memory.
     #[arg(long, env = "FREEPLAY_RUN")]
     pub run: String,
-    /// Slot to ask for.
+    /// Slot to request.
     #[arg(long, env = "FREEPLAY_SLOT", default_value_t = 0)]
     pub slot: u32,
-    /// SCHED_FIFO priority to ask for.
+    /// SCHED_FIFO priority to request.
     #[arg(long)]
     pub priority: Option<u8>,
-    /// Core to stay on.
+    /// Core to which this process is pinned.
     #[arg(long)]
     pub cpu: Option<usize>,
-    /// Lock all memory.
+    /// Lock all memory in RAM.
     #[arg(long)]
     pub lock_memory: bool,
-    /// Computing time added to each answer, s.
+    /// Compute time to add to each answer, s.
     #[arg(long, default_value_t = 0.0, value_name = "S")]
     pub load: f64,
-    /// File with the plan of faults to inject into it.
+    /// File with the plan of faults to inject into this controller.
     #[arg(long, value_name = "FILE")]
     pub faults: Option<PathBuf>,
-    /// End when this process, the parent, ends.
+    /// End when the parent process with this ID ends.
     #[arg(long, value_name = "PID")]
     pub with_parent: Option<u32>,
 }

@@ -26,31 +26,31 @@ use freeplay_terminal::messages;
 /// Longest time for which killed controllers may keep their seats.
 const LAST_SEAT: Duration = Duration::from_millis(100);
 
-/// Plays the machine of one run; `freeplay run` starts it.
+/// Simulates the machine of one run. `freeplay run` starts this process.
 #[derive(Args, Debug)]
 pub struct PlantArgs {
     /// Address of the run in shared memory.
     #[arg(long, env = "FREEPLAY_RUN")]
     run: String,
-    /// The effective scenario.
+    /// File of the effective scenario.
     #[arg(long)]
     scenario: PathBuf,
-    /// The task file that controllers are given.
+    /// Task file for the controllers.
     #[arg(long)]
     task: PathBuf,
-    /// Folder for what the run leaves.
+    /// Write the results of the run to this folder.
     #[arg(long)]
     out: PathBuf,
     /// Name of the run's files and of its controller in the summary.
     #[arg(long)]
     name: String,
-    /// The controller as it was asked for, if that is another name.
+    /// Controller name as requested, if it differs from --name.
     #[arg(long)]
     controller: Option<String>,
-    /// End when this process, the parent, ends.
+    /// End when the parent process with this ID ends.
     #[arg(long, value_name = "PID")]
     with_parent: Option<u32>,
-    /// Report the run on standard output, and take requests from standard input.
+    /// Report the run on standard output, and read requests from standard input.
     #[arg(long)]
     live: bool,
 }

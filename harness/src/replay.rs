@@ -28,12 +28,12 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// After this long without an answer, the parent checks the controller's process, ns.
 const LOOK_AFTER_NS: u64 = 50_000_000;
 
-/// Replays a recording to a controller.
+/// Replays the recorded states of a run to a controller.
 #[derive(Args, Debug)]
 pub struct ReplayArgs {
-    /// A recording of `freeplay run`, MCAP.
+    /// Recording of `freeplay run`, MCAP.
     recording: PathBuf,
-    /// The controller: a built-in name, or the path of an executable or an FMU.
+    /// Controller: a built-in name, or the path of an executable or an FMU.
     #[arg(long)]
     against: String,
     /// Output format.

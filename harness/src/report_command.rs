@@ -14,13 +14,13 @@ use serde_json::Value;
 use crate::run_report::{Played, contact, deviation, latencies, overview};
 use crate::summary::{RunSummary, SCHEMA};
 
-/// Compares runs.
+/// Compares runs in one HTML file.
 #[derive(Args, Debug)]
 pub struct ReportArgs {
-    /// The folders of the runs, as `freeplay run --out` left them.
+    /// Folders of the runs, as `freeplay run --out` wrote them.
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// The file to write.
+    /// Write the report to this file.
     #[arg(long, default_value = "comparison.html")]
     out: PathBuf,
 }

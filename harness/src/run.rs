@@ -49,33 +49,34 @@ pub const BUILT_IN_PATIENCE: f64 = 60.0;
 /// Runs a scenario.
 #[derive(Args, Debug)]
 pub struct RunArgs {
-    /// The scenario; without it: the paper's arm, 0.6 mm of play in joint 5, the smooth path in 6 s.
+    /// Scenario file. Default: the paper's arm, 0.6 mm of play in joint 5, the smooth path in 6 s.
     scenario: Option<PathBuf>,
-    /// A controller: a built-in name, or the path of an executable or an FMU. Several run one after the other.
+    /// Controller: a built-in name, or the path of an executable or an FMU. Several controllers run one after another.
     #[arg(long)]
     controller: Vec<String>,
-    /// The wall clock, or lockstep, which is deterministic and as fast as possible; without it: the scenario's, else lockstep.
+    /// Run by the wall clock, or in lockstep. Lockstep is deterministic and as fast as possible. Default: the value in the
+    /// scenario, or lockstep.
     #[arg(long)]
     pace: Option<Pacing>,
-    /// The plant's arm: "paper" or an arm file.
+    /// Arm of the plant: "paper" or an arm file.
     #[arg(long)]
     model: Option<String>,
-    /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
+    /// Link of the model at the end of the arm. Default: tool0, or the end of the longest chain without its fingers.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// A controller that runs beside each of them, warm, and takes over where it fails; several are allowed.
+    /// Standby controller. It runs beside each controller and takes over when that controller fails. Several are allowed.
     #[arg(long)]
     standby: Vec<String>,
     /// Change a key of the scenario, as in --set path.period=12.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Format of the recording.
+    /// File format of the recording.
     #[arg(long)]
     recording: Option<RecordingKind>,
     /// Seed of all noise.
     #[arg(long)]
     seed: Option<u64>,
-    /// Folder for the results of the run; without it: out/ and the time.
+    /// Write the results of the run to this folder. Default: a folder in out/ named after the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
@@ -84,13 +85,14 @@ pub struct RunArgs {
     /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Watch the run in the terminal, and swap, kill or hang controllers by key; in real time unless --pace says otherwise.
+    /// Watch the run in the terminal, and press keys to swap, kill or hang controllers. The run is in real time unless --pace
+    /// sets another schedule.
     #[arg(long)]
     live: bool,
-    /// Print the effective scenario and end.
+    /// Print the effective scenario, and exit without a run.
     #[arg(long)]
     show: bool,
-    /// End with code 4 unless the machine is fit for tails of latencies (see `freeplay doctor`).
+    /// Exit with code 4 unless the machine is fit for measuring tail latencies (see `freeplay doctor`).
     #[arg(long)]
     require_rt: bool,
     /// Start the controller this many seconds after the plant, or before it if negative.

@@ -21,10 +21,10 @@ use serde::Serialize;
 use crate::bound::{Bound, sharp_square};
 use crate::cells::{Cell, Part, Row};
 
-/// Computes bounds.
+/// Computes the smallest possible deviation at sharp corners.
 #[derive(Args, Debug)]
 pub struct BoundArgs {
-    /// Times of a lap, s.
+    /// Lap times, s.
     #[arg(long, value_delimiter = ',', default_value = "6,12", value_parser = above_zero)]
     period: Vec<f64>,
     /// Clearances, mm.

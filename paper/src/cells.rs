@@ -35,45 +35,46 @@ const ALONE: usize = 4;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
-    /// True model, tracked tool.
+    /// The controllers have the true model and a tracked tool.
     Tracked,
-    /// True model, no tracked tool.
+    /// The controllers have the true model and no tracked tool.
     Untracked,
-    /// The controllers' models have 10 % less and 10 % more clearance than the plant; tracked tool.
+    /// The models of the controllers have 10 % less and 10 % more clearance than the plant. The tool is tracked.
     Wrong,
-    /// The same, no tracked tool.
+    /// The models are wrong in the same way. The tool is not tracked.
     WrongUntracked,
-    /// Two joints with play; tracked tool.
+    /// Two joints have play. The tool is tracked.
     Two,
 }
 
 const PARTS: [Part; 5] = [Part::Tracked, Part::Untracked, Part::Wrong, Part::WrongUntracked, Part::Two];
 
-/// Makes the table.
+/// Computes the table of compensation results.
 #[derive(Args, Debug)]
 pub struct CellsArgs {
-    /// Parts of the table; all of them without it.
+    /// Parts of the table. Default: all parts.
     #[arg(long, value_delimiter = ',')]
     part: Vec<Part>,
-    /// Paths.
+    /// Paths to follow.
     #[arg(long, value_delimiter = ',', default_value = "lissajous,square,square_sharp")]
     path: Vec<String>,
-    /// Times of a lap, s.
+    /// Lap times, s.
     #[arg(long, value_delimiter = ',', default_value = "6,12", value_parser = above_zero)]
     period: Vec<f64>,
     /// Clearances, mm.
     #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6", value_parser = above_zero)]
     clearance: Vec<f64>,
-    /// Joints with play where there are two, counted from 1; the first has half of the largest clearance, the second all of it.
+    /// Pairs of joints with play, counted from 1. The first joint has half of the largest clearance, and the second joint has all
+    /// of it.
     #[arg(long, value_delimiter = ',', default_value = "2+3,2+5,3+5,4+5", value_parser = pair)]
     pair: Vec<(usize, usize)>,
-    /// Time after which the deviation counts, s.
+    /// Time from which the deviation counts, s.
     #[arg(long, default_value_t = DeviationStatistics::START)]
     after: f64,
-    /// An option of narx-qp, as in --option passages=false.
+    /// Option of narx-qp, as in --option passages=false.
     #[arg(long, value_name = "KEY=VALUE")]
     option: Vec<String>,
-    /// An option of quasi-static, as in --quasi-static-option horizon=0.02.
+    /// Option of quasi-static, as in --quasi-static-option horizon=0.02.
     #[arg(long, value_name = "KEY=VALUE")]
     quasi_static_option: Vec<String>,
     /// Output format.
@@ -93,7 +94,7 @@ pub struct Cell {
     pub plays: Plays,
     /// Joints with play and their clearances as the controllers believe them.
     pub believed: Plays,
-    /// Time after which the deviation counts, s.
+    /// Time from which the deviation counts, s.
     pub after: f64,
 }
 

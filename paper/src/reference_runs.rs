@@ -28,16 +28,16 @@ use freeplay_terminal::files::claim;
 /// The reference data, as received.
 const REFERENCE: &str = include_str!("../data/reference_runs.csv");
 
-/// Simulates the reference runs.
+/// Simulates the reference runs, and compares them with an independent reference.
 #[derive(Args, Debug)]
 pub struct ReferenceArgs {
-    /// Sub-steps of a tick.
+    /// Number of sub-steps in one tick.
     #[arg(long, default_value_t = 50)]
     substeps: u32,
-    /// Only runs whose name contains this.
+    /// Simulate only runs whose name contains this text.
     #[arg(long, default_value = "")]
     only: String,
-    /// Folder for a report.
+    /// Write a report to this folder.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.

@@ -5,10 +5,10 @@ use clap::ValueEnum;
 /// Output format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// For a person.
+    /// Text for people.
     #[default]
     Text,
-    /// For a program.
+    /// JSON for programs.
     Json,
 }
 

@@ -6,17 +6,17 @@ use std::time::Instant;
 
 use clap::{Args, ColorChoice, ValueEnum};
 
-/// What every command understands.
+/// Options of every command.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
-    /// Print results and errors alone: no progress, no notes.
+    /// Print only results and errors, without progress and notes.
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
     /// Print each step on standard error.
     #[arg(short, long, global = true, conflicts_with = "quiet")]
     pub(crate) verbose: bool,
-    /// When to print in colour; auto: on a terminal, unless NO_COLOR is set.
+    /// When to print in colour. The value auto prints in colour on a terminal unless NO_COLOR is set.
     #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
     color: ColorChoice,
 }

@@ -30,30 +30,31 @@ use crate::weight_files::Weights;
 /// Time between training windows, s.
 const EVERY: f64 = 0.02;
 
-/// Learns what a model leaves of a tracked tool's deviation.
+/// Trains a network on the deviation of a tracked tool that a model leaves unexplained.
 ///
-/// Exit code 1 if what was learned did not prove itself in simulated runs: no controller uses it then.
+/// Exit code 1: the simulated runs did not confirm that the network helps. Controllers then do not use it.
 #[derive(Args, Debug)]
 pub struct TrainArgs {
-    /// Recordings with a tracked tool, or folders of runs: at least two paths, better three.
+    /// Recordings with a tracked tool, or folders of runs. They must cover at least two paths; three are better.
     #[arg(long = "recording", value_name = "RUN", required = true, num_args = 1..)]
     recordings: Vec<PathBuf>,
-    /// The model whose remainder is learned: "paper", or an arm file such as the one of a diagnosis.
+    /// Model whose unexplained deviation the network learns: "paper", or an arm file such as the model of a diagnosis.
     #[arg(long, default_value = freeplay_controller::task::PAPER_MODEL)]
     model: String,
-    /// The arm that planned the reference, from which deviations are counted: a diagnosis moves its model within tolerances; without it: the model's.
+    /// Model of the arm that planned the reference. Deviations are measured from this arm. It differs from --model after a
+    /// diagnosis, which tunes a model within its tolerances. Default: the arm of --model.
     #[arg(long, value_name = "MODEL")]
     nominal: Option<String>,
-    /// Where the weights go; without it: beside the model, where runs with this model find them.
+    /// Write the weights to this file. Default: a file beside the model, where runs with this model find it.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Units of each hidden layer; without it: those of several that predict held-out paths best.
+    /// Number of units in each hidden layer. Default: the best of several choices, by their predictions of held-out paths.
     #[arg(long, value_delimiter = ',', value_parser = at_least_one)]
     hidden: Vec<usize>,
-    /// Largest number of epochs.
+    /// Maximum number of epochs.
     #[arg(long, default_value_t = 60, value_parser = at_least_one)]
     epochs: usize,
-    /// Seed of the start weights.
+    /// Seed of the initial weights.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Output format.
@@ -66,7 +67,7 @@ pub struct TrainArgs {
 pub struct Settings {
     /// Hidden layers; if empty, the program chooses them.
     pub hidden: Vec<usize>,
-    /// Largest number of epochs.
+    /// Maximum number of epochs.
     pub epochs: usize,
     /// Seed of the initial weights.
     pub seed: u64,

@@ -38,27 +38,30 @@ pub use yardstick::{YardstickArgs, yardstick};
 /// Missed ticks that the plant bridges: a bench measures a stall of the machine and continues.
 const HOLD: u32 = 1000;
 
-/// Times the loop.
+/// Measures the time of every stage of the loop.
 #[derive(Args, Debug)]
 pub struct BenchArgs {
-    /// The scenario, as for `freeplay run`.
+    /// Scenario file, as for `freeplay run`.
     scenario: Option<PathBuf>,
-    /// A controller: a built-in name, or the path of an executable or an FMU; without any: all built-in ones.
+    /// Controller: a built-in name, or the path of an executable or an FMU. Default: all built-in controllers.
     #[arg(long)]
     controller: Vec<String>,
-    /// Ticks of each controller, of the bare clock loop and of bare iceoryx2.
+    /// Number of ticks for each controller, for the bare clock loop and for bare iceoryx2.
     #[arg(long, default_value_t = 10_000)]
     ticks: u64,
-    /// Number of blocks in which the full loop and the yardsticks alternate; short blocks meet the same state of the machine.
+    /// Number of blocks in which the full loop and the reference measurements alternate. With short blocks, both measure the same
+    /// state of the machine.
     #[arg(long, default_value_t = 20)]
     pairs: usize,
-    /// Also find the compute time at which deadlines break: a block of each controller with each of these added microseconds, as in --load 100,300,600.
+    /// Also find the compute time at which the loop misses deadlines. Run a block of each controller with each of these added
+    /// compute times in µs, as in --load 100,300,600.
     #[arg(long, value_name = "US", value_delimiter = ',')]
     load: Vec<f64>,
-    /// Measure the cost of recording and of the live view instead: blocks with and without them alternate, under the first controller.
+    /// Measure instead the cost of recording and of the live view: blocks with and without them alternate, under the first
+    /// controller.
     #[arg(long, conflicts_with = "load")]
     cost: bool,
-    /// Cores of the plant and of the controller; without it the last two that this process may use.
+    /// Cores of the plant and of the controller. Default: the last two cores that this process may use.
     #[arg(long, value_name = "P,C", value_parser = two_cores)]
     cpus: Option<[usize; 2]>,
     /// Change a key of the scenario, as in --set path.period=12.
@@ -67,10 +70,10 @@ pub struct BenchArgs {
     /// Seed of all noise.
     #[arg(long)]
     seed: Option<u64>,
-    /// End with code 4 unless the machine is fit for tails of latencies (see `freeplay doctor`).
+    /// Exit with code 4 unless the machine is fit for measuring tail latencies (see `freeplay doctor`).
     #[arg(long)]
     require_rt: bool,
-    /// Folder for the results; without it: out/ and the time.
+    /// Write the results to this folder. Default: a folder in out/ named after the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.

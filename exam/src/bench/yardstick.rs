@@ -25,44 +25,44 @@ const PATIENCE_NS: u64 = 10_000_000_000;
 /// Number of joints in the messages, whose size does not depend on it.
 const JOINTS: usize = 6;
 
-/// A part in a yardstick.
+/// Role of a process in a reference measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Role {
-    /// A loop that only wakes.
+    /// A loop that only wakes at each tick.
     Clock,
-    /// The end that publishes states by the clock.
+    /// The process that publishes states by the clock.
     Plant,
-    /// The end that answers.
+    /// The process that answers.
     Controller,
 }
 
-/// Plays one part of a yardstick; `freeplay bench` starts it.
+/// Plays one role of a reference measurement. `freeplay bench` starts this process.
 #[derive(Args, Debug)]
 pub struct YardstickArgs {
-    /// The part.
+    /// Role to play.
     role: Role,
     /// Address of the run in shared memory.
     #[arg(long)]
     run: String,
-    /// Ticks.
+    /// Number of ticks.
     #[arg(long)]
     ticks: u64,
     /// Time between two ticks, ns.
     #[arg(long)]
     period: u64,
-    /// Core to stay on.
+    /// Core to which this process is pinned.
     #[arg(long)]
     cpu: Option<usize>,
-    /// SCHED_FIFO priority to ask for.
+    /// SCHED_FIFO priority to request.
     #[arg(long)]
     priority: Option<u8>,
-    /// Lock all memory.
+    /// Lock all memory in RAM.
     #[arg(long)]
     lock_memory: bool,
-    /// Where the histograms go.
+    /// Write the histograms to this path.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// End when this process, the parent, ends.
+    /// End when the parent process with this ID ends.
     #[arg(long, value_name = "PID")]
     with_parent: Option<u32>,
 }

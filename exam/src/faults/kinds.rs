@@ -2,49 +2,50 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What goes wrong.
+/// Kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// No fault: any fault that is reported is a false alarm.
+    /// No fault: every reported fault is a false alarm.
     Ok,
-    /// No answers.
+    /// The controller sends no answers.
     Off,
-    /// The values of the last good answer are sent again and again as new answers.
+    /// The controller sends the values of its last good answer again and again as new answers.
     Stuck,
-    /// Random bits as numbers.
+    /// Answers contain random bits instead of numbers.
     Garbage,
-    /// One joint's value shifted by a fifth of its range.
+    /// The value of one joint is shifted by a fifth of its range.
     Wrong,
     /// Only every fourth answer arrives.
     Slow,
-    /// Answers that come three ticks late.
+    /// Answers arrive three ticks late.
     Delayed,
     /// About every second answer arrives.
     Intermittent,
     /// The process is killed with SIGKILL.
     Crash,
-    /// The process is stopped with SIGSTOP, and goes on later.
+    /// The process is stopped with SIGSTOP, and continues later.
     Hang,
     /// Each answer is sent 64 times.
     Flood,
-    /// Answers in the wrong order.
+    /// Answers arrive in the wrong order.
     Reorder,
-    /// Messages of another layout version.
+    /// Messages have another layout version.
     StaleVersion,
-    /// NaN in the place of a number.
+    /// An answer contains NaN instead of a number.
     Nan,
-    /// One joint's value just beyond its limit.
+    /// The value of one joint is just beyond its limit.
     Limit,
-    /// One joint's value that drifts away by its range a second.
+    /// The value of one joint drifts by its range in each second.
     Drift,
-    /// One joint's value with the wrong sign.
+    /// The value of one joint has the wrong sign.
     SignFlip,
-    /// One joint's value half as large again.
+    /// The value of one joint is multiplied by 1.5.
     Gain,
-    /// The clock of the states jumps by a second and back.
+    /// The clock of the states jumps by one second and back.
     ClockJump,
-    /// The process that holds the seat is killed with memory on loan for a message that is never sent; the controller lives.
+    /// The process that holds the controller's seat is killed while it holds borrowed memory for a message that it never sends.
+    /// The controller itself stays alive.
     LoanLost,
 }
 

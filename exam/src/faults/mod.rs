@@ -31,24 +31,25 @@ use crate::faults::exam::Exam;
 use crate::faults::kinds::Kind;
 use freeplay_terminal::files::claim;
 
-/// Examines a controller.
+/// Injects faults into a controller, and judges how the run handles them.
 #[derive(Args, Debug)]
 pub struct FaultsArgs {
-    /// The controller under examination: a built-in name, or the path of an executable or an FMU.
+    /// Controller to test: a built-in name, or the path of an executable or an FMU.
     controller: String,
-    /// The scenario, as for `freeplay run`; without it: the paper's arm.
+    /// Scenario file, as for `freeplay run`. Default: the paper's arm.
     #[arg(long)]
     scenario: Option<PathBuf>,
-    /// The standby controller.
+    /// Standby controller, which takes over from the tested one.
     #[arg(long, default_value = "computed-torque")]
     standby: String,
-    /// Kinds of fault to inject; without it: all of them, one after the other.
+    /// Kinds of faults to inject. Default: all kinds, one after another.
     #[arg(long, value_enum)]
     kind: Vec<Kind>,
-    /// Faults of each kind.
+    /// Number of faults of each kind.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     seeds: u32,
-    /// Kill this many runs at random moments, with SIGKILL, instead: the plant, the controller or the run itself.
+    /// Instead of injecting faults, kill this many runs at random moments with SIGKILL: the plant, the controller or the run
+    /// itself.
     #[arg(long, value_name = "COUNT", conflicts_with_all = ["kind", "seeds"], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     kills: Option<u32>,
     /// Schedule of the ticks.
@@ -57,10 +58,10 @@ pub struct FaultsArgs {
     /// Change a key of the scenario, as in --set path.kind=square_sharp.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Seed of the ticks, of what is random in a fault and of all noise.
+    /// Seed of the fault ticks, of the random parts of faults, and of all noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder for the results; without it: out/ and the time.
+    /// Write the results to this folder. Default: a folder in out/ named after the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.

@@ -51,10 +51,10 @@ use trace::Runs;
 /// The schema of `reproduce.json`.
 const SCHEMA: &str = "freeplay.reproduce/1";
 
-/// A part that can be left out.
+/// Part of the reproduction that can be skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Part {
-    /// The trainings, and the claims about the network.
+    /// The training of the networks, and the claims about them.
     Network,
     /// The runs of the built-in controllers, and the claim that a network can improve the motion.
     Compensation,
@@ -63,16 +63,17 @@ enum Part {
 /// Reproduces the paper.
 #[derive(Args, Debug)]
 pub struct ReproduceArgs {
-    /// Folder for report.html and reproduce.json; without it: out/reproduce.
+    /// Write report.html and reproduce.json to this folder. Default: out/reproduce.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// The smooth path with prescribed motion alone, one short training a network, one run of the controllers.
+    /// Reproduce only a part: the smooth path with prescribed motion, one short training for each network, and one run of the
+    /// controllers.
     #[arg(long)]
     quick: bool,
-    /// Leave a part out; may be given twice.
+    /// Skip this part. Both parts may be skipped.
     #[arg(long, value_name = "PART")]
     skip: Vec<Part>,
     /// Output format.

@@ -18,40 +18,40 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Makes recordings of machines with concealed physics.
+/// Generates recordings of machines with concealed physics.
 #[derive(Parser)]
 struct Options {
-    /// Where to write.
+    /// Write the recordings to this folder.
     #[arg(long)]
     out: PathBuf,
-    /// Everything is drawn from it.
+    /// Seed of all random draws.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Cases with one effect of the catalogue.
+    /// Number of cases with one effect of the catalogue.
     #[arg(long, default_value_t = 0)]
     cases: usize,
-    /// Only these kinds, in and outside the catalogue; may be given several times.
+    /// Use only these kinds, in and outside the catalogue. Several are allowed.
     #[arg(long)]
     kind: Vec<String>,
-    /// Cases without any effect.
+    /// Number of cases without any effect.
     #[arg(long, default_value_t = 0)]
     negative: usize,
-    /// Cases with an effect outside the catalogue.
+    /// Number of cases with an effect outside the catalogue.
     #[arg(long, default_value_t = 0)]
     unknown: usize,
-    /// Cases with two effects of the catalogue.
+    /// Number of cases with two effects of the catalogue.
     #[arg(long, default_value_t = 0)]
     double: usize,
-    /// Only these machines (slide, two, three, sixbench, sixcell, seven, paper).
+    /// Use only these machines (slide, two, three, sixbench, sixcell, seven, paper).
     #[arg(long)]
     machine: Vec<String>,
-    /// Only this severity (slight, clear, strong).
+    /// Use only this severity (slight, clear, strong).
     #[arg(long)]
     severity: Option<String>,
-    /// Only this noise level (low, middle, high).
+    /// Use only this noise level (low, middle, high).
     #[arg(long)]
     noise: Option<String>,
-    /// Threads.
+    /// Number of threads.
     #[arg(long, default_value_t = 1)]
     jobs: usize,
 }

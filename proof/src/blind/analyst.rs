@@ -16,19 +16,19 @@ use super::sandbox;
 /// The files of a case: the given model, and two recordings of one machine.
 pub const FILES: [&str; 3] = ["model.toml", "recording.csv", "second.csv"];
 
-/// Answers for the case in the working folder; `freeplay blind` starts it.
+/// Diagnoses the case in the working folder. `freeplay blind` starts this process.
 #[derive(Args, Debug)]
 pub struct AnalystArgs {
-    /// The process that it ends with.
+    /// End when the process with this ID ends.
     #[arg(long, value_name = "PID")]
     with_parent: u32,
-    /// A file that this process must not be able to read.
+    /// File that this process must not be able to read.
     #[arg(long, value_name = "FILE")]
     canary: Option<PathBuf>,
-    /// An abstract socket that it must not be able to reach.
+    /// Abstract socket that this process must not be able to reach.
     #[arg(long, value_name = "NAME")]
     socket: Option<String>,
-    /// A TCP port of this machine that it must not be able to reach.
+    /// TCP port of this machine that this process must not be able to reach.
     #[arg(long, value_name = "PORT")]
     port: Option<u16>,
 }

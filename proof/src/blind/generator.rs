@@ -22,10 +22,10 @@ use super::names::name;
 use super::order::Order;
 use super::source::Source;
 
-/// Makes sealed recordings as standard input asks; `freeplay blind` starts it.
+/// Generates the sealed recordings that standard input requests. `freeplay blind` starts this process.
 #[derive(Args, Debug)]
 pub struct GenerateArgs {
-    /// The process that it ends with.
+    /// End when the process with this ID ends.
     #[arg(long, value_name = "PID")]
     with_parent: u32,
 }

@@ -68,55 +68,62 @@ use tally::Score;
 pub use analyst::{AnalystArgs, analyst};
 pub use generator::{GenerateArgs, generate};
 
-/// Proves the diagnosis on concealed effects: recordings are made and their truth is sealed before the analysis, which has one try.
+/// Tests the diagnosis on concealed effects. The command makes recordings and seals the true effects before the analysis, which
+/// has one attempt.
 ///
-/// Without --full a small set of half single effects, a fifth each of negative controls and of physics outside the catalogue, a tenth of
-/// two effects at once. Exit code 1: a receipt does not verify. What the goals ask for is said, and is no reason to fail.
+/// Without --full, the set is small: half of the cases have a single effect, a fifth are negative controls, a fifth have physics
+/// outside the catalogue, and a tenth have two effects at once. Exit code 1: a receipt does not verify. The command reports
+/// whether the results meet the goals. A missed goal does not change the exit code.
 #[derive(Args, Debug)]
 pub struct BlindArgs {
-    /// Seed of the set; without it the operating system is asked for one, after the freeze.
+    /// Seed of the set. Default: a seed from the operating system, drawn after the freeze.
     #[arg(long)]
     seed: Option<u64>,
     /// Number of cases.
     #[arg(long, value_name = "N", default_value_t = 40, conflicts_with_all = ["full", "matrix"], value_parser = at_least_one)]
     cases: usize,
-    /// The full set: 1080 single effects, 300 negative controls, 152 outside the catalogue, 156 double.
+    /// Use the full set: 1080 cases with a single effect, 300 negative controls, 152 cases outside the catalogue, and 156 with
+    /// two effects.
     #[arg(long)]
     full: bool,
     #[command(flatten)]
     sweep: Sweep,
-    /// Generator of the recordings: mujoco, or mujoco-servos for commanded and measured positions alone (both need Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
-    /// file or folder that keeps the contract of proof/mujoco/README.md. Without it: the generator in this program.
+    /// Generator of the recordings. The value mujoco simulates with MuJoCo, and mujoco-servos records commanded and measured
+    /// positions alone. Both need Python with the package mujoco; FREEPLAY_PYTHON names an interpreter that has it. Other values:
+    /// an executable, or a Python file or folder, that follows the contract of proof/mujoco/README.md. Default: the generator in
+    /// this program.
     #[arg(long, value_name = "PROGRAM", conflicts_with_all = ["matrix", "merge", "analyse", "score", "verify"])]
     generator: Option<PathBuf>,
-    /// Only every N-th case, from the I-th on, so that N machines can share a set: give all the same --seed. Merge with --merge.
+    /// Take only every N-th case, starting with case I, so that N machines can share a set. Give all machines the same --seed,
+    /// and merge the receipts with --merge.
     #[arg(long, value_name = "I/N", value_parser = shard, default_value = "1/1")]
     shard: Shard,
     /// Merge the receipts in these folders into one score and report.
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["full", "matrix", "seed"])]
     merge: Vec<PathBuf>,
-    /// Answer for a folder that someone else sealed: DIR/NAME/{model.toml,recording.csv,second.csv}. Writes DIR/receipt.json.
+    /// Diagnose the cases in a folder that someone else sealed: DIR/NAME/{model.toml,recording.csv,second.csv}. Writes
+    /// DIR/receipt.json.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["full", "matrix", "seed", "merge"])]
     analyse: Option<PathBuf>,
-    /// Score the answers of --analyse DIR by TRUTH, a JSON file. Writes DIR/receipt.json and DIR/report.html.
+    /// Score the answers of --analyse DIR against TRUTH, a JSON file. Writes DIR/receipt.json and DIR/report.html.
     #[arg(long, value_names = ["DIR", "TRUTH"], num_args = 2, conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse"])]
     score: Vec<PathBuf>,
-    /// Compute every hash of receipts anew; with --history, also whether the list has their seals.
+    /// Recompute every hash in these receipts. With --history, also check that the list contains their seals.
     #[arg(long, value_name = "RECEIPT", num_args = 1.., conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse", "score"])]
     verify: Vec<PathBuf>,
-    /// Folder for the sealed recordings, receipt.json and report.html; must be empty. Without it: out/blind-TIME.
+    /// Write the sealed recordings, receipt.json and report.html to this folder, which must be empty. Default: out/blind-TIME.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// Number of processes at a time; without it: one for each core.
+    /// Number of processes that run at a time. Default: one for each core.
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     jobs: Option<usize>,
-    /// How long an analyst may take for a case, s; one that takes longer has answered wrongly.
+    /// Time limit of an analyst for one case, s. A case that exceeds the limit counts as answered wrongly.
     #[arg(long, value_name = "S", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..))]
     patience: u64,
-    /// A list to which a line is appended when the set is sealed, and one when it is scored.
+    /// Append one line to this list when the set is sealed, and one line when the set is scored.
     #[arg(long, value_name = "FILE")]
     history: Option<PathBuf>,
     /// Output format.

@@ -4,20 +4,20 @@ use clap::Args;
 use freeplay_concealed::{CATALOGUE, Machine, Matrix};
 use freeplay_terminal::exit::Failure;
 
-/// What a matrix sweeps.
+/// Options that select the cases of a matrix.
 #[derive(Args, Debug)]
 pub struct Sweep {
-    /// Every kind of the catalogue at every joint that it can sit on, at three severities, on arms of six (the paper's), three and seven
-    /// joints; with 200 negative controls.
+    /// Test every kind of the catalogue at every joint where it can occur, at three severities, on arms with six (the paper's),
+    /// three and seven joints. The matrix also has 200 negative controls.
     #[arg(long, conflicts_with = "full")]
     matrix: bool,
-    /// Only this kind in the matrix; may be given several times.
+    /// Limit the matrix to this kind. Several are allowed.
     #[arg(long, value_name = "KIND", requires = "matrix", value_parser = CATALOGUE)]
     kind: Vec<String>,
-    /// Only this machine in the matrix, one of the seven of the generator; may be given several times.
+    /// Limit the matrix to this machine, one of the seven of the generator. Several are allowed.
     #[arg(long, value_name = "NAME", requires = "matrix", value_parser = Machine::ALL.map(Machine::name))]
     machine: Vec<String>,
-    /// Negative controls beside the matrix.
+    /// Number of negative controls in addition to the matrix.
     #[arg(long, value_name = "N", requires = "matrix", default_value_t = Matrix::NEGATIVE)]
     negative: usize,
 }

@@ -31,36 +31,41 @@ use play::{CONTROLLER, Outcome, outcome};
 /// Number of cases that run at the same time: a lockstep run is two processes that wait for each other.
 const AT_ONCE: usize = 2;
 
-/// The loop closed: a machine with concealed physics is played, diagnosed from its recording alone, and controlled with what was found.
+/// Demonstrates the whole process: it simulates a machine with concealed physics, diagnoses the machine from its recording alone,
+/// and controls it with the identified model.
 ///
-/// Seven machines: play, friction, backlash, payload and late encoders in the paper's arm, one that is its model, and one with a damaged
-/// gear tooth, which the catalogue lacks. The controller is quasi-static each time, first with the nominal model, then with
-/// the diagnosed one. Sensors are noisy: 0.1 µrad, 0.05 N·m, 10 µm. Exit code 1 if a diagnosis is not right.
+/// There are seven machines. Five are the paper's arm with play, friction, backlash, a payload or late encoders. One equals its
+/// model. One has a damaged gear tooth, which the catalogue lacks. The controller is always quasi-static, first with the nominal
+/// model, then with the diagnosed one. Sensors have noise: 0.1 µrad, 0.05 N·m, 10 µm. Exit code 1: a diagnosis is wrong.
 #[derive(Args, Debug)]
 pub struct DemoArgs {
-    /// Only these machines: clearance, friction, backlash, payload, delay, nothing, notch; or, with physics that has no name: play, play-detent,
-    /// play-cable, play-warped, play-drift, play-all, detent, cable, warped, cable-drift, friction-warped, nothing-nameless.
+    /// Use only these machines: clearance, friction, backlash, payload, delay, nothing, notch. Machines with physics that has no
+    /// name: play, play-detent, play-cable, play-warped, play-drift, play-all, detent, cable, warped, cable-drift,
+    /// friction-warped, nothing-nameless.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
-    /// The twelve machines with physics that has no name: commissioned with a tracker, diagnosed, the rest learned, judged without a tracker.
+    /// Use the twelve machines with physics that has no name. The command records them with a tracker, diagnoses them, trains a
+    /// network on the unexplained deviation, and judges the result without a tracker.
     #[arg(long, conflicts_with = "cases")]
     nameless: bool,
-    /// Time of one of the two laps of the path, s; with physics that has no name: that of the first path, to which the others are in proportion.
+    /// Time of one of the two laps of the path, s. For machines with physics that has no name, it is the time of the first path,
+    /// and the times of the other paths are in proportion.
     #[arg(long, default_value_t = 6.0, value_name = "S")]
     period: f64,
     /// Seed of all noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder for report.html and for what each machine left; without it: out/ and the time.
+    /// Write report.html and the results of each machine to this folder. Default: a folder in out/ named after the time.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// Also write the picture of the first finding, as SVG.
+    /// Also write the picture of the first finding to this SVG file.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
-    /// With machines that have physics without a name: take those that an earlier call has finished in the folder, and go on with the others.
+    /// Reuse the machines that an earlier call has finished in the folder, and continue with the others. Only for machines with
+    /// physics that has no name.
     #[arg(long, conflicts_with = "force", requires = "out")]
     resume: bool,
     /// Output format.
