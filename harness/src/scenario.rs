@@ -18,38 +18,38 @@ use thiserror::Error;
 
 use crate::swap_tables::{CompareTable, SwapTable};
 
-/// Who moves the joints.
+/// Drive of the joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Drive {
-    /// The controller's torque.
+    /// The controller commands joint torques.
     #[default]
     Torque,
-    /// Prescribed motion.
+    /// The controller commands positions, and ideal drives follow them exactly.
     Driven,
-    /// Position servos, those of the arm file: controllers answer with commanded positions.
+    /// The controller commands positions, and the position servos of the arm file follow them.
     Servo,
 }
 
-/// When the plant takes its next tick.
+/// Pace of the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Pacing {
-    /// The wall clock is the schedule: a late answer is a miss.
+    /// The plant follows the wall clock and counts a late answer as a missed deadline.
     Realtime,
-    /// The plant waits for each answer: results are the same to the bit on every machine.
+    /// The plant waits for each answer. The results are identical to the bit on every machine.
     #[default]
     Lockstep,
 }
 
-/// How the motion is recorded.
+/// File format of the recording.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RecordingKind {
-    /// MCAP: compressed, survives a kill; opens in Foxglove and PlotJuggler.
+    /// MCAP: a compressed file that stays readable if the run is killed. Foxglove and PlotJuggler open it.
     #[default]
     Mcap,
-    /// CSV: any tool reads it.
+    /// CSV: a text file that every tool reads.
     Csv,
     /// No recording.
     None,
@@ -58,42 +58,42 @@ pub enum RecordingKind {
 /// Value of `weights` that switches off the weights next to the model.
 pub const NO_WEIGHTS: &str = "none";
 
-/// What the controllers are given to work with.
+/// Inputs of the controllers: model, weights, gains and options.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControllerTable {
-    /// The model given to the controllers; absent: the plant's own arm with its clearances.
+    /// Path of the controllers' model. Absent: the plant's arm with its clearances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    /// Weight file of what a network learned beyond the model, for `narx-qp`; absent: `MODEL.weights.json` beside the model, if it is there; "none":
-    /// none.
+    /// Weight file for `narx-qp`: a network that predicts the part of the tool deviation that the model does not predict. Absent:
+    /// `MODEL.weights.json` in the folder of the model, if that file exists. "none": no weights.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weights: Option<String>,
-    /// Feedback of the joint motion.
+    /// Feedback gains of the joint motion.
     pub gains: Gains,
-    /// What the controller itself understands.
+    /// Options of the controller. Each controller defines its own keys.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     #[schemars(with = "serde_json::Map<String, serde_json::Value>")]
     pub options: toml::Table,
 }
 
-/// What is asked of the operating system.
+/// Real-time settings of the processes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RealtimeTable {
-    /// SCHED_FIFO priority, 1 to 99; 0 asks for none.
+    /// SCHED_FIFO priority, 1 to 99. 0: no real-time priority.
     pub priority: u8,
-    /// Core of the plant.
+    /// CPU core of the plant.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant_cpu: Option<usize>,
-    /// Core of the controller.
+    /// CPU core of the controller.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub controller_cpu: Option<usize>,
-    /// Whether memory is locked.
+    /// True if the processes lock their memory.
     pub lock_memory: bool,
-    /// Whether the evidence for the cause of every missed deadline is gathered.
+    /// True if the plant gathers evidence for the cause of each missed deadline.
     pub evidence: bool,
-    /// Seconds that a built-in controller computes in vain for each answer, to see where the budget breaks.
+    /// Extra computing time of a built-in controller for each answer, s. It shows at which load the controller misses its deadlines.
     pub load: f64,
 }
 
@@ -110,71 +110,76 @@ impl Default for RealtimeTable {
     }
 }
 
-/// What is run.
+/// A run: arm, controllers, motion, sensors and recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Scenario {
-    /// The plant's arm: "paper", or the path of a URDF, MJCF or TOML arm file.
+    /// Arm of the plant: "paper", or the path of a URDF, MJCF or TOML arm file.
     pub model: String,
-    /// The link at the end of the arm, of a URDF; absent: what the arm file says, else `tool0`, else the longest chain without fingers.
+    /// Last link of the arm in a URDF. Absent: the link that the arm file names, else `tool0`, else the end of the longest chain without
+    /// fingers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tip: Option<String>,
-    /// Who moves the joints.
+    /// Drive of the joints.
     pub mode: Drive,
-    /// In mode servo: commands per second that reach the servos, which hold each until the next; absent: one a tick.
+    /// Commands per second that reach the servos, in mode servo only. The servos hold each command until the next one. Absent: one command
+    /// per tick.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_rate: Option<f64>,
-    /// Lockstep or real time.
+    /// Pace of the run: lockstep or real time.
     pub pace: Pacing,
     /// Ticks per second.
     pub rate: f64,
-    /// Sub-steps of a tick.
+    /// Integration sub-steps per tick.
     pub substeps: u32,
-    /// Length of the run, s; absent: the path's.
+    /// Duration of the run, s. Absent: duration of the path.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub duration: Option<f64>,
-    /// Seed of all noise.
+    /// Seed of the random numbers, for sensor noise and random swaps.
     pub seed: u64,
-    /// Ticks for which a missing command is bridged by the last one before the brakes close.
+    /// Ticks for which the plant holds the last valid command if no new one arrives. After that the plant closes the brakes.
     pub hold: u32,
-    /// Seconds to wait for a controller to start, and in lockstep for an answer.
+    /// Time that the plant waits for a controller to start, and in lockstep for an answer, s.
     pub patience: f64,
-    /// Gravity in the base frame, m/s²; absent: the arm file's.
+    /// Gravity in the base frame, m/s². Absent: gravity of the arm file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<[f64; 3]>,
-    /// Controllers to run one after the other: built-in names, or paths of FMUs (FMI 2.0 or 3.0 Co-Simulation, `.fmu`) or of executables.
+    /// Controllers that Freeplay runs one after the other. Each is the name of a built-in controller, or the path of an FMU (FMI 2.0 or 3.0
+    /// Co-Simulation, `.fmu`) or of an executable.
     pub controllers: Vec<String>,
-    /// Controllers that run beside each of those, warm, named in the same way: they answer the same states and take over where it fails.
+    /// Standby controllers, named in the same way. They run in parallel with each of `controllers` and answer the same states. One takes
+    /// over if the active controller fails.
     pub standby: Vec<String>,
-    /// How many swaps take place at random ticks, drawn from the seed.
+    /// Number of swaps at random ticks. The seed determines the ticks.
     pub random_swaps: u32,
-    /// Seconds over which the commands of one controller go over into those of the next.
+    /// Time over which the plant blends the commands of the old controller into those of the new one at a swap, s.
     pub swap_blend: f64,
-    /// Greatest change of each joint's torque from tick to tick as it changes hands by plan, N·m; what is cut off comes with the next tick.
-    /// Absent: as much as the old controller would have changed it.
+    /// Limit of the change of each joint's torque from one tick to the next at a planned swap, N·m. The rest of the change follows with the
+    /// next tick. Absent: the change that the old controller would have made.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub swap_change: Option<Vec<f64>>,
-    /// Seconds to wait in lockstep for an answer while a standby could take over; absent: `patience`.
+    /// Time that the plant waits in lockstep for an answer while a standby could take over, s. Absent: `patience`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub answer_patience: Option<f64>,
-    /// How the motion is recorded.
+    /// File format of the recording.
     pub recording: RecordingKind,
-    /// The reference path.
+    /// Reference path of the arm.
     pub path: PathSpec,
-    /// Play by joint name, beside what the arm file has.
+    /// Clearance of each joint, by joint name, in addition to the effects of the arm file.
     pub clearance: BTreeMap<String, ClearanceTable>,
-    /// The sensors.
+    /// Sensors of the arm.
     pub sensors: SensorsSpec,
-    /// What the controllers are given.
+    /// Inputs of the controllers.
     pub controller: ControllerTable,
-    /// What is asked of the operating system.
+    /// Real-time settings of the processes.
     pub realtime: RealtimeTable,
-    /// When the arm is stopped for what it does: speed, acceleration, position and tracking error of its joints, and the rate of torques.
+    /// Limits beyond which the plant stops the arm: speed, acceleration, position and tracking error of the joints, and the rate of the
+    /// commanded torques.
     pub reflex: ReflexSpec,
-    /// When the standbys contradict the controller in charge; absent: never.
+    /// Comparison of the active controller's commands with those of the standbys. Absent: no comparison.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compare: Option<CompareTable>,
-    /// Changes of the controller at given ticks.
+    /// Planned swaps of the controller.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub swap: Vec<SwapTable>,
     /// Whether somebody has chosen the feedback: what nobody chose may follow from the model.

@@ -5,27 +5,28 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A change of controller at a tick.
+/// Planned swap of the controller.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SwapTable {
-    /// Tick whose answer is to be the new controller's; it is in force from the next tick on.
+    /// First tick whose answer comes from the new controller. That answer is in force from the next tick on.
     pub tick: u64,
-    /// The new controller: the one of the run or a standby, by its name.
+    /// Name of the new controller: the controller of the run or a standby.
     pub to: String,
 }
 
-/// When two controllers disagree.
+/// Comparison of the commands of two controllers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CompareTable {
-    /// Greatest difference of each joint's command between controllers that agree, N·m or rad; with `sound`: beyond what is usual.
+    /// Greatest permitted difference between the controllers' commands for each joint, N·m or rad. With `sound`, this tolerance is added to
+    /// the difference in the sound run.
     pub tolerance: Vec<f64>,
-    /// A recording of a sound run of the same motion with the same controllers in the same order: what they differed by there within two
-    /// ticks is usual. Without it, the tolerance holds for the whole motion.
+    /// Recording of a sound run of the same motion with the same controllers in the same order. The plant permits the differences that this
+    /// run shows within two ticks. Absent: only the tolerance is permitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sound: Option<PathBuf>,
-    /// Ticks in a row for which they disagree before the one in charge is not believed.
+    /// Consecutive ticks of disagreement after which the plant rejects the commands of the active controller.
     #[serde(default = "CompareTable::default_ticks")]
     pub ticks: u32,
 }

@@ -11,43 +11,43 @@ use serde::{Deserialize, Serialize};
 use crate::law_error::LawError;
 use crate::{ContactFriction, FrictionLaw, Material, NormalContact, NormalLaw, hertz_stiffness};
 
-/// A clearance as it is written in files, every field but `clearance` optional.
+/// Clearance of a revolute joint. Every field but `clearance` is optional.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, as in clearance.JOINT.clearance = 0.0004")]
 pub struct ClearanceTable {
-    /// Radial clearance c = R_b − R_j, m, ≥ 0; zero is a perfect joint.
+    /// Radial clearance c = R_b − R_j, m, ≥ 0. Zero means an ideal joint.
     pub clearance: f64,
     /// Bearing radius R_b, m.
     #[serde(default = "ClearanceTable::bearing_radius")]
     pub bearing_radius: f64,
-    /// Contact stiffness K, N/m^1.5; absent: Hertz from radii and material.
+    /// Contact stiffness K, N/m^1.5. Absent: Hertz's stiffness, from the radii and the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stiffness: Option<f64>,
     /// Material of bearing and journal.
     #[serde(default)]
     pub material: Material,
-    /// Prescribed restitution e, (0, 1].
+    /// Prescribed coefficient of restitution e, above 0, to 1.
     #[serde(default = "ClearanceTable::restitution")]
     pub restitution: f64,
-    /// How the contact dissipates.
+    /// Dissipation law of the normal force.
     #[serde(default)]
     pub normal_law: NormalLaw,
     /// Dynamic friction coefficient μ_d.
     #[serde(default = "ClearanceTable::friction")]
     pub friction: f64,
-    /// Static friction coefficient μ_s; absent: μ_d, no Stribeck bump.
+    /// Static friction coefficient μ_s. Absent: μ_d, without a Stribeck peak.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub static_friction: Option<f64>,
-    /// Which friction law.
+    /// Friction law of the contact.
     #[serde(default)]
     pub friction_law: FrictionLaw,
-    /// v_s, m/s.
+    /// Speed v_s of the friction law, m/s.
     #[serde(default = "ClearanceTable::static_speed")]
     pub static_speed: f64,
-    /// v_d, m/s.
+    /// Speed v_d of the friction law, m/s, above v_s.
     #[serde(default = "ClearanceTable::dynamic_speed")]
     pub dynamic_speed: f64,
-    /// Least impact speed that the normal law divides by, m/s.
+    /// Lower bound of the impact speed by which the normal law divides, m/s.
     #[serde(default = "ClearanceTable::impact_speed_floor")]
     pub impact_speed_floor: f64,
 }

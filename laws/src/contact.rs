@@ -12,7 +12,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What a contact partner is made of.
+/// Elastic properties of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
@@ -44,10 +44,10 @@ pub fn hertz_stiffness(
     4.0 / (3.0 * (sigma(bearing) + sigma(journal))) * radii.sqrt()
 }
 
-/// How a contact dissipates: the hysteresis damping factor d_h as a function of the restitution e.
+/// Dissipation law: the hysteresis damping factor d_h as a function of the coefficient of restitution e.
 ///
-/// None but Hu–Guo returns the restitution it is given; Lankarani–Nikravesh gives 0.913 for 0.9 and 0.663 for 0.
-/// The first integral of the one-dimensional impact, d_h (1 + e′) = ln((1 + d_h)/(1 − d_h e′)), says what each returns.
+/// Only Hu–Guo reproduces the prescribed restitution. Lankarani–Nikravesh gives 0.913 for 0.9 and 0.663 for 0. The first integral of the
+/// one-dimensional impact, d_h (1 + e′) = ln((1 + d_h)/(1 − d_h e′)), gives the resulting restitution e′ of each law.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum NormalLaw {

@@ -11,19 +11,19 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How the friction coefficient depends on the sliding speed.
+/// Friction law: the friction coefficient as a function of the sliding speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrictionLaw {
-    /// Cubic step 0 → μ_s on \[0, v_s\], μ_s → μ_d on \[v_s, v_d\], μ_d above. Continuously differentiable.
+    /// Cubic step 0 → μ_s on \[0, v_s\], cubic step μ_s → μ_d on \[v_s, v_d\], μ_d above. The law is continuously differentiable.
     #[default]
     Corrected,
-    /// Ambrósio 2003: zero up to v_s, a ramp to μ_d at v_d, μ_d above. Continuous, with kinks at v_s and v_d.
+    /// Ambrósio 2003: zero up to v_s, a ramp to μ_d at v_d, μ_d above. The law is continuous, with kinks at v_s and v_d.
     Ambrosio,
-    /// Threlfall 1978: μ_d (1 − e^(−3|v|/v_d)). Continuous, smooth but at v = 0.
+    /// Threlfall 1978: μ_d (1 − e^(−3|v|/v_d)). The law is continuous, and smooth except at v = 0.
     Threlfall,
-    /// Erkaya 2018, Eq. 6 × Eq. 7 to the letter: the force points along the sliding below v_s and
-    /// above v_d, and the middle branch is reversed and of the other sign.
+    /// Erkaya 2018, Eq. 6 × Eq. 7 exactly as printed. Below v_s and above v_d the force points along the sliding. Between v_s and v_d the
+    /// branch is reversed and has the opposite sign.
     Printed,
 }
 

@@ -16,68 +16,68 @@ pub const SMALLEST_BLEND: f64 = 1e-6;
 /// Largest blend of a square's side: acceleration for one half, deceleration for the other.
 pub const LARGEST_BLEND: f64 = 0.5;
 
-/// The shape of the motion.
+/// Shape of the motion.
 #[derive(Serialize, Deserialize, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PathKind {
-    /// Smooth closed curve `centre + (A₁ cos θ, A₂ sin θ, A₃ sin 2θ)`, each lap from rest to rest.
+    /// Smooth closed curve `centre + (A₁ cos θ, A₂ sin θ, A₃ sin 2θ)`. Each lap begins and ends at rest.
     #[default]
     Lissajous,
-    /// Horizontal circle at constant speed, started abruptly: the tool has the path's speed from t = 0.
+    /// Horizontal circle at constant speed. The motion starts abruptly: the tool has its full speed from t = 0.
     Circle,
-    /// Horizontal square of four sides from rest to rest, trapezoidal speed with blend 0.04.
+    /// Horizontal square. Each side begins and ends at rest and has a trapezoidal speed profile with blend 0.04.
     Square,
-    /// The same square with blend 0.004: short, hard accelerations at the corners.
+    /// The same square with blend 0.004, which gives short, high accelerations at the corners.
     SquareSharp,
     /// Rows of a CSV file: `t,q1…qn` or `t,x,y,z[,qx,qy,qz,qw]`.
     File,
-    /// Every joint swings about its middle with its own frequency, each lap from rest to rest; for any arm.
+    /// Each joint swings about its middle with its own frequency. Each lap begins and ends at rest. This path suits any arm.
     JointSine,
 }
 
-/// One number, or one for each axis.
+/// One number, or one number for each axis.
 #[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(untagged, expecting = "a number or an array of three numbers")]
 pub enum Size {
-    /// Radius of the circle, half side of a square (m), or amplitude of every joint (rad, m).
+    /// Radius of the circle, m; half of the square's side, m; or amplitude of each joint, rad or m.
     One(f64),
-    /// Amplitudes along x, y and z of the base frame (m).
+    /// Amplitudes along x, y and z of the base frame, m.
     Axes([f64; 3]),
 }
 
-/// A path as a scenario describes it. Every field has a default; lengths in m, angles in rad, times in s.
+/// Reference path. Every field has a default. Lengths are in m, angles in rad, times in s.
 ///
-/// A field that the chosen `kind` has no use for is ignored if it has a value by default
-/// (`centre`, `rpy`, `period`, `start`), and refused otherwise (`blend`, `file`, `size`).
+/// The path ignores `centre`, `rpy`, `period` and `start` if the chosen `kind` does not use them. It rejects `blend`, `file` and `size` if
+/// the chosen `kind` does not use them.
 #[derive(Serialize, Deserialize, Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct PathSpec {
-    /// The shape of the motion.
+    /// Shape of the motion.
     pub kind: PathKind,
     /// Centre of the shape in the base frame, m.
     pub centre: [f64; 3],
-    /// Extent of the shape; by default amplitudes (0.15, 0.25, 0.05) m of `lissajous`, 0.15 m for `circle`,
-    /// `square` and `square_sharp`, and modest amplitudes within the limits for `joint_sine`.
+    /// Size of the shape. The defaults are amplitudes of (0.15, 0.25, 0.05) m for `lissajous`, 0.15 m for `circle`, `square` and
+    /// `square_sharp`, and modest amplitudes within the joint limits for `joint_sine`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size: Option<Size>,
-    /// Tool orientation: roll, pitch, yaw about the fixed axes x, y, z of the base (as in URDF), rad.
-    /// For files it applies where they hold no orientation.
+    /// Tool orientation: roll, pitch and yaw about the fixed axes x, y and z of the base (as in URDF), rad. For `file` it applies if the
+    /// file contains no orientation.
     pub rpy: [f64; 3],
-    /// Time of one lap, s. Not used by `file`, whose rows carry their own times.
+    /// Time of one lap, s. The kind `file` does not use it, since the rows of the file contain times.
     pub period: f64,
-    /// How often the lap is run; a file of several laps must end where it begins.
+    /// Number of laps. With more than one lap, the path of a file must end where it begins.
     pub laps: u32,
-    /// The CSV file of `kind = "file"`, relative to the working directory.
+    /// Path of the CSV file for `kind = "file"`, relative to the working directory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
-    /// Share of a square's side time spent accelerating (and again decelerating), in 1e-6…0.5.
+    /// Fraction of the time of a square's side in which the tool accelerates, 1e-6 to 0.5. It decelerates for the same fraction.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub blend: Option<f64>,
-    /// Posture from which inverse kinematics starts (chooses the branch), or about which `joint_sine` swings;
-    /// rad and m, one value for each joint.
+    /// Posture, one value for each joint, rad or m. Inverse kinematics starts from it, which determines the branch of the solution.
+    /// `joint_sine` swings about it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Vec<f64>>,
 }

@@ -36,21 +36,22 @@ use crate::limit_violation::{LimitViolation, Quantity};
 /// only an effort limit (some files give zero), rad/s² (m/s²).
 const BRAKE_RATE: f64 = 10.0;
 
-/// When an arm is stopped for what it does. `inf` switches a limit off.
+/// Limits beyond which the plant stops the arm. `inf` switches a limit off.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReflexSpec {
     /// Greatest speed of a joint, as a multiple of its speed limit.
     pub speed: f64,
-    /// Greatest lasting acceleration of a joint, as a multiple of its acceleration limit.
+    /// Greatest acceleration of a joint after a low-pass, as a multiple of its acceleration limit. Short impacts therefore do not stop the
+    /// arm.
     pub acceleration: f64,
-    /// Whether a joint is stopped that could not come to rest within its range.
+    /// True if the plant stops a joint that could not come to rest within its range.
     pub position: bool,
-    /// Greatest distance of each joint from its reference, rad (m); absent: twice its speed limit over `controller.gains.natural_frequency`.
+    /// Greatest tracking error of each joint, rad (m). Absent: twice its speed limit divided by `controller.gains.natural_frequency`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tracking: Option<Vec<f64>>,
-    /// Greatest rate of each joint's commanded torque, N·m/s (N/s); absent: what reverses the greatest accelerations and answers the
-    /// greatest speed error in one tick, and no more than the effort limit in one tick.
+    /// Greatest rate of each joint's commanded torque, N·m/s (N/s). Absent: the rate that reverses the greatest accelerations and corrects
+    /// the greatest speed error in one tick, but at most the effort limit per tick.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_rate: Option<Vec<f64>>,
 }

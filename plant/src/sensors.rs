@@ -9,15 +9,15 @@ use rand_distr::{Distribution, StandardNormal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// One kind of sensor.
+/// Resolution, noise and delay of one kind of sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Channel {
-    /// Step between two readings, in the channel's unit; 0 reads every value.
+    /// Resolution, in the channel's unit. 0 means no quantisation.
     pub resolution: f64,
     /// Standard deviation of the noise, in the channel's unit.
     pub noise: f64,
-    /// Age of the reading, ticks.
+    /// Delay of the measurement, ticks.
     pub delay: u32,
 }
 
@@ -48,9 +48,9 @@ pub struct SensorsSpec {
     pub velocity: Channel,
     /// Joint torques, N·m (N).
     pub torque: Channel,
-    /// Tool position, m; its orientation is read as it is.
+    /// Tool position, m. Resolution, noise and delay do not apply to the tool orientation.
     pub tool: Channel,
-    /// Whether the tool is tracked at all.
+    /// True if a tracker measures the tool.
     pub track_tool: bool,
 }
 

@@ -69,9 +69,9 @@ pub enum LimitsFrom {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Gains {
-    /// ω, rad/s.
+    /// Natural frequency ω, rad/s.
     pub natural_frequency: f64,
-    /// ζ.
+    /// Damping ratio ζ.
     pub damping_ratio: f64,
 }
 
