@@ -10,9 +10,9 @@ use freeplay_terminal::exit::Failure;
 /// Locates where a recording and a model differ, names the missing physics, models it and shows how the fit improves, or gives
 /// the reason why it cannot.
 ///
-/// The diagnosis searches for missing physics in the first 70 % of a recording, and judges the result on the rest. It also judges
-/// the result on each other part, with a fit that has not seen that part. The final numbers use the whole recording. With several
-/// recordings, the search uses all but the last one, and the last one judges the result.
+/// The diagnosis cuts each recording in time, by its rows with motion. It searches for missing physics in the first 70 %. No law is
+/// fitted to the last 30 %: the errors and gains come from there. The diagnosis leaves out laws that this part contradicts.
+/// With commanded positions instead of torques, the last of several recordings takes the place of that part.
 ///
 /// Verdicts: nothing_missing, named, one_of, unknown, insufficient_data, setup. The verdict setup means that the recording and
 /// the model use different conventions (units, signs, order, zeros, gravity, clocks). All other results then apply to the
