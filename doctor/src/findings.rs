@@ -26,7 +26,7 @@ impl Level {
         }
     }
 
-    /// How the word looks in a terminal.
+    /// Terminal style of the word.
     pub fn style(self) -> Style {
         match self {
             Self::Ok => GOOD,

@@ -182,7 +182,7 @@ pub struct Scenario {
     /// Planned swaps of the controller.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub swap: Vec<SwapTable>,
-    /// Whether somebody has chosen the feedback: what nobody chose may follow from the model.
+    /// True if the user has chosen the feedback. Otherwise the program may choose it from the model.
     #[serde(skip)]
     #[schemars(skip)]
     pub has_gains: bool,

@@ -22,7 +22,7 @@ use serde_json::Value;
 type Golden = BTreeMap<String, String>;
 type Fault = Box<dyn std::error::Error>;
 
-/// How the executable draws a golden file, in an empty folder.
+/// Inputs with which the executable draws a golden file, in an empty folder.
 enum Draw {
     /// By itself.
     Alone(fn(&Tool) -> Result<Golden, Fault>),
@@ -116,7 +116,7 @@ fn file_name(path: &str) -> String {
     Path::new(path).file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// How far each model is from each recording of its machine.
+/// Residuals of each model in each recording of its machine.
 fn compare(tool: &Tool, machines: &[Machine]) -> Result<Golden, Fault> {
     let mut golden = Golden::new();
     for machine in machines {
@@ -149,7 +149,7 @@ fn diagnose(tool: &Tool, machines: &[Machine]) -> Result<Golden, Fault> {
     Ok(golden)
 }
 
-/// What a diagnosis says: verdict, set-up, effects with their parameters, errors.
+/// Adds the results of a diagnosis: verdict, set-up, effects with their parameters, errors.
 fn answer(key: &str, found: &Value, golden: &mut Golden) {
     flatten(&format!("{key}.verdict"), &found["verdict"], golden);
     flatten(&format!("{key}.setup"), &found["setup"], golden);

@@ -134,19 +134,12 @@ mod tests {
 
     use super::with_several;
     use crate::candidates::candidate::candidates;
-    use crate::data::linearised::LinearisedRecording;
-    use crate::data::linearised::PreparedRecording;
+    use crate::data::linearised::{LinearisedRecording, PreparedRecording};
     use crate::data::stacked::Data;
     use crate::data::tolerance::Tolerances;
     use crate::data::weights::Weights;
     use crate::evidence::system::System;
-    use crate::made::arm;
-    use crate::made::columns_along;
-    use crate::made::even;
-    use crate::made::link;
-    use crate::made::recording;
-    use crate::made::sines;
-    use crate::made::without;
+    use crate::made::{arm, columns_along, even, link, recording, sines, without};
     use crate::search::moves::Search;
     use crate::signals::motion::Settings;
 

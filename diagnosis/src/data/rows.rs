@@ -32,7 +32,7 @@ const HIDDEN: f64 = 0.1;
 
 /// The usable rows of a channel, and the errors that a perfect model has there.
 pub(crate) struct Rows {
-    /// Whether the row counts, 1 or 0.
+    /// Mask of the usable rows: 1 for a row that the fit may use, else 0.
     pub counts: Vec<f64>,
     /// Standard deviation of the error of a perfect model, in the channel's unit.
     pub row_error: Vec<f64>,

@@ -31,7 +31,7 @@ pub(crate) struct Data<'a> {
     pub parts: Vec<Vec<Part>>,
     /// The parts that the present step of the diagnosis uses.
     pub active_parts: Vec<Part>,
-    /// How the data were divided, in words.
+    /// The division of the data, in words.
     pub how: String,
 }
 

@@ -357,9 +357,9 @@ impl Study<'_> {
 /// Laws that the test part did not reject.
 struct StandingLaws {
     found: Found,
-    /// Whether `found` leaves errors so large that a law must act that the catalogue does not have.
+    /// True if `found` leaves errors so large that a law must act that the catalogue does not have.
     leaves_more: bool,
-    /// Whether the test part rejected some of the laws that the search had confirmed, so that `found` has fewer laws.
+    /// True if the test part rejected laws that the search had confirmed, so that `found` has fewer laws.
     is_less: bool,
 }
 

@@ -54,7 +54,7 @@ pub(crate) struct Gain {
     pub explained: f64,
     /// The block's coefficients.
     pub beta: DVector<f64>,
-    /// Whether the coefficients are inside their bounds without being held there.
+    /// True if every coefficient lies strictly between its bounds.
     pub is_inside: bool,
 }
 

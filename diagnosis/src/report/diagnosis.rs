@@ -227,7 +227,7 @@ pub struct Diagnosis {
     pub quality: Vec<String>,
     /// Every kind of effect at every location, in the order of its evidence.
     pub evidence: Vec<EvidenceRow>,
-    /// How the residual of the tuned model depends on the motion, strongest first.
+    /// Dependences of the tuned model's residual on the motion, strongest first.
     pub maps: Vec<Map>,
     /// Use of the tolerances of the model, given the named effects; the largest first.
     pub tuned: Vec<Tuned>,

@@ -181,12 +181,7 @@ mod tests {
 
     use crate::compare::channel_error::ChannelError;
     use crate::compare::comparison::in_parts;
-    use crate::made::arm;
-    use crate::made::columns;
-    use crate::made::even;
-    use crate::made::jittered;
-    use crate::made::link;
-    use crate::made::recording;
+    use crate::made::{arm, columns, even, jittered, link, recording};
     use crate::signals::motion::Settings;
 
     const RATE_HZ: f64 = 500.0;
