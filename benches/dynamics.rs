@@ -3,8 +3,9 @@
 
 mod common;
 
-use freeplay_arm::{Drive, Workspace, aba, crba, forward_kinematics, hybrid_aba, paper_arm, rnea};
+use freeplay_arm::{Drive, Workspace, aba, crba, forward_kinematics, hybrid_aba, rnea};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_model::paper_arm;
 use nalgebra::DMatrix;
 
 fn main() {

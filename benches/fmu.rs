@@ -4,9 +4,10 @@
 use std::path::Path;
 use std::time::Instant;
 
-use freeplay_arm::{ArmFile, Workspace, paper_arm, parse_toml, rnea, to_toml};
+use freeplay_arm::{Workspace, rnea};
 use freeplay_fmi::guest::{Opened, Slave};
 use freeplay_fmi::{Instance, Machine, PERIOD, Stimulus, Value, write_fmu};
+use freeplay_model::{ArmFile, paper_arm, parse_toml, to_toml};
 use hdrhistogram::Histogram;
 use rustix::time::{ClockId, clock_gettime};
 

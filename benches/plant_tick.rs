@@ -6,8 +6,8 @@ mod common;
 use std::sync::Arc;
 
 use crossbeam::queue::ArrayQueue;
-use freeplay_arm::paper_arm;
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{
     Applied, Braking, Gate, GateLimits, Input, MAX_PLAYS, NO_DIFFERENCES, PlayRecord, ReflexLimits,

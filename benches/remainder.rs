@@ -8,9 +8,10 @@ mod common;
 use std::hint::black_box;
 use std::path::Path;
 
-use freeplay_arm::{Arm, paper_arm};
+use freeplay_arm::Arm;
 use freeplay_controller::Motion;
 use freeplay_controller::remainder::{InputGroup, Remainder, WeightFile};
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathSpec};
 use serde_json::json;
 

@@ -56,7 +56,7 @@ fn column<'a>(recording: &'a Recording, name: &str) -> &'a [f64] {
 /// Fails unless all applied commands were within the limits of the paper's arm, holds were no longer than allowed and closed brakes stayed closed with the arm
 /// standing still. Returns the greatest joint speed before the brakes closed.
 fn assert_safe(recording: &Recording, driven: bool) -> f64 {
-    let arm = freeplay_arm::paper_arm().arm;
+    let arm = freeplay_model::paper_arm().arm;
     for (index, joint) in arm.joints().iter().enumerate() {
         let limits = &joint.limits;
         let (lower, upper) =

@@ -51,7 +51,7 @@ fn with_log(header: &str, write: impl Fn(&[f64; 5]) -> String) -> TempDir {
     let folder = fresh_folder();
     let urdf = folder.path().join("arm.urdf");
     std::fs::write(&urdf, ARM).expect("written");
-    let arm = freeplay_arm::load(&urdf).expect("an arm").arm;
+    let arm = freeplay_model::load(&urdf).expect("an arm").arm;
     let mut text = format!("{header}\n");
     for row in samples(&arm) {
         let _ = writeln!(text, "{}", write(&row));

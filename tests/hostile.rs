@@ -36,7 +36,7 @@ fn under(fault: &str, arguments: &[&str]) -> Call {
 
 /// Greatest ratio of a joint's speed to its limit, and most ticks in a row beyond [`MARGIN`].
 fn speeds(recording: &Recording) -> (f64, usize) {
-    let arm = freeplay_arm::paper_arm().arm;
+    let arm = freeplay_model::paper_arm().arm;
     let (mut greatest, mut most) = (0.0_f64, 0);
     for (index, joint) in arm.joints().iter().enumerate() {
         let speeds = recording.column(&format!("qd{}", index + 1)).expect("recorded");

@@ -14,7 +14,7 @@ const WEIGHTS: &str = "nominal.weights.json";
 /// A weight file for the model of `folder`: a network that predicts the deviation by 0.6 mm of play in joint 5 on the paper's paths, where the journal rests
 /// 0.6 mm down.
 fn weights(folder: &Path) -> Value {
-    let file = freeplay_arm::load(&folder.join(NOMINAL)).expect("an arm");
+    let file = freeplay_model::load(&folder.join(NOMINAL)).expect("an arm");
     let axis = |lowest: f64| json!({ "lowest": lowest, "highest": 0.0, "share": 1.0, "rms_um": 600.0, "left_um": 10.0, "r": null });
     let (zeros, ones) = ([0.0; 6], [1.0; 6]);
     let mut network: Value =

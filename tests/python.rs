@@ -66,10 +66,10 @@ fn the_inverse_dynamics_of_the_example_are_those_of_the_arm_crate() {
     if !available() {
         return;
     }
-    let file = freeplay_arm::paper_arm();
+    let file = freeplay_model::paper_arm();
     let (folder, n) = (fresh_folder(), file.arm.dof());
     let path = folder.path().join("arm.toml");
-    std::fs::write(&path, freeplay_arm::to_toml(&file)).expect("written");
+    std::fs::write(&path, freeplay_model::to_toml(&file)).expect("written");
     let (q, v): (Vec<f64>, Vec<f64>) =
         (0..n).map(|j| ((j as f64 + 0.3).sin(), (2.0 * j as f64).cos())).unzip();
     let a: Vec<f64> = (0..n).map(|j| 3.0 - j as f64).collect();

@@ -219,7 +219,7 @@ fn a_controller_that_ends_does_not_keep_a_replay_waiting() {
 #[test]
 fn a_run_with_a_model_of_the_controllers_own_is_replayed_from_anywhere() {
     let folder = fresh_folder();
-    let model = freeplay_arm::to_toml(&freeplay_arm::paper_arm());
+    let model = freeplay_model::to_toml(&freeplay_model::paper_arm());
     std::fs::write(folder.path().join("believed.toml"), model).expect("written");
     let arguments =
         ["run", "--quiet", "--out", "out", "--set", "duration=0.1", "--controller", "computed-torque"];

@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::common::{Call, fresh_folder};
-use freeplay_arm::{Workspace, paper_arm, rnea};
+use freeplay_arm::{Workspace, rnea};
+use freeplay_model::paper_arm;
 use serde_json::Value;
 
 /// The paper's arm on sines, the torque of its second joint in amperes of 12 N·m and its third joint counted backwards, as CSV.

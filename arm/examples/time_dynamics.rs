@@ -7,8 +7,9 @@ use std::time::Instant;
 
 use freeplay_arm::{
     Arm, ArmError, Drive, IkTask, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, aba, crba,
-    forward_kinematics, hybrid_aba, inverse_kinematics, paper_arm, rnea,
+    forward_kinematics, hybrid_aba, inverse_kinematics, rnea,
 };
+use freeplay_model::paper_arm;
 use nalgebra::{DMatrix, Isometry3, Vector3};
 
 const BATCH: usize = 200;

@@ -30,7 +30,7 @@ impl Arm {
     }
 
     /// The same arm with the shortfalls of `fitness`.
-    pub(crate) fn with_fitness(self, fitness: Fitness) -> Arm {
+    pub fn with_fitness(self, fitness: Fitness) -> Arm {
         Arm { fitness, ..self }
     }
 

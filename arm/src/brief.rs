@@ -1,7 +1,7 @@
 //! Numbers in sentences, for readers, not for programs.
 
 /// `value` with at most four significant digits, without zeros at its end.
-pub(crate) fn brief(value: f64) -> String {
+pub fn brief(value: f64) -> String {
     let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
     if rounded == 0.0 {
         // A zero has no sign in a sentence.

@@ -59,9 +59,12 @@ pub enum Shortfall {
 
 /// The place of a joint in its file, and the link that the joint moves.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct JointSource {
+pub struct JointSource {
+    /// The joint.
     pub joint: String,
+    /// The link that the joint moves.
     pub link: String,
+    /// The place of the joint.
     pub at: Place,
 }
 
@@ -95,7 +98,7 @@ struct Lacks {
 
 impl Fitness {
     /// For an arm from a file; arms derived from it inherit the shortfall `torque`.
-    pub(crate) fn of_file(sources: Vec<JointSource>, torque: Option<Shortfall>) -> Fitness {
+    pub fn of_file(sources: Vec<JointSource>, torque: Option<Shortfall>) -> Fitness {
         Fitness { sources: sources.into(), lacks: Some(Arc::new(Lacks { torque, simulation: None })) }
     }
 

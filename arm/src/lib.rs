@@ -1,15 +1,10 @@
 //! The rigid arm: model, kinematics and dynamics of a serial chain.
 //!
 //! An arm is a chain of one to [`MAX_DOF`] revolute or prismatic joints on a fixed base, with a tool at its end. This crate contains no
-//! time, contact or processes, and reads nothing but the model file.
+//! time, contact, processes or files; `freeplay-model` reads arms from files.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
-//! - [`Selection`]: the chain of a robot that is the arm: the chain to a given link, or the one whose joints have certain names.
-//! - [`ArmFile`]: the contents of a model file: an arm, the effects beyond the rigid body, and the unused parts ([`load`],
-//!   [`load_selected`], [`parse_urdf`], [`parse_toml`], [`paper_arm`], [`to_toml`]).
-//! - [`export::Mechanism`]: an arm with elements beyond the rigid body, for the files of other tools ([`export::to_urdf`],
-//!   [`export::to_mjcf`]).
 //! - [`Joint`]: one joint and the link it moves: [`JointKind`], axis, placement, [`Limits`], [`JointFriction`], [`Inertia`].
 //! - [`Arm`]: the checked, immutable chain of joints, with tool and gravity; each use of an arm is a [`Purpose`], and a property that it
 //!   lacks for one a [`Shortfall`] ([`Arm::require`], [`Fitness`]).
@@ -30,33 +25,28 @@ mod brief;
 mod check;
 mod construction;
 mod dynamics;
-pub mod export;
 mod fitness;
 mod inverse;
 mod joint;
 mod kinematics;
 mod link;
-mod model;
 mod place;
 mod spatial;
 mod workspace;
 
 pub use arm::Arm;
 pub use arm_error::{ArmError, MAX_DOF};
+pub use brief::brief;
 pub use dynamics::energy::{kinetic_energy, potential_energy};
 pub use dynamics::forward::{Drive, aba, hybrid_aba};
 pub use dynamics::inverse::{bias, gravity_torque, joint_reaction, rnea};
 pub use dynamics::mass_matrix::{crba, mass_and_bias};
-pub use fitness::{Fitness, Purpose, Shortfall};
+pub use fitness::{Fitness, JointSource, Purpose, Shortfall};
 pub use inverse::{
     IkError, IkOptions, IkReport, IkTask, inverse_kinematics, inverse_kinematics_global,
     inverse_kinematics_with,
 };
 pub use joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 pub use kinematics::{forward_kinematics, jacobian, tool_bias_acceleration};
-pub use model::{
-    ArmFile, EffectTable, MAX_FILE_BYTES, ModelError, Selection, load, load_selected, match_joints,
-    paper_arm, parse_toml, parse_urdf, parse_urdf_selected, to_toml,
-};
 pub use place::Place;
 pub use workspace::Workspace;

@@ -15,12 +15,12 @@ pub struct Place {
 
 impl Place {
     /// The first character of the file.
-    pub(crate) fn start(origin: &str) -> Place {
+    pub fn start(origin: &str) -> Place {
         Place { origin: origin.into(), line: 1, column: 1 }
     }
 
     /// The place of byte `offset` in `text`.
-    pub(crate) fn in_text(origin: &str, text: &str, offset: usize) -> Place {
+    pub fn in_text(origin: &str, text: &str, offset: usize) -> Place {
         let before = &text.as_bytes()[..offset.min(text.len())];
         let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
         let start = before.iter().rposition(|&b| b == b'\n').map_or(0, |p| p + 1);

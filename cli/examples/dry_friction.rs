@@ -177,7 +177,7 @@ fn main() -> Result<(), Fault> {
     let first: u64 = rest.first().map_or(Ok(1), |seed| seed.parse())?;
     let model: PathBuf = std::fs::canonicalize(model)?;
     let names: Vec<String> =
-        freeplay_arm::load(&model)?.arm.joints().iter().map(|joint| joint.name.clone()).collect();
+        freeplay_model::load(&model)?.arm.joints().iter().map(|joint| joint.name.clone()).collect();
     let model = model.to_string_lossy();
     let (mut right, mut inside, mut diagnosed, mut stuck, mut stopped) = (0, 0, 0, 0, 0);
     for seed in first..first + count.parse::<u64>()? {

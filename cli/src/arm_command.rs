@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 
 use clap::Args;
 use comfy_table::CellAlignment;
-use freeplay_arm::{ArmFile, Joint, JointKind, Selection};
+use freeplay_arm::{Joint, JointKind};
 use freeplay_harness::setup::load_selected;
+use freeplay_model::{ArmFile, Selection};
 use freeplay_report::one_line;
 use freeplay_report::text::{Digits, NOTHING, number};
 use freeplay_terminal::arguments::Format;

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use comfy_table::CellAlignment;
-use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_diagnosis::page::diagnose_command;
 use freeplay_diagnosis::{Channel, ChannelError, Comparison, Kind, Residuals, Settings};
 use freeplay_laws::Effects;
+use freeplay_model::{ArmFile, EffectTable};
 use freeplay_recording::Recording;
 use freeplay_report::paste::pasted;
 use freeplay_report::text::{Digits, NOTHING, number};

@@ -1,7 +1,7 @@
 //! `freeplay diagnose`: the differences between a model and a recording, the missing physics, and the improvement of the model.
 
-use freeplay_arm::ArmFile;
 use freeplay_diagnosis::{DiagnoseError, Diagnosis, ExciteSettings, beyond_limits, diagnose as diagnosed};
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_arm::{ArmFile, to_toml};
 use freeplay_diagnosis::Diagnosis;
 use freeplay_diagnosis::page::{Subject, diagnose_command, document};
 use freeplay_harness::setup::PAPER_MODEL;
+use freeplay_model::{ArmFile, to_toml};
 use freeplay_recording::Recording;
 use freeplay_report::paste::seen_from;
 use freeplay_terminal::exit::Failure;

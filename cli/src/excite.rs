@@ -5,13 +5,13 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use freeplay_arm::{ArmFile, Selection};
 use freeplay_diagnosis::page::title;
 use freeplay_diagnosis::{
     ChannelNoise, Diagnosis, Effect, Excitation, ExciteError, ExciteSettings, Rival, Tolerances,
     excite as sought,
 };
 use freeplay_harness::setup::{PAPER_MODEL, load_selected};
+use freeplay_model::{ArmFile, Selection};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
 use freeplay_report::paste::{pasted, seen_from};

@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use freeplay_arm::export::{Exported, to_mjcf, to_urdf};
-use freeplay_arm::{ArmFile, Selection};
 use freeplay_harness::setup::load_selected;
+use freeplay_model::export::{Exported, to_mjcf, to_urdf};
+use freeplay_model::{ArmFile, Selection};
 use freeplay_report::one_line;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_arm::{ArmFile, Selection};
 use freeplay_diagnosis::recorded;
 use freeplay_harness::setup::load_selected;
+use freeplay_model::{ArmFile, Selection};
 use freeplay_recording::{Mapping, Recording};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::messages;

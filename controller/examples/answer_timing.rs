@@ -7,8 +7,9 @@
 use std::error::Error;
 use std::time::Instant;
 
-use freeplay_arm::{EffectTable, Workspace, forward_kinematics, paper_arm, to_toml};
+use freeplay_arm::{Workspace, forward_kinematics};
 use freeplay_controller::{Answer, BUILT_IN, RunInfo, Task, TaskMode, built_in};
+use freeplay_model::{EffectTable, paper_arm, to_toml};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_shm::{Mode, Pace, State};
 

@@ -8,7 +8,7 @@
 
 use std::error::Error;
 
-use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian, paper_arm};
+use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian};
 use freeplay_controller::acceleration_programme::Wanted;
 use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{
@@ -16,6 +16,7 @@ use freeplay_controller::{
     Passages, QuasiStatic, Rollout, Weights,
 };
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 

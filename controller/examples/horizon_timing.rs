@@ -7,9 +7,9 @@
 
 use std::error::Error;
 
-use freeplay_arm::{EffectTable, paper_arm, to_toml};
 use freeplay_controller::quasi_static::QUASI_STATIC;
 use freeplay_controller::{Answer, RunInfo, Task, built_in};
+use freeplay_model::{EffectTable, paper_arm, to_toml};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_shm::{CommandStatus, Mode, Pace, State};
 

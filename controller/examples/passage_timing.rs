@@ -8,7 +8,7 @@
 use std::error::Error;
 use std::time::Instant;
 
-use freeplay_arm::{Arm, Workspace, jacobian, paper_arm};
+use freeplay_arm::{Arm, Workspace, jacobian};
 use freeplay_controller::acceleration_programme::Wanted;
 use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{
@@ -16,6 +16,7 @@ use freeplay_controller::{
     Passage, PassageOptions, Weights,
 };
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use nalgebra::{DMatrix, Vector3, Vector6};
 

@@ -5,9 +5,9 @@
 use std::path::Path;
 use std::time::Instant;
 
-use freeplay_arm::paper_arm;
 use freeplay_controller::compensation::Motion;
 use freeplay_controller::{Remainder, WeightFile};
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathSpec};
 
 /// Calls timed together, because reading the clock takes 20 ns.

@@ -198,7 +198,8 @@ fn quintic(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{Correction, Motion, Vector3, Weights, forward_kinematics};
-    use freeplay_arm::{Workspace, paper_arm};
+    use freeplay_arm::Workspace;
+    use freeplay_model::paper_arm;
 
     #[test]
     fn a_deviation_is_taken_out_beyond_the_first_order() {

@@ -35,8 +35,8 @@ impl Geometry {
 #[cfg(test)]
 mod tests {
     use super::Geometry;
-    use freeplay_arm::{EffectTable, paper_arm};
     use freeplay_laws::Effects;
+    use freeplay_model::{EffectTable, paper_arm};
 
     /// A first link that is 1 mm longer along z lifts the tool by 1 mm in every posture; a payload does not displace it.
     #[test]

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use freeplay_arm::{Arm, ArmFile};
+use freeplay_arm::Arm;
+use freeplay_model::ArmFile;
 use sha2::{Digest, Sha256};
 
 /// Numbers that differ by less than about this give the same hash, because reading and writing a model file rounds. SI units.
@@ -27,7 +28,7 @@ pub fn identity(arm: &Arm) -> String {
 
 /// The first 16 hexadecimal digits of SHA-256 over the arm of `file` and its effects, in any order: the identity of the model.
 pub fn model_identity(file: &ArmFile) -> String {
-    let of_effect = |effect: &freeplay_arm::EffectTable| {
+    let of_effect = |effect: &freeplay_model::EffectTable| {
         let mut parameters: Vec<String> =
             effect.parameters.iter().map(|(name, value)| format!("{name}={value}")).collect();
         parameters.sort_unstable();

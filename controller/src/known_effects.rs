@@ -219,8 +219,8 @@ pub(crate) fn rate_of(column: &[f64], step: f64) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use freeplay_arm::{ArmFile, EffectTable, paper_arm};
     use freeplay_laws::Effects;
+    use freeplay_model::{ArmFile, EffectTable, paper_arm};
     use freeplay_path::{JointPath, PathSpec};
     use freeplay_shm::Reference;
 

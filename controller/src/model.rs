@@ -34,9 +34,9 @@ impl Model {
     /// A model file that cannot be used, or one that does not fit the run.
     pub fn load(task: &Task, run: &RunInfo) -> Result<Model, NotReady> {
         let file = if task.model == PAPER_MODEL {
-            freeplay_arm::paper_arm()
+            freeplay_model::paper_arm()
         } else {
-            freeplay_arm::load(Path::new(&task.model))?
+            freeplay_model::load(Path::new(&task.model))?
         };
         task.check(file.arm.dof(), run)?;
         let effects = Effects::of(&file)?;

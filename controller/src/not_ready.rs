@@ -1,8 +1,9 @@
 //! Errors of a built-in controller that cannot start.
 
-use freeplay_arm::{ArmError, ModelError};
+use freeplay_arm::ArmError;
 use freeplay_controller_sdk::ControllerError;
 use freeplay_laws::LawError;
+use freeplay_model::ModelError;
 use freeplay_path::PathError;
 use thiserror::Error;
 

@@ -225,7 +225,8 @@ mod tests {
     use super::ToolResidual;
     use crate::compensation::Motion;
     use crate::tracking::Plan;
-    use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
+    use freeplay_arm::{Workspace, forward_kinematics};
+    use freeplay_model::paper_arm;
     use freeplay_shm::State;
     use nalgebra::Vector3;
 

@@ -7,8 +7,9 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_arm::{Arm, ArmFile, Workspace, jacobian};
+use freeplay_arm::{Arm, Workspace, jacobian};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Effect, diagnose};
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 use nalgebra::{DMatrix, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -33,7 +34,7 @@ fn main() {
     let (mut all, mut found, mut alarms, mut alone) = (0, 0, 0, 0);
     for number in arguments.get(3).map_or(0, |n| n.parse().unwrap())..count {
         let case = &cases[number % cases.len()];
-        let file = freeplay_arm::load(&case.join("model.toml")).unwrap();
+        let file = freeplay_model::load(&case.join("model.toml")).unwrap();
         let recording = freeplay_recording::read(&case.join("recording.csv"), Some(file.arm.dof())).unwrap();
         let plain = run(&file, &recording);
         if number < cases.len() {

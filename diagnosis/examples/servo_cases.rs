@@ -7,8 +7,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use freeplay_arm::{ArmFile, parse_toml};
 use freeplay_diagnosis::{DiagnoseSettings, Verdict, diagnose};
+use freeplay_model::{ArmFile, parse_toml};
 use freeplay_recording::Recording;
 use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 use rand::{RngExt, SeedableRng};

@@ -6,14 +6,14 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use freeplay_arm::to_toml;
 use freeplay_diagnosis::page::{Subject, commands, diagnose_command, document};
 use freeplay_diagnosis::{DiagnoseSettings, compare_commands, diagnose};
+use freeplay_model::to_toml;
 use freeplay_recording::read;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let file = freeplay_arm::load(Path::new(&arguments[0])).unwrap();
+    let file = freeplay_model::load(Path::new(&arguments[0])).unwrap();
     let paths: Vec<PathBuf> = arguments[1..].iter().map(PathBuf::from).collect();
     let recordings: Vec<_> = paths.iter().map(|path| read(path, None).unwrap()).collect();
     let began = Instant::now();
@@ -37,7 +37,7 @@ fn main() {
         out: Path::new("."),
     };
     println!("page of {} bytes", document(&subject).to_html().len());
-    let again = freeplay_arm::parse_toml(&to_toml(&diagnosis.model), "found.toml".as_ref()).unwrap();
+    let again = freeplay_model::parse_toml(&to_toml(&diagnosis.model), "found.toml".as_ref()).unwrap();
     for recording in &recordings {
         let (comparison, _) = compare_commands(&again, recording).unwrap();
         let errors: Vec<String> =

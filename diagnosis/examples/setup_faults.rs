@@ -137,7 +137,7 @@ fn physics(rounds: u64, seed: u64, only: Option<&str>) -> Result<(), Box<dyn Err
 }
 
 fn diagnosed(made: &Made) -> Result<Diagnosis, Box<dyn Error>> {
-    let file = freeplay_arm::parse_toml(&made.model, Path::new("model.toml"))?;
+    let file = freeplay_model::parse_toml(&made.model, Path::new("model.toml"))?;
     let recordings = [recording(&made.recording)?, recording(&made.second)?];
     Ok(diagnose(&file, &recordings, &DiagnoseSettings::default(), &mut |_| {})?)
 }
@@ -251,9 +251,9 @@ fn real(
     let mut made = generate(&case)?;
     for (k, (set, model, file)) in REAL.into_iter().enumerate() {
         let folder = PathBuf::from(&folder).join(set);
-        let arm = freeplay_arm::load(&folder.join(model))?;
+        let arm = freeplay_model::load(&folder.join(model))?;
         let read = freeplay_recording::read(&folder.join(file), Some(arm.arm.dof()))?;
-        made.model = freeplay_arm::to_toml(&arm);
+        made.model = freeplay_model::to_toml(&arm);
         made.recording = samples(&read);
         made.second = made.recording.clone();
         let label = format!("{set}/{file}");
@@ -280,7 +280,7 @@ fn real(
 
 /// Error variance of each torque relative to the variance of the recorded torque.
 fn errors(made: &Made) -> Result<Vec<f64>, Box<dyn Error>> {
-    let arm = freeplay_arm::parse_toml(&made.model, Path::new("model.toml"))?.arm;
+    let arm = freeplay_model::parse_toml(&made.model, Path::new("model.toml"))?.arm;
     let (comparison, _) = compare(&arm, &[], &recording(&made.recording)?, &Settings::default())?;
     let share = |std: f64, of: f64| if of > 0.0 { (std / of).powi(2) } else { 1.0 };
     Ok(comparison.channels.iter().map(|channel| share(channel.std_error, channel.std_measured)).collect())
@@ -340,7 +340,7 @@ fn sets(mode: &str, draw: usize, only: Option<&str>) -> Vec<Vec<&'static str>> {
 }
 
 fn score(row: &mut Row, label: &str, made: &Made, truth: &[SetupFault]) -> Result<(), Box<dyn Error>> {
-    let arm = freeplay_arm::parse_toml(&made.model, Path::new("model.toml"))?.arm;
+    let arm = freeplay_model::parse_toml(&made.model, Path::new("model.toml"))?.arm;
     let recording = recording(&made.recording)?;
     let start = Instant::now();
     let setup = examine(&arm, &recording);

@@ -11,7 +11,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [_, arm, recordings @ ..] = arguments.as_slice() else {
         return Err("give an arm and recordings".into());
     };
-    let arm = freeplay_arm::load(Path::new(arm))?.arm;
+    let arm = freeplay_model::load(Path::new(arm))?.arm;
     for file in recordings {
         let recording = freeplay_recording::read(Path::new(file), Some(arm.dof()))?;
         let start = Instant::now();

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_arm::{Arm, ArmFile, Purpose, Shortfall};
+use freeplay_arm::{Arm, Purpose, Shortfall};
+use freeplay_model::ArmFile;
 use freeplay_recording::{ColumnError, JointsError, Mapping, Place, ReadError, Recording, Row};
 use freeplay_storage::same_file;
 use thiserror::Error;

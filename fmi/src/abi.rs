@@ -13,7 +13,7 @@ use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use freeplay_arm::parse_toml;
+use freeplay_model::parse_toml;
 
 use crate::description::token;
 use crate::fault::Fault;

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use freeplay_arm::ArmFile;
 use freeplay_laws::LawError;
+use freeplay_model::ArmFile;
 use sha2::{Digest, Sha256};
 
 use crate::machine::PERIOD;

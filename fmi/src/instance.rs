@@ -2,8 +2,8 @@
 //!
 //! A state consists of the values of all parameters and inputs and the state variables of the machine; see [`State`].
 
-use freeplay_arm::{ArmFile, to_toml};
 use freeplay_laws::Archive;
+use freeplay_model::{ArmFile, to_toml};
 use freeplay_plant::SystemError;
 
 use crate::description::token;

@@ -1,7 +1,8 @@
 //! The plant of an arm file, stepped by external torques.
 
-use freeplay_arm::{Arm, ArmFile, Workspace, forward_kinematics};
+use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_laws::{Archive, Effects, Readings, SensorLaw};
+use freeplay_model::ArmFile;
 use freeplay_plant::{Input, Motion, System, SystemError};
 
 use crate::variables::{Quantity, Value, has_servos};

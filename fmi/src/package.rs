@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
-use freeplay_arm::{ArmFile, to_toml};
 use freeplay_laws::LawError;
+use freeplay_model::{ArmFile, to_toml};
 use freeplay_storage::StorageError;
 use rawzip::{CompressionMethod, ZipArchiveWriter};
 use thiserror::Error;

@@ -1,7 +1,8 @@
 //! The variables of an FMU, which depend on its arm file alone.
 
-use freeplay_arm::{ArmFile, Joint, JointKind};
+use freeplay_arm::{Joint, JointKind};
 use freeplay_laws::{Absent, Effects, Injection, Kind, LawError, Range, kind};
+use freeplay_model::ArmFile;
 
 /// Access of an importer to a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,9 +5,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable, Workspace, forward_kinematics, to_toml};
+use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_controller::{Answer, RunInfo, Task, built_in};
 use freeplay_laws::{Clearance, Effects, Readings, SensorLaw};
+use freeplay_model::{ArmFile, EffectTable, to_toml};
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{DeviationStatistics, Input, JointUse, Sensors, SensorsSpec, System};
 use freeplay_shm::{CommandStatus, Mode, Pace, Reference, State};

@@ -5,10 +5,10 @@
 //! simulates the scenario's own plant briefly under `computed-torque`, whose feedback all built-in controllers share. It starts with the
 //! usual natural frequency, halves it after each failed trial, and keeps the first value with which every journal rests.
 
-use freeplay_arm::to_toml;
 use freeplay_controller::computed_torque::COMPUTED_TORQUE;
 use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{Answer, Gains, RunInfo, Task, built_in};
+use freeplay_model::to_toml;
 use freeplay_path::JointPath;
 use freeplay_plant::{Input, PlantConfig, System};
 use freeplay_shm::{CommandStatus, Mode, Pace, Reference, State};

@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable, Purpose, Selection};
+use freeplay_arm::{Arm, Purpose};
 pub use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
 use freeplay_laws::{Clearance, Effects, LawError, Placed};
+use freeplay_model::{ArmFile, EffectTable, Selection};
 use freeplay_path::JointPath;
 use freeplay_plant::{ControllerSet, PlantConfig, SystemError};
 use freeplay_shm::{MAX_JOINTS, Mode, Pace, RtRequest};
@@ -43,13 +44,13 @@ pub fn load_model(model: &str) -> Result<ArmFile, Failure> {
 pub fn load_selected(model: &str, selection: &Selection) -> Result<ArmFile, Failure> {
     if model == PAPER_MODEL {
         return match &selection.tip {
-            None => Ok(freeplay_arm::paper_arm()),
+            None => Ok(freeplay_model::paper_arm()),
             Some(tip) => {
                 Err(Failure::input(format!("tip `{tip}`: the arm of the paper has no links to choose from")))
             }
         };
     }
-    let file = freeplay_arm::load_selected(Path::new(model), selection).map_err(Failure::input)?;
+    let file = freeplay_model::load_selected(Path::new(model), selection).map_err(Failure::input)?;
     let (arm, effects) = (&file.arm, file.effects.len());
     messages::detail(format_args!("read {model}: {} of {} joints, {effects} effects", arm.name(), arm.dof()));
     Ok(file)
@@ -186,7 +187,7 @@ impl Setup {
             Some(model) => self.controller_model(model, folder)?,
             None => {
                 let path = folder.join("model.toml");
-                write(&path, &freeplay_arm::to_toml(&self.truth))?;
+                write(&path, &freeplay_model::to_toml(&self.truth))?;
                 "model.toml".to_owned()
             }
         };
@@ -223,10 +224,10 @@ impl Setup {
         let wanted = names(self.arm());
         let selection = Selection { tip: None, joints: wanted.clone() };
         // The controller reports a file that it cannot read.
-        let found = freeplay_arm::load(Path::new(model)).ok().filter(|file| names(&file.arm) != wanted);
-        let chosen = found.and_then(|_| freeplay_arm::load_selected(Path::new(model), &selection).ok());
+        let found = freeplay_model::load(Path::new(model)).ok().filter(|file| names(&file.arm) != wanted);
+        let chosen = found.and_then(|_| freeplay_model::load_selected(Path::new(model), &selection).ok());
         let Some(chosen) = chosen.filter(|file| names(&file.arm) == wanted) else { return Ok(given) };
-        write(&folder.join("controller_model.toml"), &freeplay_arm::to_toml(&chosen))?;
+        write(&folder.join("controller_model.toml"), &freeplay_model::to_toml(&chosen))?;
         Ok("controller_model.toml".to_owned())
     }
 }

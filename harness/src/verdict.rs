@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn a_stop_is_told_with_joint_value_limit_and_tick() {
-        let arm = freeplay_arm::paper_arm().arm;
+        let arm = freeplay_model::paper_arm().arm;
         let excess = LimitViolation { quantity: Quantity::Speed, joint: 5, value: 11.312_34, limit: 11.235 };
         let stop = Stop { tick: 123, reason: StopReason::Reflex(Quantity::Speed), excess: Some(excess) };
         let value = stopped(&stop, arm.joints());

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use freeplay_arm::ArmFile;
 use freeplay_controller::compensation::Motion;
 use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::remainder::Usage;
 use freeplay_controller::{Remainder, WeightFile};
+use freeplay_model::ArmFile;
 use serde_json::{Value, json};
 
 use crate::scenario::Scenario;

@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 use std::hint::black_box;
 use std::time::Instant;
 
-use freeplay_arm::paper_arm;
 use freeplay_laws::{Baseline, CATALOGUE, LawError, Place, Site, Trajectory, predict};
+use freeplay_model::paper_arm;
 
 const POINTS: usize = 4000;
 const RATE: f64 = 250.0;

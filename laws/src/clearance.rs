@@ -4,7 +4,7 @@
 //! and [`ContactFriction`] act. Parameters, SI: see [`ClearanceTable`]. Defaults: those of Erkaya 2018, else of its sources (bearing
 //! radius, smoothing speeds, floor of the impact speed).
 
-use freeplay_arm::EffectTable;
+use freeplay_model::EffectTable;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use freeplay_arm::Joint;
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use toml::Value;
 
 use crate::LawError;

@@ -1,6 +1,7 @@
 //! The laws of the `[[effect]]` tables of an arm file.
 
-use freeplay_arm::{Arm, ArmFile};
+use freeplay_arm::Arm;
+use freeplay_model::ArmFile;
 
 use crate::clearance::Clearance;
 use crate::injection::{Injection, Transmission};

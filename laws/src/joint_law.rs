@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use crate::DriveFriction;
 use crate::archive::Archive;

@@ -2,7 +2,8 @@
 
 use std::fmt::Debug;
 
-use freeplay_arm::{Arm, EffectTable, Joint, JointKind};
+use freeplay_arm::{Arm, Joint, JointKind};
+use freeplay_model::EffectTable;
 use toml::Table;
 
 use crate::basis::{Term, with};

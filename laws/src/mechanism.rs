@@ -1,7 +1,7 @@
 //! An arm file as a mechanism: its effects as elements that are common to the formats of other tools.
 
-use freeplay_arm::ArmFile;
-use freeplay_arm::export::{Mechanism, Named};
+use freeplay_model::ArmFile;
+use freeplay_model::export::{Mechanism, Named};
 
 use crate::effect::ExportCoverage;
 use crate::{Effects, Kind, LawError, Parameter, Placed, Range};

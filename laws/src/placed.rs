@@ -1,6 +1,7 @@
 //! An effect at its place.
 
-use freeplay_arm::{Arm, EffectTable};
+use freeplay_arm::Arm;
+use freeplay_model::EffectTable;
 
 use crate::catalogue::COMMANDED;
 use crate::effect::Effect;

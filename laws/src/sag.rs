@@ -9,8 +9,8 @@
 
 use std::fmt::Debug;
 
-use freeplay_arm::export::Element;
 use freeplay_arm::{Arm, JointKind, Workspace, joint_reaction, rnea};
+use freeplay_model::export::Element;
 use nalgebra::{Point3, Vector3};
 
 use crate::archive::Archive;

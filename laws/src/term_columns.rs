@@ -1,6 +1,6 @@
 //! The columns of an effect's terms: the change of the prediction by each term.
 
-use freeplay_arm::EffectTable;
+use freeplay_model::EffectTable;
 use toml::Table;
 
 use crate::basis::Term;

@@ -1,6 +1,7 @@
 //! The values of one `[[effect]]` table, checked against its kind.
 
-use freeplay_arm::{Arm, EffectTable, JointFriction};
+use freeplay_arm::{Arm, JointFriction};
+use freeplay_model::EffectTable;
 use serde::de::DeserializeOwned;
 
 use crate::law_error::LawError;

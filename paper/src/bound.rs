@@ -10,10 +10,11 @@
 //!
 //! As a check, the true plant runs the optimal motion with prescribed joints; the output shows its measurement beside the bound.
 
-use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
+use freeplay_arm::{Workspace, forward_kinematics};
 use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{CornerSearch, Passage, PassageOptions, Step, Weights};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_plant::{DeviationStatistics, Hermite, Input, System};
 use freeplay_terminal::exit::Failure;

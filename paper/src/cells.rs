@@ -9,10 +9,10 @@ use std::fmt::Write as _;
 
 use clap::{Args, ValueEnum};
 use comfy_table::CellAlignment;
-use freeplay_arm::paper_arm;
 use freeplay_controller::computed_torque::COMPUTED_TORQUE;
 use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::quasi_static::QUASI_STATIC;
+use freeplay_model::paper_arm;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::{DeviationStatistics, SensorsSpec, UsedByJoint};
 use freeplay_storage::plain_words;

@@ -1,6 +1,6 @@
 //! `freeplay reference-runs`: the 40 reference runs of the paper's arm, compared with an independent simulator.
 //!
-//! Definition of a run: the arm of `freeplay_arm::paper_arm` with play in joint 5, a path of `freeplay_path`, start on
+//! Definition of a run: the arm of `freeplay_model::paper_arm` with play in joint 5, a path of `freeplay_path`, start on
 //! the path with the journal centred. `driven`: the six joints follow the path exactly. `ctc`: every tick
 //! τ = RNEA(q, v, q̈_d + 2ζω(q̇_d − v) + ω²(q_d − q)) of the six-joint model, ω = 50 rad/s, ζ = 1, applied at once and
 //! held for the tick. The reference took semi-implicit Euler steps of 10 µs.

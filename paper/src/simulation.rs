@@ -5,9 +5,10 @@
 
 use std::sync::Arc;
 
-use freeplay_arm::{Arm, Workspace, forward_kinematics, paper_arm, rnea};
+use freeplay_arm::{Arm, Workspace, forward_kinematics, rnea};
 use freeplay_harness::scenario::Drive;
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{Input, System};
 use freeplay_terminal::exit::Failure;

@@ -127,8 +127,8 @@ mod tests {
 
     use super::*;
     use crate::{Hermite, Input};
-    use freeplay_arm::paper_arm;
     use freeplay_laws::ArmWithPlay;
+    use freeplay_model::paper_arm;
 
     #[test]
     fn a_constant_torque_gives_the_peaks_of_the_equation_of_motion() {

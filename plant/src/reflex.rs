@@ -291,7 +291,8 @@ impl Reflexes {
 mod tests {
     use super::{ReflexLimits, ReflexSpec, Reflexes};
     use crate::Quantity;
-    use freeplay_arm::{Workspace, crba, paper_arm};
+    use freeplay_arm::{Workspace, crba};
+    use freeplay_model::paper_arm;
     use nalgebra::DMatrix;
 
     const PERIOD: f64 = 1e-3;
@@ -379,7 +380,7 @@ mod tests {
     #[test]
     fn without_acceleration_limits_the_effort_brakes() {
         let urdf = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/arm.urdf");
-        let arm = freeplay_arm::load(urdf.as_ref()).expect("the arm").arm;
+        let arm = freeplay_model::load(urdf.as_ref()).expect("the arm").arm;
         let limits = ReflexLimits::of(&arm, &ReflexSpec::default(), 50.0, PERIOD, &[vec![0.0; 6]]);
         println!("rad/s²: {:?}", &limits.braking[..6]);
         // 100 N·m on 0.0021 kg·m² about the last joint, 3000 N·m on some tens about the first.

@@ -24,7 +24,7 @@ fn tracks(names: &[String]) -> Vec<Track> {
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let arm = freeplay_arm::load(Path::new(&arguments[0])).unwrap().arm;
+    let arm = freeplay_model::load(Path::new(&arguments[0])).unwrap().arm;
     let split = arguments.iter().position(|argument| argument == "--").unwrap_or(arguments.len());
     let train = tracks(&arguments[1..split]);
     let windows = train

@@ -9,7 +9,7 @@ use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let model = ServoArm::of(&freeplay_arm::load(arguments[0].as_ref()).unwrap()).unwrap().unwrap();
+    let model = ServoArm::of(&freeplay_model::load(arguments[0].as_ref()).unwrap()).unwrap().unwrap();
     let text = std::fs::read_to_string(&arguments[1]).unwrap();
     let rows: Vec<Vec<f64>> =
         text.lines().map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect();

@@ -1,7 +1,7 @@
 //! The servos of an arm file.
 
-use freeplay_arm::ArmFile;
 use freeplay_laws::{Effects, LawError, Values, kind};
+use freeplay_model::ArmFile;
 
 use crate::burden::with_zeros;
 use crate::joint::JointServo;

@@ -1,8 +1,9 @@
 //! The burden of an arm in addition to its file: a payload on its last link, links of other masses, a tilted base, zeros of encoders, gaps
 //! of gears. The laws are those of the catalogue.
 
-use freeplay_arm::{Arm, ArmFile, EffectTable, JointKind};
+use freeplay_arm::{Arm, JointKind};
 use freeplay_laws::{ArmParts, Effects, LawError};
+use freeplay_model::{ArmFile, EffectTable};
 use nalgebra::{Isometry3, Translation3};
 use toml::{Table, Value};
 

@@ -203,7 +203,7 @@ fn spoil(fault: &str, state: &State, command: &mut Command) {
         "nan_deviation" => command.deviation[1] = f64::NAN,
         "nan_unused" => command.acceleration[MAX_JOINTS - 1] = f64::NAN,
         "full" => {
-            let joints = freeplay_arm::paper_arm().arm;
+            let joints = freeplay_model::paper_arm().arm;
             for (value, joint) in command.value.iter_mut().zip(joints.joints()) {
                 *value = joint.limits.effort;
             }

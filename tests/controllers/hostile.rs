@@ -1,6 +1,7 @@
 //! A controller that tries to break the arm: computed torque at first, then a strategy with random values from a seed.
 
-use freeplay_arm::{Limits, paper_arm};
+use freeplay_arm::Limits;
+use freeplay_model::paper_arm;
 use freeplay_shm::{Command, MAX_JOINTS, Mode, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,7 +1,7 @@
 //! Every effect that MJCF can express: MuJoCo's inverse dynamics against the law.
 
-use freeplay_arm::{paper_arm, parse_toml, to_toml};
 use freeplay_laws::{Effects, Prediction, Trajectory, predict};
+use freeplay_model::{paper_arm, parse_toml, to_toml};
 use std::path::Path;
 
 use super::tools::{Motion, Tool, has};

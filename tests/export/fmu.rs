@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use freeplay_arm::{paper_arm, to_toml};
+use freeplay_model::{paper_arm, to_toml};
 use serde_json::{Value, json};
 
 use super::tools::{has, here, python};

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use freeplay_arm::load;
+use freeplay_model::load;
 use serde_json::Value;
 use tempfile::TempDir;
 

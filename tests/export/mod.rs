@@ -12,7 +12,8 @@ mod replay;
 mod tools;
 
 use crate::common::{Call, fresh_folder};
-use freeplay_arm::{Arm, ArmFile, JointKind, Workspace, load, paper_arm, rnea, to_toml};
+use freeplay_arm::{Arm, JointKind, Workspace, rnea};
+use freeplay_model::{ArmFile, load, paper_arm, to_toml};
 use tools::{Motion, Tool, random};
 
 /// The inverse dynamics of `arm` along `motions`.
@@ -39,7 +40,7 @@ fn arms() -> Vec<(&'static str, ArmFile)> {
     let change = |change: &dyn Fn(&mut String)| {
         let mut text = to_toml(&paper_arm());
         change(&mut text);
-        freeplay_arm::parse_toml(&text, std::path::Path::new("arm.toml")).expect("an arm")
+        freeplay_model::parse_toml(&text, std::path::Path::new("arm.toml")).expect("an arm")
     };
     let slope =
         change(&|text| *text = text.replace("gravity = [0.0, 0.0, -9.81]", "gravity = [5.886, 0.0, -7.848]"));

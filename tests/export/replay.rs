@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
-use freeplay_arm::{paper_arm, to_toml};
 use freeplay_concealed::{Case, Demand, Family, Machine, Noise, Severity, generate, write_sealed};
+use freeplay_model::{paper_arm, to_toml};
 use serde_json::Value;
 use tempfile::TempDir;
 

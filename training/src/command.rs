@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use freeplay_arm::{Arm, ArmFile};
+use freeplay_arm::Arm;
 use freeplay_controller::{Model, RunInfo, Task, TaskMode};
 use freeplay_harness::setup::load_model;
 use freeplay_harness::weights::beside;
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 use freeplay_shm::{Mode, Pace};
 use freeplay_terminal::arguments::{Format, at_least_one};

@@ -7,11 +7,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use freeplay_arm::{ArmFile, Workspace, forward_kinematics};
+use freeplay_arm::{Workspace, forward_kinematics};
 use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::remainder::{Receipt, Rehearsed, WeightFile};
 use freeplay_controller::{Model, Task, TaskMode};
 use freeplay_harness::closed_loop::{ClosedLoop, RATE};
+use freeplay_model::ArmFile;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::SensorsSpec;
 use freeplay_terminal::exit::Failure;

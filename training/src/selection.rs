@@ -165,8 +165,8 @@ mod tests {
     use crate::data::Data;
     use crate::recorded::RecordedRun;
     use crate::structure::Fitting;
-    use freeplay_arm::paper_arm;
     use freeplay_laws::Trajectory;
+    use freeplay_model::paper_arm;
     use nalgebra::Vector3;
 
     const PERIOD: f64 = 0.02;

@@ -1,11 +1,13 @@
 //! The paper's arm against numbers of an independent library (`data/ORIGIN.md`).
 
-use crate::common::{close, distance, rk4, size};
+use crate::common::{close, distance, size};
+use crate::runge_kutta::rk4;
 use freeplay_arm::{
     Arm, Drive, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, aba, bias, crba,
-    forward_kinematics, gravity_torque, hybrid_aba, jacobian, joint_reaction, kinetic_energy, paper_arm,
+    forward_kinematics, gravity_torque, hybrid_aba, jacobian, joint_reaction, kinetic_energy,
     potential_energy, rnea,
 };
+use freeplay_model::paper_arm;
 use nalgebra::{DMatrix, Isometry3, Vector3};
 use serde_json::Value;
 

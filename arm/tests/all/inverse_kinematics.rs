@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use crate::common::{Random, close, distance};
 use freeplay_arm::{
     Arm, IkError, IkTask, Workspace, forward_kinematics, inverse_kinematics, inverse_kinematics_global,
-    paper_arm,
 };
+use freeplay_model::paper_arm;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 /// Distance of the tool at `q` from `target`, m and rad together.

@@ -1,6 +1,7 @@
 //! Pendulums against published and closed-form motion.
 
-use crate::common::{close, distance, rk4};
+use crate::common::{close, distance};
+use crate::runge_kutta::rk4;
 use freeplay_arm::{
     Arm, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, aba, kinetic_energy, potential_energy,
 };

@@ -2,16 +2,17 @@
 //!
 //! Build it with `cargo build --release -p freeplay-controller-sdk --example minimal` and let a run use it:
 //! `freeplay run --controller target/release/examples/minimal`. A crate of your own depends on `freeplay-controller-sdk` and
-//! `freeplay-shm`, and on `freeplay-arm` if it needs dynamics.
+//! `freeplay-shm`, and on `freeplay-arm` and `freeplay-model` if it needs the dynamics of a model file.
 
 use std::error::Error;
 use std::path::Path;
 use std::process::ExitCode;
 
-use freeplay_arm::{Arm, Workspace, crba, gravity_torque, load, paper_arm};
+use freeplay_arm::{Arm, Workspace, crba, gravity_torque};
 use freeplay_controller_sdk::{
     Answer, Controller, ControllerError, Gains, PAPER_MODEL, RunInfo, Task, serve,
 };
+use freeplay_model::{load, paper_arm};
 use freeplay_shm::State;
 use nalgebra::DMatrix;
 

@@ -139,7 +139,7 @@ impl Inputs {
 mod tests {
     use super::{InputGroup, Inputs, TURN};
     use crate::compensation::Motion;
-    use freeplay_arm::paper_arm;
+    use freeplay_model::paper_arm;
 
     /// After a long travel and then δ beyond a reversal, the state is (1 − 2/e) times the direction, at any speed. A gap resets the state,
     /// and a joint at rest has no direction.

@@ -1,11 +1,12 @@
 //! Tests of the acceleration programme: damped least squares if no row is active, the optimality conditions if some are, and its
 //! rows against inverse dynamics and hand calculation of braking.
 
-use freeplay_arm::{Arm, Joint, Limits, Workspace, jacobian, paper_arm, rnea};
+use freeplay_arm::{Arm, Joint, Limits, Workspace, jacobian, rnea};
 use freeplay_controller::{
     AccelerationOptions, AccelerationProgramme, CompensationStatus, Motion, PinForce, Qp, Wanted,
 };
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_model::paper_arm;
 use nalgebra::{DMatrix, DVector, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,10 +1,8 @@
 //! The built-in controllers on arms of one to eight joints, one of them prismatic, with play at the first revolute joint.
 
-use freeplay_arm::{
-    Arm, ArmFile, EffectTable, Inertia, Joint, JointFriction, JointKind, Limits, Workspace,
-    forward_kinematics, load, to_toml,
-};
+use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, forward_kinematics};
 use freeplay_controller::{Answer, BUILT_IN, RunInfo, Task, built_in};
+use freeplay_model::{ArmFile, EffectTable, load, to_toml};
 use freeplay_path::{JointPath, PathKind};
 use freeplay_shm::{CommandStatus, Mode, Pace, State};
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};

@@ -2,9 +2,10 @@
 //! failures.
 
 use crate::chain::chain;
-use freeplay_arm::{Arm, Joint, Limits, Workspace, forward_kinematics, jacobian, paper_arm};
+use freeplay_arm::{Arm, Joint, Limits, Workspace, forward_kinematics, jacobian};
 use freeplay_controller::compensation::{CompensationStatus, Compensator, Motion, Weights};
 use freeplay_controller::correction_bounds::{LARGEST_CORRECTION, LEAST_SHARE};
+use freeplay_model::paper_arm;
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

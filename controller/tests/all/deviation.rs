@@ -1,9 +1,10 @@
 //! Tests of the quasi-static predictor against statics by hand, and against the laws and the dynamics that it solves.
 
-use freeplay_arm::{Drive, Workspace, hybrid_aba, jacobian, paper_arm};
+use freeplay_arm::{Drive, Workspace, hybrid_aba, jacobian};
 use freeplay_controller::compensation::Motion;
 use freeplay_controller::deviation::QuasiStatic;
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable, Journal, bearing_contact};
+use freeplay_model::paper_arm;
 use nalgebra::{DMatrix, Vector3};
 
 const PERIOD: f64 = 1e-3;

@@ -1,12 +1,13 @@
 //! Tests of the compensation over several ticks: closed form, optimality conditions, a second solver, and named failures.
 
 use crate::chain::chain;
-use freeplay_arm::{Arm, Limits, Workspace, jacobian, paper_arm};
+use freeplay_arm::{Arm, Limits, Workspace, jacobian};
 use freeplay_controller::compensation::{CompensationStatus, Compensator, Motion, Weights};
 use freeplay_controller::correction_bounds::LEAST_SHARE;
 use freeplay_controller::horizon::MOST_TICKS;
 use freeplay_controller::sparse_programme::{Row, SparseProgramme};
 use freeplay_controller::{Correction, Horizon, HorizonError, HorizonStatus};
+use freeplay_model::paper_arm;
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

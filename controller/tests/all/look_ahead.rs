@@ -1,8 +1,9 @@
 //! Tests of the one-tick prediction of the joints against finer integration, and of friction that stops a joint without reversing
 //! it.
 
-use freeplay_arm::{Arm, Joint, JointFriction, Workspace, aba, paper_arm, rnea};
+use freeplay_arm::{Arm, Joint, JointFriction, Workspace, aba, rnea};
 use freeplay_controller::look_ahead::{LookAhead, drive_frictions};
+use freeplay_model::paper_arm;
 use freeplay_shm::State;
 
 /// The paper's arm with the same friction in every drive.

@@ -1,10 +1,11 @@
 //! Tests of passages through corners: the law of contact, the limits, and the gain in accuracy.
 
 use crate::simulation::{model_file, run};
-use freeplay_arm::{Workspace, paper_arm, rnea};
+use freeplay_arm::{Workspace, rnea};
 use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{CornerSearch, Passage, PassageOptions, Passages, Step, Task, Weights, built_in};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathKind};
 use freeplay_shm::CommandStatus;
 

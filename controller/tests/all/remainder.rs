@@ -3,13 +3,14 @@
 
 use std::path::Path;
 
-use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
+use freeplay_arm::{Workspace, forward_kinematics};
 use freeplay_controller::compensation::Motion;
 use freeplay_controller::identity::{identity, model_identity};
 use freeplay_controller::remainder::{
     Axis, Condition, InputGroup, Learned, Machine, Region, Remainder, WeightFile,
 };
 use freeplay_controller::{Answer, Controller, NarxQp, RunInfo, Task, TaskMode};
+use freeplay_model::paper_arm;
 use freeplay_path::JointPath;
 use freeplay_predictor::Narx;
 use freeplay_shm::{Mode, Pace, State};

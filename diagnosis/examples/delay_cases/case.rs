@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use freeplay_arm::ArmFile;
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 use rand::{RngExt, SeedableRng};

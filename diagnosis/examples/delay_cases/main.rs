@@ -10,8 +10,8 @@ mod drawn;
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{ArmFile, EffectTable, parse_toml};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
+use freeplay_model::{ArmFile, EffectTable, parse_toml};
 use freeplay_recording::Recording;
 
 use case::{Case, Late};

@@ -4,8 +4,9 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable};
+use freeplay_arm::Arm;
 use freeplay_laws::{ArmParts, CATALOGUE, Effects, Kind, Place, Scene, Trajectory, predict};
+use freeplay_model::{ArmFile, EffectTable};
 use freeplay_recording::Recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -26,7 +27,7 @@ pub struct Made {
 
 /// The arms: the paper's, with and without friction, and its first two and three joints.
 pub fn arm(number: usize) -> Arm {
-    let paper = freeplay_arm::paper_arm().arm;
+    let paper = freeplay_model::paper_arm().arm;
     let mut parts = ArmParts::of(&paper);
     let joints = [6, 2, 3, 6][number % 4];
     parts.joints.truncate(joints);

@@ -13,8 +13,8 @@ mod score;
 use std::path::Path;
 use std::time::Instant;
 
-use freeplay_arm::ArmFile;
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 
 use score::{Answer, Score, Truth};
@@ -70,7 +70,7 @@ fn over_folder(folder: &Path, score: &mut Score) {
         let truth: serde_json::Value =
             truth.ok().and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
         let effects: Vec<Truth> = serde_json::from_value(truth["effects"].clone()).unwrap_or_default();
-        let Ok(model) = freeplay_arm::load(&case.join("model.toml")) else { continue };
+        let Ok(model) = freeplay_model::load(&case.join("model.toml")) else { continue };
         let dof = model.arm.dof();
         let read = |file: &str| freeplay_recording::read(&case.join(file), Some(dof));
         let (Ok(first), Ok(second)) = (read("recording.csv"), read("second.csv")) else { continue };
@@ -85,7 +85,7 @@ fn run(model: &ArmFile, recordings: &[Recording]) -> Answer {
 }
 
 fn one(model: &Path, recordings: &[&str]) {
-    let model = freeplay_arm::load(model).expect("a model");
+    let model = freeplay_model::load(model).expect("a model");
     let dof = model.arm.dof();
     let recordings: Vec<Recording> = recordings
         .iter()

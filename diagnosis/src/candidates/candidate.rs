@@ -2,10 +2,11 @@
 
 use std::rc::Rc;
 
-use freeplay_arm::{Arm, EffectTable};
+use freeplay_arm::Arm;
 use freeplay_laws::{
     ABOUT, ArmParts, Injection, Kind as EffectKind, LawError, Place, Placed, Site, Start, Term, kinds,
 };
+use freeplay_model::EffectTable;
 use freeplay_recording::Group;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::Serialize;

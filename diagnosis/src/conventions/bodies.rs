@@ -192,7 +192,8 @@ impl Link {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
-    use freeplay_arm::{Workspace, paper_arm, rnea};
+    use freeplay_arm::{Workspace, rnea};
+    use freeplay_model::paper_arm;
     use nalgebra::{Matrix3, Vector3};
 
     use super::{Bodies, Parts};

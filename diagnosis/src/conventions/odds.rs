@@ -90,7 +90,8 @@ fn massless(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use freeplay_arm::{Arm, Workspace, paper_arm, rnea};
+    use freeplay_arm::{Arm, Workspace, rnea};
+    use freeplay_model::paper_arm;
 
     use super::super::change::Physics;
     use super::super::samples::{Samples, made};

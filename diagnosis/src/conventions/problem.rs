@@ -366,7 +366,8 @@ fn mean_square(column: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use freeplay_arm::{Workspace, gravity_torque, paper_arm, rnea};
+    use freeplay_arm::{Workspace, gravity_torque, rnea};
+    use freeplay_model::paper_arm;
     use freeplay_recording::Recording;
 
     use super::{FLOOR, Problem};

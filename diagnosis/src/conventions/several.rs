@@ -1,6 +1,6 @@
 //! Several recordings of one machine: one answer.
 
-use freeplay_arm::ArmFile;
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 
 use super::change::Late;

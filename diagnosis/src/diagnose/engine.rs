@@ -1,7 +1,8 @@
 //! The diagnosis from end to end.
 
-use freeplay_arm::{Arm, ArmFile};
+use freeplay_arm::Arm;
 use freeplay_laws::{Effects, Placed};
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 
 use crate::candidates::candidate::{Candidate, Untestable, candidates};

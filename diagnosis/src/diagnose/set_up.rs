@@ -1,6 +1,6 @@
 //! A diagnosis that first tests whether recording and model use the same conventions.
 
-use freeplay_arm::ArmFile;
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 
 use super::engine;

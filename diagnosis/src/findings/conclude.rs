@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_laws::{Kind, LawError, kind};
+use freeplay_model::{ArmFile, EffectTable};
 
 use crate::candidates::candidate::Untestable;
 use crate::data::columns::{add_all, less, sum_of};

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{Arm, EffectTable};
+use freeplay_arm::Arm;
+use freeplay_model::EffectTable;
 
 use crate::candidates::candidate::Candidate;
 use crate::data::columns::{Column, sum_of};

@@ -5,8 +5,8 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::EffectTable;
 use freeplay_laws::{Kind as EffectKind, LawError, Placed, holding};
+use freeplay_model::EffectTable;
 use toml::Value;
 
 use crate::data::instruments::rigid_torque_error;

@@ -4,8 +4,8 @@
 //! by Gauss-Newton least squares over the coefficients of the law's terms, with the nonlinear parameters of either effect. Friction adds up, the masses of a
 //! link multiply, springs in series add their compliances: no law needs a rule of its own.
 
-use freeplay_arm::EffectTable;
 use freeplay_laws::{LawError, Placed};
+use freeplay_model::EffectTable;
 use nalgebra::{DMatrix, DVector};
 use toml::Table;
 

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable};
+use freeplay_arm::Arm;
 use freeplay_laws::{ArmParts, LawError, Placed, changed};
+use freeplay_model::{ArmFile, EffectTable};
 use nalgebra::DVector;
 
 use crate::candidates::candidate::Candidate;

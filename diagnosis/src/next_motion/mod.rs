@@ -13,8 +13,9 @@ use std::collections::BTreeMap;
 
 use envelope::Envelope;
 use family::HARMONICS;
-use freeplay_arm::{Arm, ArmFile};
+use freeplay_arm::Arm;
 use freeplay_laws::{Effects, LawError, Placed};
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 use odds::Scales;
 use rand::{RngExt, SeedableRng};

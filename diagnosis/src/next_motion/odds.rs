@@ -7,8 +7,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use freeplay_arm::{Arm, EffectTable};
+use freeplay_arm::Arm;
 use freeplay_laws::{Kind as EffectKind, LawError, Place, Placed, Trajectory};
+use freeplay_model::EffectTable;
 use freeplay_recording::Recording;
 use toml::Table;
 

@@ -13,7 +13,7 @@ mod rest;
 
 use std::path::{Path, PathBuf};
 
-use freeplay_arm::ArmFile;
+use freeplay_model::ArmFile;
 use freeplay_report::units::{people, written};
 use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Verdict};
 

@@ -1,6 +1,6 @@
 //! The end of the page: alternatives, untestable effects, the model, next steps, and the evidence.
 
-use freeplay_arm::to_toml;
+use freeplay_model::to_toml;
 use freeplay_report::units::power_of_ten;
 use freeplay_report::{Block, Cell, Column, Section, Table, Verdict};
 

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::ArmFile;
 use freeplay_laws::Trajectory;
+use freeplay_model::ArmFile;
 use serde::Serialize;
 
 use crate::candidates::candidate::Untestable;

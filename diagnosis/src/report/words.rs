@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{Arm, EffectTable};
+use freeplay_arm::Arm;
 use freeplay_laws::{Kind as EffectKind, kind};
+use freeplay_model::EffectTable;
 use toml::Value;
 
 use crate::report::diagnosis::{Alternative, Diagnosis, Effect, Map, Parameter, Verdict};

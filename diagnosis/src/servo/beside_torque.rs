@@ -1,7 +1,7 @@
 //! Servos of arms with recorded torques, commanded and measured positions. The torques determine the arm; its servos are those that produce these torques from
 //! the commands. The findings from the torques stay unchanged.
 
-use freeplay_arm::ArmFile;
+use freeplay_model::ArmFile;
 use freeplay_recording::{Group, Recording};
 use freeplay_servo::{ServoArm, Sight, Track, sights};
 use toml::Value;

@@ -3,7 +3,8 @@
 //! servo at its own joint, and its effect on the joints before hardly separates it from the rest of the law. A gap behind the encoder shows in the position of
 //! the link: a load that always presses on the same flank does not separate it from a zero.
 
-use freeplay_arm::{Arm, ArmFile};
+use freeplay_arm::Arm;
+use freeplay_model::ArmFile;
 use freeplay_servo::{DIFFERENCE_STEP, Fitted, ModelParameter, Problem, ServoArm, Unknown};
 
 use super::limits::lost;

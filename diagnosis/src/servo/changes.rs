@@ -1,6 +1,6 @@
 //! The causes that a given model with servos may lack, and the tolerances of its parameters.
 
-use freeplay_arm::ArmFile;
+use freeplay_model::ArmFile;
 use freeplay_servo::{DIFFERENCE_STEP, ModelParameter, Problem, ServoArm, Sight, Unknown, unknowns};
 
 use super::burdens::{Burdened, Rival, burdens, masses, present};

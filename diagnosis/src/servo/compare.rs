@@ -1,7 +1,8 @@
 //! Measured positions against positions simulated from the commands.
 
-use freeplay_arm::{ArmFile, JointKind};
+use freeplay_arm::JointKind;
 use freeplay_laws::Placed;
+use freeplay_model::ArmFile;
 use freeplay_recording::{Group, Recording};
 use freeplay_servo::{Rollout, ServoArm, Track, lag};
 

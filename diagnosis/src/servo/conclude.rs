@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{ArmFile, EffectTable};
+use freeplay_model::{ArmFile, EffectTable};
 use freeplay_recording::{Group, Recording};
 use freeplay_servo::{JointServo, ModelParameter, Problem, ServoArm, Sight, Track, Unknown};
 use toml::Value;

@@ -1,6 +1,6 @@
 //! From recordings of commanded and measured positions to a diagnosis.
 
-use freeplay_arm::ArmFile;
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 use freeplay_servo::{ServoArm, Sight, Track, sights};
 

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use freeplay_arm::EffectTable;
+use freeplay_model::EffectTable;
 use freeplay_recording::Group;
 use toml::{Table, Value};
 

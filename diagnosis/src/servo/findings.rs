@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable, Joint, JointKind, Workspace, crba};
+use freeplay_arm::{Arm, Joint, JointKind, Workspace, crba};
 use freeplay_laws::{Kind, kind};
+use freeplay_model::{ArmFile, EffectTable};
 use freeplay_servo::{Fitted, JointServo, ModelParameter, Sight, Unknown};
 use nalgebra::DMatrix;
 use toml::{Table, Value};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use freeplay_arm::ArmFile;
+use freeplay_model::ArmFile;
 use freeplay_servo::{Fitted, Problem, ServoArm, Sight, Track, Unknown};
 
 use super::burdens::Burdened;

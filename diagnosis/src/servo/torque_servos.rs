@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{ArmFile, EffectTable, JointKind};
+use freeplay_arm::JointKind;
+use freeplay_model::{ArmFile, EffectTable};
 use freeplay_recording::{Group, Recording};
 use freeplay_servo::{ServoArm, Sight, Track, servos};
 use toml::{Table, Value};

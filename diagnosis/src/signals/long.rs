@@ -173,8 +173,9 @@ fn windows_of(recording: &Recording, most: usize) -> Recording {
 
 #[cfg(test)]
 mod tests {
-    use freeplay_arm::{Arm, EffectTable, JointFriction, JointKind};
+    use freeplay_arm::{Arm, JointFriction, JointKind};
     use freeplay_laws::Placed;
+    use freeplay_model::EffectTable;
     use freeplay_recording::Recording;
 
     use proptest::prelude::{ProptestConfig, any, prop, prop_assert, proptest};

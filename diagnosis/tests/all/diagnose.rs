@@ -1,10 +1,11 @@
 //! Diagnoses of simulated recordings with known missing effects.
 
-use freeplay_arm::{Arm, ArmFile, EffectTable, JointFriction, JointKind};
+use freeplay_arm::{Arm, JointFriction, JointKind};
 use freeplay_diagnosis::{
     DiagnoseError, DiagnoseSettings, Diagnosis, Effect, Settings, Verdict, compare, diagnose,
 };
 use freeplay_laws::{ArmParts, Effects};
+use freeplay_model::{ArmFile, EffectTable};
 use freeplay_recording::Recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

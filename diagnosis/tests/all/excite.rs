@@ -1,11 +1,12 @@
 //! The next motion: it separates two causes that a recording leaves possible.
 
-use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind};
+use freeplay_arm::{Arm, JointFriction, JointKind};
 use freeplay_diagnosis::{
     DiagnoseSettings, Diagnosis, Excitation, ExciteError, ExciteSettings, Rival, Tolerances, Verdict,
     diagnose, excite,
 };
 use freeplay_laws::{Trajectory, kind, rigid_torques};
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

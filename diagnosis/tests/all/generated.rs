@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use freeplay_arm::parse_toml;
 use freeplay_concealed::{Case, Demand, Machine, Noise, Severity, generate};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
+use freeplay_model::parse_toml;
 
 use crate::common::of_samples;
 

@@ -26,7 +26,7 @@ fn worst(comparison: &Comparison, prefix: &str) -> f64 {
 
 #[test]
 fn a_rigid_arm_leaves_nothing() {
-    let paper = freeplay_arm::paper_arm().arm;
+    let paper = freeplay_model::paper_arm().arm;
     let slide = arm(vec![link("slide", JointKind::Prismatic, JointFriction::default())]);
     for (name, arm) in [("paper", &paper), ("slide", &slide)] {
         for (stamps, t, most) in [
@@ -216,7 +216,7 @@ fn constant_and_missing_channels_are_told() {
 #[test]
 fn a_recording_of_another_arm_is_refused_and_degrees_are_suspected() {
     let arm = two_joints(JointFriction::default());
-    let three = columns(&freeplay_arm::paper_arm().arm, &even(2.0, 250.0), nothing);
+    let three = columns(&freeplay_model::paper_arm().arm, &even(2.0, 250.0), nothing);
     let error = compare(&arm, &[], &recording(three), &Settings::default()).expect_err("six joints");
     println!("{error}");
     assert!(matches!(error, ResidualError::JointCount { expected: 2, found: 6, .. }));

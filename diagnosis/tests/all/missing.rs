@@ -1,8 +1,9 @@
 //! Missing samples have an effect only where they are missing; the dry friction of a joint at rest takes any value within its limits.
 
 use crate::common::{arm, columns, columns_along, even, link, recording, sines_of_all_but_the_last};
-use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind};
+use freeplay_arm::{Arm, JointFriction, JointKind};
 use freeplay_diagnosis::{Comparison, DiagnoseSettings, Diagnosis, Settings, Verdict, compare, diagnose};
+use freeplay_model::ArmFile;
 use freeplay_recording::Recording;
 
 const RATE_HZ: f64 = 200.0;

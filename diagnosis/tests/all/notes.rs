@@ -2,8 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind};
+use freeplay_arm::{Arm, JointFriction, JointKind};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Settings, Verdict, beyond_limits, compare, diagnose};
+use freeplay_model::ArmFile;
 
 use crate::common::{arm, columns, even, link, recording};
 

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable, JointFriction, JointKind};
+use freeplay_arm::{Arm, JointFriction, JointKind};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Effect, Settings, Verdict, compare, diagnose};
 use freeplay_laws::{Effects, Trajectory, predict};
+use freeplay_model::{ArmFile, EffectTable};
 use freeplay_recording::Recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -80,7 +81,7 @@ fn only(diagnosis: &Diagnosis, kind: &str) -> Effect {
 fn nothing_is_missing_from_a_perfect_recording_without_noise() {
     let mut shaking = recorded("shaking", &two_joints(), &[], 0.0);
     shaking.t.iter_mut().enumerate().for_each(|(k, t)| *t += 8e-4 * (2.4 * k as f64).sin());
-    let paper = freeplay_arm::paper_arm().arm;
+    let paper = freeplay_model::paper_arm().arm;
     for (arm, recordings) in [
         (two_joints(), vec![recorded("one", &two_joints(), &[], 0.0)]),
         (two_joints(), vec![shaking]),
@@ -120,7 +121,7 @@ fn a_coupling_without_inertia_and_dry_friction_is_named() {
 #[test]
 fn one_delay_of_all_torques_is_not_a_low_pass_of_each() {
     let delay = table("time_delay", None, "channel = \"torque\"\ndelay = 0.006");
-    let paper = freeplay_arm::paper_arm().arm;
+    let paper = freeplay_model::paper_arm().arm;
     let recordings = in_two_motions(&paper, std::slice::from_ref(&delay));
     let effect = only(&diagnosed(&paper, &recordings), "time_delay");
     let found = effect.parameters["delay"].value.as_float().expect("a number");
@@ -183,7 +184,7 @@ fn a_delay_and_a_limit_act_on_the_friction_that_was_found() {
 /// A lighter link with another centre of mass, as an arm file from a drawing often has it.
 #[test]
 fn a_centre_of_mass_that_is_elsewhere_is_found() {
-    let paper = freeplay_arm::paper_arm().arm;
+    let paper = freeplay_model::paper_arm().arm;
     let joint = paper.joints()[2].name.clone();
     let mass = table("link_mass", Some(&joint), "scale = 0.8\ncom_shift = [0.04, -0.06, 0.05]");
     let recordings = in_two_motions(&paper, std::slice::from_ref(&mass));
@@ -251,7 +252,7 @@ fn friction_that_differs_by_direction_is_one_effect() {
 fn a_spring_that_relaxes_has_no_name() {
     const STIFFNESS: f64 = 120.0;
     const RELAXATION: f64 = 1.2;
-    let arm = freeplay_arm::paper_arm().arm;
+    let arm = freeplay_model::paper_arm().arm;
     let mut recordings = in_two_motions(&arm, &[]);
     for recording in &mut recordings {
         let (t, q) = (recording.t.clone(), recording.q[0].clone());

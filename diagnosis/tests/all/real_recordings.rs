@@ -25,7 +25,7 @@ impl Set {
         let folder = freeplay_skip::recordings()?.join(name);
         let text = |file: &str| std::fs::read_to_string(folder.join(file)).expect("a file of the set");
         let (meta, fits) = (text("meta.toml").parse().expect("TOML"), text("reference_fits.txt"));
-        let arm = freeplay_arm::load(&folder.join(model)).expect("the set's model").arm;
+        let arm = freeplay_model::load(&folder.join(model)).expect("the set's model").arm;
         Some(Self { folder, arm, meta, fits })
     }
 

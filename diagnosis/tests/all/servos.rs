@@ -1,10 +1,10 @@
 //! Commanded against measured positions: the diagnosis names simulated servos, and locates a stop and a contact; a real arm.
 use std::path::Path;
 
-use freeplay_arm::{ArmFile, parse_toml, to_toml};
 use freeplay_diagnosis::{
     DiagnoseSettings, Diagnosis, Effect, Verdict, commands_alone, compare_commands, diagnose,
 };
+use freeplay_model::{ArmFile, parse_toml, to_toml};
 use freeplay_recording::{Recording, read};
 use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 
@@ -287,7 +287,7 @@ fn commands_that_never_move_tell_nothing() {
 fn a_real_arm_is_simulated_better_than_others_do() {
     let Some(folder) = freeplay_skip::recordings() else { return };
     let folder = folder.join("so101_command");
-    let file = freeplay_arm::load(&folder.join("so101.urdf")).unwrap();
+    let file = freeplay_model::load(&folder.join("so101.urdf")).unwrap();
     let names = [
         "train_multisine",
         "train_velocity_ramp",

@@ -2,11 +2,12 @@
 //! from the torques stay unchanged.
 use std::path::Path;
 
-use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind, parse_toml, to_toml};
+use freeplay_arm::{Arm, JointFriction, JointKind};
 use freeplay_diagnosis::{
     DiagnoseSettings, Diagnosis, Effect, Settings, Verdict, compare_all, compare_commands, diagnose,
 };
 use freeplay_laws::Effects;
+use freeplay_model::{ArmFile, parse_toml, to_toml};
 use freeplay_recording::Recording;
 use freeplay_servo::{Commands, Course, Rollout, ServoArm, State};
 

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-use freeplay_arm::{Arm, Inertia, Workspace, forward_kinematics, gravity_torque, paper_arm, rnea};
+use freeplay_arm::{Arm, Inertia, Workspace, forward_kinematics, gravity_torque, rnea};
 use freeplay_concealed::{Case, Demand, Kept, Machine, Noise, Severity, generate, with_setup_faults};
 use freeplay_diagnosis::{Certainty, DiagnoseSettings, Setup, SetupFinding, diagnose, examine};
+use freeplay_model::paper_arm;
 use freeplay_recording::Recording;
 use nalgebra::Rotation3;
 
@@ -287,7 +288,7 @@ fn real_machines_have_no_fault_until_one_is_put_in() {
     let (mut found, mut all) = (0, 0);
     for (set, model, run, carrier) in REAL {
         let folder = folder.join(set);
-        let arm = freeplay_arm::load(&folder.join(model)).expect("the model").arm;
+        let arm = freeplay_model::load(&folder.join(model)).expect("the model").arm;
         let csv = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "csv");
         let mut runs: Vec<PathBuf> = std::fs::read_dir(&folder)
             .expect("a folder")
@@ -351,7 +352,7 @@ fn the_reading_of_another_arm_comes_to_an_end() {
     let made = generate(&case).expect("a machine");
     let faulty = with_setup_faults(&made, &["another_arm"], kept, (draw * 31) as u64);
     let (made, _) = faulty.expect("a data sheet").expect("room for the fault");
-    let arm = freeplay_arm::parse_toml(&made.model, Path::new("model.toml")).expect("a model").arm;
+    let arm = freeplay_model::parse_toml(&made.model, Path::new("model.toml")).expect("a model").arm;
     let recording = of_samples(&made.recording);
     let (sender, receiver) = channel();
     std::thread::spawn(move || sender.send(Box::new(examine(&arm, &recording))));

@@ -5,8 +5,8 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_arm::paper_arm;
 use freeplay_controller_sdk::{Answer, Controller, ControllerError, PAPER_MODEL, RunInfo, Task};
+use freeplay_model::paper_arm;
 use freeplay_shm::State;
 
 use super::slave::Slave;
@@ -64,7 +64,7 @@ impl Controller for FmuController {
         let custom = |error: Box<dyn std::error::Error + Send + Sync>| ControllerError::Custom(error);
         let arm = match task.model.as_str() {
             PAPER_MODEL => paper_arm().arm,
-            model => freeplay_arm::load(Path::new(model)).map_err(|error| custom(error.into()))?.arm,
+            model => freeplay_model::load(Path::new(model)).map_err(|error| custom(error.into()))?.arm,
         };
         task.check(arm.dof(), run)?;
         let joints: Vec<String> = arm.joints().iter().map(|joint| joint.name.clone()).collect();

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use freeplay_arm::{ArmFile, paper_arm, parse_toml, to_toml};
 use freeplay_fmi::{Causality, Fault, Instance, Quantity, Value, description};
+use freeplay_model::{ArmFile, paper_arm, parse_toml, to_toml};
 
 /// The paper's arm with play, friction with internal state, and a sensor with internal state.
 fn worn() -> ArmFile {

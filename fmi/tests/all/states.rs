@@ -4,9 +4,9 @@
 use std::path::Path;
 use std::time::{Duration, Instant as Clock};
 
-use freeplay_arm::{ArmFile, paper_arm, parse_toml, to_toml};
 use freeplay_fmi::{Causality, Fault, Instance, State, Value};
 use freeplay_laws::kinds;
+use freeplay_model::{ArmFile, paper_arm, parse_toml, to_toml};
 
 /// One table for every kind of effect, at a joint on which it acts; several for a kind with different internal states.
 const EFFECTS: &[(&str, &str)] = &[

@@ -4,7 +4,7 @@
 //! torque beyond it is lost, 1 for a hard limit, less where the current measurement saturates softly. In the plant the limit is hard.
 //! Source: Khalil 2002, Nonlinear Systems, §1.2.7.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use toml::Table;
 
 use crate::DriveFriction;

@@ -5,7 +5,7 @@
 //! from −F₋ to F₊; the law passes through the middle, as the sum of the two does.
 //! Source: Armstrong-Hélouvry 1991, Control of Machines with Friction, §2.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};

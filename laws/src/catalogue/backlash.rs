@@ -17,8 +17,8 @@
 
 use std::f64::consts::TAU;
 
-use freeplay_arm::export::Element;
 use freeplay_arm::{Arm, Workspace, crba};
+use freeplay_model::export::Element;
 use nalgebra::DMatrix;
 use toml::{Table, Value};
 

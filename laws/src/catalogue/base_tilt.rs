@@ -5,7 +5,7 @@
 //! turns y towards z, a positive pitch z towards x.
 //! Source: Khalil & Dombre 2002, §9.4 (base parameters under a rotated gravity). The two terms are linear for small angles.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use nalgebra::{Isometry3, UnitQuaternion};
 
 use crate::LawError;

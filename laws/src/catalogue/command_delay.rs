@@ -3,7 +3,7 @@
 //! Law: the servo answers at t the command of t − d. A joint whose encoder samples later than the command acts has d < 0.
 //! Source: Åström & Murray 2008, Feedback Systems, §9 (time delays).
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use super::commanded::{NO_TERMS, no_shape};
 use crate::effect::{Effect, ExportCoverage};

@@ -5,8 +5,8 @@
 //! Source: Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.1.
 //! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as that of the nominal friction is.
 
-use freeplay_arm::EffectTable;
-use freeplay_arm::export::Element;
+use freeplay_model::EffectTable;
+use freeplay_model::export::Element;
 
 use crate::basis::with;
 use crate::effect::ExportCoverage;

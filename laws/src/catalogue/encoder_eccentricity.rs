@@ -4,7 +4,7 @@
 //! Source: Mancini 1998; Hagiwara et al. 1992, IEEE Trans. Instrum. Meas. 41:40: one period in one turn of the disc.
 //! The terms are a cos φ and a sin φ, linear for small a.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use crate::archive::Archive;
 use crate::columns::Columns;

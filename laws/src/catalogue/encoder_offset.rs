@@ -3,7 +3,7 @@
 //! Law: q_true = q − q₀ with the offset q₀ \[rad\]: the encoder reads q₀ at the zero of the joint.
 //! Source: Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §2.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use crate::archive::Archive;
 use crate::basis::{Term, with};

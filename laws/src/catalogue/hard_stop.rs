@@ -3,7 +3,7 @@
 //! Law: lower ≤ q ≤ upper; at the stop the joint rests against any torque of the servo. No bounce.
 //! Source: Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, §3.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use super::commanded::{NO_TERMS, no_shape};
 use crate::effect::{Effect, ExportCoverage};

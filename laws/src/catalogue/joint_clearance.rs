@@ -9,7 +9,7 @@
 //! Terms, at rest or for the flight through a given clearance: c.
 //! Source: Erkaya 2018, Eqs. 1–7; Flores et al. 2006, Mech. Mach. Theory 41:247.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use toml::{Table, Value};
 
 use crate::basis::{Term, with};

@@ -7,7 +7,7 @@
 //! share of inertia and viscous friction: τᵢ = s (I q̈ⱼ + F_v q̇ⱼ) + F_c sign(u), τⱼ = s (I q̈ᵢ + F_v q̇ᵢ) + s F_c sign(u).
 //! Source: Janot, Vandanjon & Gautier 2014, IEEE Trans. Control Syst. Technol. 22:132, §IV (coupled joints 5 and 6 of a Stäubli TX40), who have `cross`.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use toml::{Table, Value};
 
 use crate::archive::Archive;

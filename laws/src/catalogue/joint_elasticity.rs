@@ -6,7 +6,7 @@
 //! stiffness found. The shape is the loss d/k \[s\].
 //! Source: Spong 1987, J. Dyn. Sys. Meas. Control 109:310, Eqs. 3–4.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use toml::{Table, Value};
 
 use crate::basis::{Term, with};

@@ -4,7 +4,7 @@
 //! Source: Hooke 1678; as a model of hose packs and counterbalances in identification: Swevers, Verdonck & De Schutter 2007, §3.
 //! The terms are k and the moment m = −k q₀; the effect is linear in both.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use crate::basis::{Term, with};
 use crate::effect::ExportCoverage;

@@ -4,7 +4,7 @@
 //! `along`: along the vector itself, or along x, y or z of the link's frame. Masses keep their positions in their own links.
 //! Source: Denavit & Hartenberg 1955; Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §3.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use nalgebra::{Isometry3, Vector3};
 use toml::{Table, Value};
 

@@ -7,7 +7,7 @@
 //! Terms: s − 1 and, with the centre of mass in the search, s d. The columns of s d neglect the tensor's part in d² until the diagnosis
 //! linearises about the finding. The last link has no such shape: a payload on it has the same effect.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use nalgebra::Vector3;
 use toml::{Table, Value};
 

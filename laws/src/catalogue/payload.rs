@@ -8,7 +8,7 @@
 //! of m at the tool, plus the change to first order in c − tool.
 
 use freeplay_arm::Inertia;
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use toml::{Table, Value};
 

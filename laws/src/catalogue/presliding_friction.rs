@@ -7,7 +7,7 @@
 //! Source: Canudas de Wit, Olsson, Åström & Lischinsky 1995, IEEE Trans. Autom. Control 40:419, Eqs. 1–3. Departure: the level does not
 //! depend on the speed (Dahl 1968); the Stribeck bump is an effect of its own.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use toml::Table;
 
 use crate::DriveFriction;

@@ -3,7 +3,7 @@
 //! Law: τ = c q̇|q̇|, with c \[N·m·s²/rad²\] ≥ 0. The drive spends τ: positive for a positive velocity.
 //! Source: Newton 1687, Principia II; for gear churning Changenet & Velex 2007, J. Mech. Des. 129:128.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};

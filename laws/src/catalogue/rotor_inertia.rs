@@ -4,7 +4,7 @@
 //! the gyroscopic torque of the rotor on the other joints, which is smaller by the gear ratio.
 //! Source: Siciliano, Sciavicco, Villani & Oriolo 2009, Robotics, §7.2.1 (with the remark on high ratios).
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage};

@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use toml::Table;
 
 use crate::archive::Archive;

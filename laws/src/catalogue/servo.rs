@@ -6,7 +6,7 @@
 //! integrates the law along recorded commands, the plant in its mode `servo`.
 //! Source: Åström & Murray 2008, Feedback Systems, §10.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use super::commanded::{NO_TERMS, no_shape};
 use crate::effect::{Effect, ExportCoverage};

@@ -5,7 +5,7 @@
 //! zero-order hold alone makes a delay of half a sample.
 //! Source: Ljung 1999, System Identification, §10.1 (dead time); cubic Hermite interpolation with centred slopes (Catmull & Rom 1974).
 
-use freeplay_arm::export::{Channel, Element};
+use freeplay_model::export::{Channel, Element};
 use toml::{Table, Value};
 
 use crate::archive::Archive;

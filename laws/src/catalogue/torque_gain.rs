@@ -3,7 +3,7 @@
 //! Law: τ_true = g τ_measured, with the gain g \[1\] > 0; 1 means no error. The recording shows τ/g.
 //! Source: Gautier & Briot 2014, J. Dyn. Sys. Meas. Control 136:031004, §3. The term is 1/g − 1; the effect is linear in it.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 use toml::Table;
 
 use crate::archive::Archive;

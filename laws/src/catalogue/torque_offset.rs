@@ -3,7 +3,7 @@
 //! Law: τ_measured = τ + τ₀, with τ₀ \[N·m\] of either sign: the zero error of an amplifier or a strain gauge.
 //! Source: Swevers, Verdonck & De Schutter 2007, IEEE Control Syst. Mag. 27(5):58, Eq. 4.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use crate::archive::Archive;
 use crate::effect::{Effect, ExportCoverage};

@@ -4,7 +4,7 @@
 //! the file has too much. The drive spends τ: positive for a positive velocity.
 //! Source: Reynolds 1886; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.2.
 
-use freeplay_arm::export::Element;
+use freeplay_model::export::Element;
 
 use crate::effect::ExportCoverage;
 use crate::joint_law::{AtJoint, Instant, JointLaw};

@@ -134,7 +134,7 @@ impl DriveLaw for Pull {
 #[cfg(test)]
 mod tests {
     use super::CableDrag;
-    use freeplay_arm::paper_arm;
+    use freeplay_model::paper_arm;
     use nalgebra::Vector3;
 
     #[test]

@@ -1,10 +1,11 @@
 //! Properties of every kind of effect: names, units, round trips, linear terms, agreement of plant and recording.
 use crate::common;
-use freeplay_arm::{Arm, EffectTable, parse_toml, to_toml};
+use freeplay_arm::Arm;
 use freeplay_laws::{
     ABOUT, Absent, Baseline, Change, Columns, DriveFriction, DriveState, Kind, Place, Placed, Prediction,
     Range, Readings, Role, Scene, Site, Trajectory, kinds,
 };
+use freeplay_model::{EffectTable, parse_toml, to_toml};
 use toml::{Table, Value};
 
 use crate::common::{arm, greatest, motion, placed, raw};

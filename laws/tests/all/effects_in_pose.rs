@@ -272,7 +272,7 @@ fn delays_and_filters_act_on_a_sine_as_they_should() {
 #[test]
 fn late_and_filtered_sensors_of_the_plant_say_the_same() {
     // Without friction, since no interpolation follows its jump.
-    let (arm, motion) = (freeplay_arm::paper_arm().arm, motion(6, 1000.0, 3.0));
+    let (arm, motion) = (freeplay_model::paper_arm().arm, motion(6, 1000.0, 3.0));
     let clean = predict(&arm, &[], &motion, &raw).unwrap();
     for (kind, joint, text, margin) in [
         ("time_delay", None, "delay = 0.0045", 1e-2),
@@ -321,7 +321,7 @@ fn a_second_effect_of_a_kind_is_refused_with_its_line() {
     let text = "name = \"a\"\n[[joint]]\nname = \"j\"\ntype = \"revolute\"\naxis = [0, 1, 0]\nmass = 1.0\ncom = [0.5, 0, 0]\n\
                 [[effect]]\nkind = \"coulomb_friction\"\njoint = \"j\"\ncoulomb = 1.0\n\
                 [[effect]]\nkind = \"coulomb_friction\"\njoint = \"j\"\ncoulomb = 2.0\n";
-    let file = freeplay_arm::parse_toml(text, std::path::Path::new("twice.toml")).unwrap();
+    let file = freeplay_model::parse_toml(text, std::path::Path::new("twice.toml")).unwrap();
     let error = Effects::of(&file).unwrap_err();
     println!("{error}");
     assert_eq!(error.line(), Some(12));

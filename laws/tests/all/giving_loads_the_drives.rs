@@ -33,7 +33,7 @@ fn slopes(q: &[f64], energy: impl Fn(&[f64]) -> f64) -> Vec<f64> {
 
 /// At ten poses of the six axes of the paper's arm, the torque of `kind` in each drive equals the negative gradient of `energy`.
 fn asks_for_the_slope(kind: &str, joint: Option<usize>, text: &str, energy: impl Fn(&Arm, &[f64]) -> f64) {
-    let arm = freeplay_arm::paper_arm().arm;
+    let arm = freeplay_model::paper_arm().arm;
     let mut greatest = 0.0_f64;
     for pose in 0..10 {
         let q: Vec<f64> =

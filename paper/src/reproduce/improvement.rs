@@ -4,7 +4,6 @@
 //! play. `freeplay train` learns the remaining deviation of that model. Then `narx-qp` follows the paper's paths, which are not part of the training, without a
 //! tracker, with the network and without.
 
-use freeplay_arm::{ArmFile, paper_arm, to_toml};
 use freeplay_controller::Task as ControllerTask;
 use freeplay_controller::computed_torque::COMPUTED_TORQUE;
 use freeplay_controller::narx_qp::NARX_QP;
@@ -12,6 +11,7 @@ use freeplay_harness::closed_loop::{ClosedLoop, effects_with_plays};
 use freeplay_harness::loop_recorder::LoopRecorder;
 use freeplay_harness::weights::beside;
 use freeplay_laws::Effects;
+use freeplay_model::{ArmFile, paper_arm, to_toml};
 use freeplay_path::{PathKind, PathSpec, Size};
 use freeplay_plant::{DeviationStatistics, SensorsSpec};
 use freeplay_recording::Recording;

@@ -1,7 +1,8 @@
 //! The paper's Tables 1 and 2, and the values chosen for those that it does not give.
 
-use freeplay_arm::{Arm, paper_arm};
+use freeplay_arm::Arm;
 use freeplay_laws::{Clearance, ClearanceTable};
+use freeplay_model::paper_arm;
 use freeplay_report::{Cell, Column, Table};
 use freeplay_terminal::exit::Failure;
 
@@ -34,7 +35,7 @@ pub fn links() -> Table {
             i[(1, 2)].into(),
         ]);
     }
-    table.note("Frames with z up; the paper's y points up. Off-diagonal elements are −∫xy dm. Two combinations of the inertias have no influence on any motion or load of this arm and are chosen, see `arm/models/erkaya2018.toml`.")
+    table.note("Frames with z up; the paper's y points up. Off-diagonal elements are −∫xy dm. Two combinations of the inertias have no influence on any motion or load of this arm and are chosen, see `model/arms/erkaya2018.toml`.")
 }
 
 /// Distance from the joint `index` to the next one at another place, or to the tool, m.

@@ -6,8 +6,9 @@
 //! to test.
 
 use crate::common;
-use freeplay_arm::{Arm, ArmFile, EffectTable, paper_arm};
+use freeplay_arm::Arm;
 use freeplay_laws::{Effects, Kind, Prediction, Readings, Site, Trajectory, kinds, predict};
+use freeplay_model::{ArmFile, EffectTable, paper_arm};
 use freeplay_plant::{Input, Motion, System};
 
 const PERIOD: f64 = 1e-3;

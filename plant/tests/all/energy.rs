@@ -1,7 +1,7 @@
 //! Conservation: the ledger balances, normal contact never adds energy, the integrator has its order.
 
 use crate::common::{chain, close, let_go, near, paper, rod, steel, system};
-use freeplay_arm::paper_arm;
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{Input, System};
 

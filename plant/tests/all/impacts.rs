@@ -1,7 +1,7 @@
 //! Impacts of the journal: the paper's arm against a high-accuracy integration, and one impact alone.
 
 use crate::common::{chain, close, near, paper, rod, system};
-use freeplay_arm::paper_arm;
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{Input, System, SystemError};
 

@@ -6,8 +6,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use crossbeam::queue::ArrayQueue;
-use freeplay_arm::{ArmFile, EffectTable, paper_arm};
 use freeplay_laws::Effects;
+use freeplay_model::{ArmFile, EffectTable, paper_arm};
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{ControllerSet, Ending, PlannedSwap, Plant, PlantConfig, ReflexSpec, SensorsSpec};
 use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, PlantLink, RunFolder, State};

@@ -1,7 +1,8 @@
 //! Several joints with play, play in any joint, and the limits of the loop.
 
 use crate::common::{close, let_go, paper, system};
-use freeplay_arm::{Workspace, paper_arm, rnea};
+use freeplay_arm::{Workspace, rnea};
+use freeplay_model::paper_arm;
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{Input, System};
 

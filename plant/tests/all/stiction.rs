@@ -1,8 +1,9 @@
 //! Dry friction of the plant's joints, against closed forms: sliding joints stop as Coulomb's law predicts, and sticking joints do not
 //! move.
 
-use freeplay_arm::{Arm, EffectTable, Joint, JointFriction};
+use freeplay_arm::{Arm, Joint, JointFriction};
 use freeplay_laws::{Injection, Placed};
+use freeplay_model::EffectTable;
 use freeplay_plant::{Braking, Input, System};
 
 use crate::common::{chain, close, near, rod};

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use freeplay_arm::{Arm, Inertia, JointFriction, ModelError, paper_arm, parse_toml};
+use freeplay_arm::{Arm, Inertia, JointFriction};
+use freeplay_model::{ModelError, paper_arm, parse_toml};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,7 @@
 //! A case: from the request to data sheet, recordings and truth.
 
-use freeplay_arm::{Arm, ArmFile, ModelError, to_toml};
+use freeplay_arm::Arm;
+use freeplay_model::{ArmFile, ModelError, to_toml};
 use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
 

@@ -3,9 +3,8 @@
 //! They leave the machine as it is. A fault changes the content of the file (units, signs, order, zeros, clocks), or, for gravity and for another arm, the data
 //! sheet.
 
-use freeplay_arm::{
-    Arm, ArmFile, JointKind, Workspace, forward_kinematics, gravity_torque, parse_toml, rnea, to_toml,
-};
+use freeplay_arm::{Arm, JointKind, Workspace, forward_kinematics, gravity_torque, rnea};
+use freeplay_model::{ArmFile, parse_toml, to_toml};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;

@@ -64,7 +64,7 @@ fn files_can_be_read_back() {
     let folder = tempfile::tempdir().expect("a folder");
     let made = generate(&case(None, 2)).expect("a case");
     write_case(folder.path(), 7, &made).expect("files");
-    let arm = freeplay_arm::load(&folder.path().join("0007/model.toml")).expect("a model");
+    let arm = freeplay_model::load(&folder.path().join("0007/model.toml")).expect("a model");
     assert!(arm.effects.is_empty() && arm.arm.dof() == 1);
     for file in ["recording.csv", "second.csv"] {
         let read =
@@ -104,7 +104,7 @@ fn an_effect_is_as_strong_as_is_claimed() {
         let truth = &with.truth.effects[0];
         assert!(truth.channel == "tau1" && without.truth.effects.is_empty());
         let arm =
-            freeplay_arm::parse_toml(&with.model, std::path::Path::new("model.toml")).expect("a model").arm;
+            freeplay_model::parse_toml(&with.model, std::path::Path::new("model.toml")).expect("a model").arm;
         let (joint, t) = (&arm.joints()[0], &without.recording.t);
         // A parabola through samples 20 ms apart.
         let apart = (0.02 * with.truth.rate) as usize;

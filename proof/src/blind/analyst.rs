@@ -51,7 +51,7 @@ pub fn analyst(args: &AnalystArgs) -> Result<Exit, Failure> {
 
 fn answer() -> Result<Answer, String> {
     let [model, recordings @ ..] = FILES.map(PathBuf::from);
-    let file = freeplay_arm::load(&model).map_err(|error| error.to_string())?;
+    let file = freeplay_model::load(&model).map_err(|error| error.to_string())?;
     let present = recordings.iter().filter(|path| path.is_file());
     let recordings = present
         .map(|path| freeplay_recording::read(path, Some(file.arm.dof())))

@@ -1,7 +1,7 @@
 //! The machines of the demonstration, with their concealed physics.
 
-use freeplay_arm::{ArmFile, EffectTable, paper_arm};
 use freeplay_laws::{ArmParts, LawError};
+use freeplay_model::{ArmFile, EffectTable, paper_arm};
 use toml::{Table, Value};
 
 /// A machine that differs from its model.

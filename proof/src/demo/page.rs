@@ -1,7 +1,7 @@
 //! The page of the demonstration: one table, then each machine with its findings and their benefit.
 
-use freeplay_arm::paper_arm;
 use freeplay_diagnosis::page::{pictures, strongest_map};
+use freeplay_model::paper_arm;
 use freeplay_report::units::written;
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Drawing, Section, Series, Table, Verdict};
 use freeplay_terminal::exit::Failure;

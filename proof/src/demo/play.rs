@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use freeplay_arm::{ArmFile, to_toml};
 use freeplay_diagnosis::page::{Subject, commands, diagnose_command, document};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Verdict, diagnose};
 use freeplay_harness::controller_selection::ControllerSelection;
@@ -11,6 +10,7 @@ use freeplay_harness::run::{BUILT_IN_PATIENCE, play};
 use freeplay_harness::run_files::Files;
 use freeplay_harness::scenario::{RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
+use freeplay_model::{ArmFile, to_toml};
 use freeplay_plant::{Channel, SensorsSpec};
 use freeplay_recording::Recording;
 use freeplay_terminal::exit::{Exit, Failure};

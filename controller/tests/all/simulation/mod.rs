@@ -3,11 +3,10 @@
 
 use std::path::PathBuf;
 
-use freeplay_arm::{
-    ArmFile, Drive, EffectTable, Workspace, forward_kinematics, hybrid_aba, paper_arm, to_toml,
-};
+use freeplay_arm::{Drive, Workspace, forward_kinematics, hybrid_aba};
 use freeplay_controller::{Answer, Controller, RunInfo, Task, TaskMode};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable, Journal, bearing_contact};
+use freeplay_model::{ArmFile, EffectTable, paper_arm, to_toml};
 use freeplay_path::JointPath;
 use freeplay_shm::{Joints, MAX_JOINTS, Mode, Pace, Reference, State};
 use nalgebra::Vector3;

@@ -2,8 +2,9 @@
 
 use std::f64::consts::PI;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable, Inertia, Joint, JointFriction, JointKind, Limits, paper_arm};
+use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits};
 use freeplay_laws::{Change, Placed, Prediction, Trajectory, predict};
+use freeplay_model::{ArmFile, EffectTable, paper_arm};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use toml::Table;
 

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// The arm of the reference runs.
 pub fn paper_arm() -> Arm {
-    freeplay_arm::paper_arm().arm
+    freeplay_model::paper_arm().arm
 }
 
 /// The same arm without any limit.

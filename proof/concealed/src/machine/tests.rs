@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use freeplay_arm::{Arm, Workspace, aba, kinetic_energy, parse_toml, potential_energy, rnea};
+use freeplay_arm::{Arm, Workspace, aba, kinetic_energy, potential_energy, rnea};
+use freeplay_model::parse_toml;
 
 use super::plan::Plan;
 use super::step::Stepper;

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use freeplay_arm::{ArmFile, Workspace, forward_kinematics, paper_arm};
+use freeplay_arm::{Workspace, forward_kinematics};
 use freeplay_controller::Task;
 use freeplay_harness::closed_loop::ClosedLoop;
 use freeplay_harness::loop_recorder::LoopRecorder;
 use freeplay_harness::weights::beside;
 use freeplay_laws::Effects;
+use freeplay_model::{ArmFile, paper_arm};
 use freeplay_path::PathSpec;
 use freeplay_plant::DeviationStatistics;
 use freeplay_recording::Recording;

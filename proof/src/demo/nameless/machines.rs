@@ -1,7 +1,7 @@
 //! The machines, the paths for their commissioning, and those for the verdict.
 
-use freeplay_arm::EffectTable;
 use freeplay_laws::NAMELESS;
+use freeplay_model::EffectTable;
 use freeplay_path::{PathKind, PathSpec, Size};
 
 use super::super::cases::with;

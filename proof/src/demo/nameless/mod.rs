@@ -13,9 +13,9 @@ mod text;
 
 use std::path::Path;
 
-use freeplay_arm::{ArmFile, paper_arm, to_toml};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
 use freeplay_harness::weights::beside;
+use freeplay_model::{ArmFile, paper_arm, to_toml};
 use freeplay_recording::Recording;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::{make_folder, read_json, write};
