@@ -1,4 +1,4 @@
-"""Prints the reference page of the package, made from its docstrings.
+"""Generates the reference page of the package from its docstrings.
 
     python python/reference.py > docs/python-reference.md
 """
@@ -17,8 +17,8 @@ import freeplay
 
 HEAD = """# The Python package, name by name
 
-This page is made from the docstrings: `python python/reference.py > docs/python-reference.md`. A test compares it with them. [The guide](guide/python.md) says how to
-begin.
+`python python/reference.py > docs/python-reference.md` generates this page from the docstrings, and a test compares the two. [The guide](guide/python.md) explains how
+to begin.
 """
 ORDER = [
     "Recording", "Arm", "compare", "Comparison", "diagnose", "Diagnosis", "run", "Run", "Controller", "Answer", "serve", "examine", "Exam",
@@ -28,7 +28,7 @@ ORDER = [
 
 
 def signature(held: Any) -> str:
-    """The parameters of `held` as they are written, without the types, which stand below."""
+    """The parameters of `held` with their defaults, without types, which the list below contains."""
     parameters = [p for p in inspect.signature(held).parameters.values() if p.name not in ("self", "cls")]
     words, marked = [], False
     for p in parameters:
@@ -41,7 +41,7 @@ def signature(held: Any) -> str:
 
 
 def text(docstring: str) -> str:
-    """A NumPy-style docstring as Markdown: sections as bold words, parameters as a list."""
+    """Converts a NumPy-style docstring to Markdown: section titles in bold, parameters as a list."""
     lines, section = [], ""
     source = inspect.cleandoc(docstring).split("\n")
     for number, line in enumerate(source):
@@ -64,11 +64,12 @@ def text(docstring: str) -> str:
 
 
 def members(held: type) -> list[tuple[str, Any]]:
-    """The public methods and properties of a class, in the order in which they are written."""
+    """The public methods and properties of a class, in the order of the source."""
     return [(name, member) for name, member in vars(held).items() if not name.startswith("_") and getattr(member, "__doc__", None) and not isinstance(member, (str, int))]
 
 
 def described(name: str, held: Any) -> str:
+    """The Markdown section of the function or class `held`."""
     if not isinstance(held, type):
         return f"## {name}{signature(held)}\n\n{text(held.__doc__)}\n"
     parts = [f"## class {name}\n\n{text(held.__doc__ or '')}\n"]

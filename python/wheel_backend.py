@@ -1,7 +1,7 @@
-"""Builds the wheel by maturin, with the shared library that an FMU carries.
+"""Builds the wheel with maturin, and adds the shared library for FMUs.
 
-The library goes to lib/freeplay of the environment, beside bin with the command, which looks for it there. maturin packs the executable and, in
-`freeplay.data/data`, whatever else belongs into the environment.
+The wheel installs the library in lib/freeplay of the environment, where the command in bin looks for it. maturin packs the executable, and the other
+files of the environment from `freeplay.data/data`.
 """
 
 import json
@@ -35,7 +35,7 @@ DATA = HERE / "freeplay.data"
 
 
 def built_library():
-    """The library that the build of the command leaves, as cargo tells."""
+    """Path of the library from the build of the command, as cargo reports it."""
     command = ["cargo", "build", "--release", "--manifest-path", str(HERE / "../cli/Cargo.toml"), "--bin", "freeplay"]
     told = subprocess.run([*command, "--message-format", "json-render-diagnostics"], stdout=subprocess.PIPE, check=True, text=True).stdout
     for message in map(json.loads, told.splitlines()):
@@ -43,11 +43,11 @@ def built_library():
             for name in message.get("filenames", []):
                 if name.endswith(".so"):
                     return Path(name)
-    raise RuntimeError("cargo names no library freeplay_fmi; is fmi/Cargo.toml still of the crate type cdylib?")
+    raise RuntimeError("cargo reports no library freeplay_fmi: check that fmi/Cargo.toml has the crate type cdylib")
 
 
 def with_library(build, *arguments):
-    """Calls `build` while the library lies where maturin finds it."""
+    """Calls `build` while the library is in the folder that maturin packs."""
     library = DATA / "data" / "lib" / "freeplay" / "libfreeplay_fmi.so"
     library.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -58,10 +58,10 @@ def with_library(build, *arguments):
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
-    """The hook of PEP 517."""
+    """Builds a wheel (hook of PEP 517)."""
     return with_library(maturin.build_wheel, wheel_directory, config_settings, metadata_directory)
 
 
 def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
-    """The hook of PEP 660."""
+    """Builds an editable wheel (hook of PEP 660)."""
     return with_library(maturin.build_editable, wheel_directory, config_settings, metadata_directory)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the table of all sealed sets from sets.jsonl: `python docs/blind/table.py > docs/blind/sets.md`."""
+"""Generates the table of all sealed sets from sets.jsonl: `python docs/blind/table.py > docs/blind/sets.md`."""
 import json
 import pathlib
 
@@ -20,7 +20,7 @@ scored = {line["chain"]: line["goals"] for line in lines if "scored" in line}
 
 
 def cell(goal):
-    """A figure in percent, with its 95 % interval and the number of cases behind it."""
+    """Text of a figure in percent, with its 95 % interval and the number of its cases."""
     if goal is None or goal[0] is None:
         return "–"
     value, interval, count = goal

@@ -1,4 +1,4 @@
-"""Computes every hash of a receipt of `freeplay blind` anew: python3 verify.py receipt.json"""
+"""Recomputes every hash in a receipt of `freeplay blind`: python3 verify.py receipt.json"""
 
 import hashlib, json, struct, sys
 

@@ -1,6 +1,6 @@
-"""Arms drawn at random: the data sheet of a serial arm, from two axes in an upright plane to seven.
+"""Random arms: data sheets of serial arms, from two axes in a vertical plane to seven axes.
 
-A link is a rod along the way to the next joint, so that every inertia can exist. All numbers are SI, angles in rad.
+A link is a rod along the vector to the next joint, so that every inertia is physical. All numbers are SI, angles in rad.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Link:
-    """A rigid body in the frame of the joint that moves it."""
+    """A rigid body, in the frame of the joint that moves it."""
 
     mass: float
     com: Vector
@@ -29,7 +29,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Joint:
-    """A revolute joint, its motor and its link. Torques and inertias are those at the joint, behind the gear."""
+    """A revolute joint, its motor and its link. Torques and inertias are those at the output of the gear."""
 
     name: str
     axis: Vector
@@ -50,7 +50,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Arm:
-    """A serial arm as its data sheet describes it."""
+    """The data sheet of a serial arm."""
 
     name: str
     joints: tuple[Joint, ...]
@@ -63,11 +63,11 @@ class Arm:
         return len(self.joints)
 
     def way(self, joint: int) -> Vector:
-        """The way from `joint` to the next one, or to the tool, in the frame of its link."""
+        """The vector from `joint` to the next joint, or to the tool, in the frame of its link."""
         return self.joints[joint + 1].xyz if joint + 1 < self.dof else self.tool
 
     def with_joint(self, joint: int, **changes: Any) -> Arm:
-        """The same arm with some fields of one joint changed."""
+        """A copy of the arm with changed fields of one joint."""
         joints = list(self.joints)
         joints[joint] = replace(joints[joint], **changes)
         return replace(self, joints=tuple(joints))
@@ -75,7 +75,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Pattern:
-    """What the arms of a family have in common. Lengths and masses are those of the largest arm of size 1."""
+    """Common properties of the arms in a family. Lengths and masses are those of the largest arm of size 1."""
 
     axes: str
     """Axis of each joint: `x`, `y` or `z`."""
@@ -115,7 +115,7 @@ _AXES = {"x": np.array([1.0, 0, 0]), "y": np.array([0, 1.0, 0]), "z": np.array([
 
 
 def rod(mass: float, way: Vector, rng: Rng) -> Link:
-    """A rod with its centre of mass somewhere near the middle of `way`, a little beside it."""
+    """A rod with a random centre of mass near the middle of `way`."""
     length = max(float(np.linalg.norm(way)), 0.08)
     radius = length * rng.uniform(0.1, 0.22)
     along = way / length if np.linalg.norm(way) > 1e-9 else _AXES["z"]
@@ -130,7 +130,7 @@ def rod(mass: float, way: Vector, rng: Rng) -> Link:
 
 
 def draw(family: str, rng: Rng) -> Arm:
-    """An arm of `family`: its size, masses and frictions at random; drives that can hold and move it."""
+    """Draws an arm of `family`: random size, masses and frictions, and drives that can hold and move it."""
     pattern = PATTERNS[family]
     size = rng.uniform(0.7, 1.2)
     heavy = size**2 * np.exp(rng.uniform(np.log(0.5), np.log(2.0)))
@@ -160,7 +160,7 @@ def draw(family: str, rng: Rng) -> Arm:
 
 
 def _with_drives(arm: Arm, rng: Rng) -> Arm:
-    """`arm` with rotors, limits of torque and frictions that suit its links."""
+    """`arm` with rotors, torque limits and frictions that match its links."""
     from rigid import Rigid  # The rigid model is made from an arm without drives first.
 
     rigid = Rigid(arm)
@@ -170,7 +170,7 @@ def _with_drives(arm: Arm, rng: Rng) -> Arm:
     felt = np.array([np.diag(rigid.inertia(pose)) for pose in poses]).mean(axis=0)
     dry = np.exp(rng.uniform(np.log(0.015), np.log(0.07)))
     for number, joint in enumerate(arm.joints):
-        # The motors of a wrist are small, but not as small as what they move.
+        # The rotors of a wrist are small, but not as small as its links.
         rotor = (felt[number] + 0.06 * felt.max()) * np.exp(rng.uniform(np.log(0.15), np.log(1.0)))
         effort = 1.5 * held[number] + 1.3 * (felt[number] + rotor) * joint.acceleration
         arm = arm.with_joint(
@@ -184,12 +184,12 @@ def _with_drives(arm: Arm, rng: Rng) -> Arm:
 
 
 def _rounded(value: float) -> float:
-    """`value` with three digits, as a data sheet has it."""
+    """`value` with three digits, as on a data sheet."""
     return float(f"{value:.3g}")
 
 
 def ur5(rng: Rng) -> Arm:
-    """A small arm of six axes with the lengths and masses that are published for the UR5, without friction on its data sheet."""
+    """A small arm of six axes with the published lengths and masses of the UR5, and no friction on its data sheet."""
     ways = [(0, 0, 0.0892), (0, 0.1358, 0), (0, -0.1197, 0.425), (0, 0, 0.3923), (0, 0.093, 0), (0, 0, 0.0947), (0, 0.0823, 0)]
     masses = (3.7, 8.393, 2.275, 1.219, 1.219, 0.1879)
     efforts = (150.0, 150.0, 150.0, 28.0, 28.0, 28.0)

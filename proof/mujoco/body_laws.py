@@ -1,4 +1,4 @@
-"""Inertias, springs, gaps, soft links, gravity and pushes: what is built into the machine or acts on it."""
+"""Effects that are built into the machine or act on it: inertias, springs, gaps, flexible links, gravity and pushes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _floor(look: Look, seat: Seat) -> float:
 
 
 def _tool_angle(look: Look, seat: Seat) -> float:
-    """Turn of the joint that moves the tool by the floor, rad; a thousandth where there is no tracker."""
+    """Joint angle that moves the tool by the floor, rad; 0.001 without a tracker."""
     if look.tool_floor is None:
         return 1e-3
     return float(look.tool_floor / max(look.lever[joint_of(seat)], 0.02))
@@ -58,7 +58,7 @@ def _payload(plan: Plan, _seat: Seat, parameters: Parameters) -> None:
 
 
 def _is_carried(look: Look, _seat: Seat, parameters: Parameters) -> bool:
-    """No more than a good part of the arm's own links."""
+    """True if the mass is less than half of that of all links after the first."""
     return number(parameters, "mass") < 0.5 * sum(joint.link.mass for joint in look.sheet.joints[1:])
 
 
@@ -85,7 +85,7 @@ def _as_payload(arm: Arm, seat: Seat, _parameters: Parameters) -> list[Same]:
 
 def _draw_tilt(rng: Rng, look: Look, _seat: Seat) -> Parameters:
     angle = rng.uniform(-np.pi, np.pi)
-    flat = look.sheet.dof == 2  # Two axes along y feel no roll.
+    flat = look.sheet.dof == 2  # Two axes along y do not respond to roll.
     roll = 0.0 if flat else 0.004 * np.cos(angle)
     return {"roll": float(roll), "pitch": 0.004 * (sign(rng) if flat else float(np.sin(angle)))}
 
@@ -120,7 +120,7 @@ def _gap(plan: Plan, seat: Seat, parameters: Parameters) -> None:
 
 
 def _changes_flank(look: Look, seat: Seat, parameters: Parameters) -> bool:
-    """What the joint hands on turns round often enough, and stays on either side for a while."""
+    """True if the transmitted torque changes its sign often enough and keeps each sign for some time."""
     joint = joint_of(seat)
     rotor = look.sheet.joints[joint].rotor
     load = look.model[:, joint] - rotor * look.a[:, joint]
@@ -153,7 +153,7 @@ def _clearance(plan: Plan, seat: Seat, parameters: Parameters) -> None:
 
 
 def _force_turns(look: Look, seat: Seat, _parameters: Parameters) -> bool:
-    """The weight behind the joint turns in the plane across its axis, as seen from the bearing."""
+    """True if the weight that the joint carries rotates in the plane across its axis, in the frame of the bearing."""
     joint = joint_of(seat)
     before = look.q[:, 1:joint].sum(axis=1) if joint > 1 else look.q[:, joint]
     level = abs(look.sheet.joints[joint].axis[2]) < 0.5
@@ -161,7 +161,7 @@ def _force_turns(look: Look, seat: Seat, _parameters: Parameters) -> bool:
 
 
 def _draw_bend(_rng: Rng, look: Look, seat: Seat) -> Parameters:
-    # Force at the far end of the link by what its joint holds.
+    # Force at the far end of the link, from the torque at its joint.
     length = float(np.linalg.norm(look.sheet.way(joint_of(seat))))
     force = rms(look.model[:, joint_of(seat)]) / max(length + float(look.lever[joint_of(seat)]), 0.05)
     return {"stiffness": 2.0 * force / (look.tool_floor or 1e-4)}
@@ -196,14 +196,14 @@ def _length(plan: Plan, seat: Seat, parameters: Parameters) -> None:
 
 
 def _along(one: Vector, other: Vector) -> bool:
-    """Whether two ways have the same direction, or opposite ones."""
+    """True if two vectors have the same or opposite directions."""
     return bool(np.linalg.norm(np.cross(one, other)) < 1e-6 * np.linalg.norm(one) * np.linalg.norm(other))
 
 
 def _as_long(arm: Arm, seat: Seat, _parameters: Parameters) -> list[Same]:
-    """Links in the same direction that only joints about that direction part from it."""
+    """Other links in the same direction, with only joints about that direction between them: their lengths are indistinguishable."""
     why, found, joint = "a joint that turns about the way does not part what is before it from what is behind", [], joint_of(seat)
-    # All frames of an arm at zero have one direction, so that ways can be compared as they stand.
+    # At zero all frames of an arm have the same orientation, so that vectors are comparable without rotation.
     for step in (-1, 1):
         other = joint + step
         while 0 <= other < arm.dof:
@@ -232,20 +232,20 @@ def _ripple(plan: Plan, seat: Seat, parameters: Parameters) -> None:
 
 
 def _ripples_slowly(look: Look, seat: Seat, parameters: Parameters) -> bool:
-    """The joint passes several teeth, none faster than what a servo still follows."""
+    """True if the joint passes several teeth, none faster than a servo can follow."""
     fastest = float(np.quantile(np.abs(look.v[:, joint_of(seat)]), 0.95))
     return turns_enough(look, seat, parameters) and fastest * number(parameters, "periods") < 2 * np.pi * 12
 
 
 def _moment(rng: Rng, look: Look) -> tuple[float, float]:
-    """When a push begins and ends, s."""
+    """Random begin and end of a push, s."""
     length = spread(rng, 0.08, 0.8)
     start = float(rng.uniform(0.5, look.t[-1] - length - 0.5))
     return start, start + length
 
 
 def _during(look: Look, start: float, end: float) -> float:
-    """Square root of the share of the time that a push takes."""
+    """Square root of the duration of a push as a share of the motion."""
     return float(np.sqrt((end - start) / look.t[-1]))
 
 

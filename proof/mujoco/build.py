@@ -1,4 +1,4 @@
-"""A plan as MJCF."""
+"""Writes a plan as MJCF."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ELEMENTS = 4
 
 
 def mjcf(plan: Plan, step: float) -> str:
-    """The machine as MJCF, with steps of `step` s."""
+    """MJCF of the machine, with steps of `step` s."""
     root, world = frame(plan.arm, step)
     parent = _mounted(plan, world)
     for number in range(plan.arm.dof):
@@ -39,7 +39,7 @@ def mjcf(plan: Plan, step: float) -> str:
 
 
 def _mounted(plan: Plan, world: ET.Element) -> ET.Element:
-    """The body that the arm stands on."""
+    """Adds the body on which the arm stands."""
     if plan.body.mount is None:
         return world
     mount = ET.SubElement(world, "body", name="mount")
@@ -50,7 +50,7 @@ def _mounted(plan: Plan, world: ET.Element) -> ET.Element:
 
 
 def _joint(plan: Plan, number: int, parent: ET.Element) -> ET.Element:
-    """Motor, play and link of one joint; the body that the next joint sits on."""
+    """Adds motor, play and link of one joint. Returns the parent body of the next joint."""
     joint, body = plan.arm.joints[number], plan.body
     if number in body.clearance:
         ET.SubElement(parent, "site", name=f"bearing_{number}", pos=text(joint.xyz))
@@ -60,7 +60,7 @@ def _joint(plan: Plan, number: int, parent: ET.Element) -> ET.Element:
             ET.SubElement(link, "joint", name=f"float_{number}_{k}", type="slide", axis=text(axis))
         ET.SubElement(link, "site", name=f"journal_{number}", pos="0 0 0")
     motor = add_hinge(link, joint.name, joint)
-    dry = 0.0 if number in body.bristle else joint.coulomb  # Sliders have it where there are bristles.
+    dry = 0.0 if number in body.bristle else joint.coulomb  # With bristles the sliders have the friction.
     motor.attrib.update(damping=repr(float(joint.viscous)), frictionloss=repr(float(dry)), **FRICTION)
     if number in body.spring:
         stiffness, rest = body.spring[number]
@@ -74,13 +74,13 @@ def _joint(plan: Plan, number: int, parent: ET.Element) -> ET.Element:
 
 
 def across(axis: Vector) -> tuple[Vector, Vector]:
-    """Two directions at right angles to `axis`."""
+    """Two directions perpendicular to `axis` and to each other."""
     first = np.roll(axis, 1)
     return first, np.cross(axis, first)
 
 
 def _play(plan: Plan, number: int, motor: ET.Element) -> ET.Element:
-    """A link that is tied to its motor by a gap or a spring."""
+    """Connects a link to its motor through a gap or a spring."""
     joint = plan.arm.joints[number]
     ET.SubElement(motor, "inertial", mass=SEED, pos="0 0 0", diaginertia=text([float(SEED)] * 3))
     link = ET.SubElement(motor, "body", name=f"{joint.name}_link")
@@ -95,7 +95,7 @@ def _play(plan: Plan, number: int, motor: ET.Element) -> ET.Element:
 
 
 def _bent(plan: Plan, number: int, link: ET.Element) -> ET.Element:
-    """Two hinges a third of the way along a link that bends: deflection and slope of a beam with a force at its end."""
+    """Adds two hinges at a third of a flexible link: they give the deflection and slope of a beam with a force at its end."""
     if number not in plan.body.bend:
         return link
     way = plan.arm.way(number)
@@ -108,21 +108,21 @@ def _bent(plan: Plan, number: int, link: ET.Element) -> ET.Element:
     for k, axis in enumerate((first, np.cross(way / length, first))):
         hinge = ET.SubElement(bend, "joint", name=f"bend_{number}_{k}", type="hinge", axis=text(axis))
         hinge.attrib.update(stiffness=repr(float(stiffness)), damping=repr(float(0.004 * stiffness)))
-    # What follows sits where it sat.
+    # The following bodies keep their places.
     moved = ET.SubElement(bend, "body", name=f"after_{number}", pos=text(-way / 3))
     ET.SubElement(moved, "inertial", mass=SEED, pos="0 0 0", diaginertia=text([float(SEED)] * 3))
     return moved
 
 
 def _bump(motor: ET.Element, at: float, stiffness: float) -> None:
-    """An elastic stop: the joint's upper limit, with a spring of its own."""
+    """Adds an elastic stop: an upper limit of the joint with a spring."""
     motor.attrib.update(
         limited="true", range=text([-9.0, at]), solreflimit=text([-stiffness, -0.01 * stiffness]), solimplimit="0.9 0.9 0.001 0.5 2"
     )
 
 
 def _load(parent: ET.Element, name: str, mass: float, place: Vector) -> None:
-    """A ball of 5 kg/dm³."""
+    """Adds a ball with 5 kg/dm³."""
     radius = (mass / 5000 * 3 / (4 * np.pi)) ** (1 / 3)
     body = ET.SubElement(parent, "body", name=name, pos=text(place))
     ball = [0.4 * mass * radius**2 + 1e-12] * 3
@@ -140,7 +140,7 @@ def _pendulum(plan: Plan, parent: ET.Element) -> None:
 
 
 def _bristles(plan: Plan, world: ET.Element, tendons: ET.Element) -> None:
-    """Springs in series with sliders. Their yield points lie on F (1 − exp(−k x / F)), which starts with the stiffness k."""
+    """Adds springs in series with sliders. Their yield points lie on F (1 − exp(−k x / F)), which starts with the stiffness k."""
     for number, stiffness in plan.body.bristle.items():
         joint = plan.arm.joints[number]
         edges = np.array([0.35, 0.9, 1.8, 3.5])
@@ -156,7 +156,7 @@ def _bristles(plan: Plan, world: ET.Element, tendons: ET.Element) -> None:
             rotor = 4e-8 * spring + 1e-7
             slider = ET.SubElement(body, "joint", name=name, type="hinge", axis="0 0 1", armature=repr(float(rotor)))
             slider.attrib.update(frictionloss=repr(float(shares[k] * joint.coulomb)), **FRICTION)
-            # The damper is beside the spring: a slider that slides must not be viscous.
+            # The damper is parallel to the spring: a sliding slider must not be viscous.
             fixed = ET.SubElement(tendons, "fixed", name=name, stiffness=repr(float(spring)), springlength="0")
             fixed.set("damping", repr(float(1e-4 * spring)))
             ET.SubElement(fixed, "joint", joint=joint.name, coef="1")
@@ -172,7 +172,7 @@ def _shafts(plan: Plan, tendons: ET.Element) -> None:
 
 
 def _walls(plan: Plan, tendons: ET.Element) -> None:
-    """A journal may be no further from the middle of its bearing than its clearance."""
+    """Limits the distance between journal and centre of the bearing to the clearance."""
     for number, clearance in plan.body.clearance.items():
         wall = ET.SubElement(tendons, "spatial", name=f"wall_{number}", limited="true", range=text([0.0, clearance]))
         wall.attrib.update(WALL)

@@ -1,4 +1,4 @@
-"""A case: from what is asked for to a data sheet, recordings and the truth."""
+"""Generates a case: data sheet, recordings and true effects, for the properties in an `Ask`."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ SECOND = 0.85
 
 
 class NotMade(Exception):
-    """No arm that was tried shows what was asked for."""
+    """None of the drawn arms shows the requested effects."""
 
 
 @dataclass(frozen=True)
 class Ask:
-    """What is asked for."""
+    """Requested properties of a case."""
 
     sort: str
     """`single`, `negative`, `unknown` or `double`."""
@@ -65,7 +65,7 @@ class Ask:
     seed: int
 
     def words(self) -> str:
-        """What is concealed, in words."""
+        """The concealed effects in words."""
         return " + ".join(self.kinds) or "nothing"
 
 
@@ -81,7 +81,7 @@ class Effect:
     channel: str
 
     def truth(self, sheet: Arm) -> dict[str, object]:
-        """What a truth file says of it."""
+        """The effect in the format of a truth file."""
         same = self.law.same(sheet, self.seat, self.parameters)
         return {
             "kind": self.law.kind,
@@ -109,7 +109,7 @@ class Made:
 
 @dataclass
 class Bench:
-    """An arm with its motion, servo and sensors, before any effect is thought of."""
+    """An arm with its motion, servo and sensors, without effects."""
 
     family: str
     sheet: Arm
@@ -122,14 +122,14 @@ class Bench:
 
     @staticmethod
     def draw(noise: str, rng: Rng) -> Bench:
-        """Everything at random but the level of noise."""
+        """Draws everything except the level of noise."""
         family = str(rng.choice(list(arms.PATTERNS)))
         sheet = arms.draw(family, rng)
         drawn = tolerances.draw(sheet, rng)
         chain = sensors.draw(sheet, noise, drawn.zero, drawn.delays, rng)
         servo = machine.Servo(rng.uniform(22, 45), rng.uniform(0.5, 4), chain.encoder_step, bool(rng.random() < 0.8))
         duration = float(rng.uniform(11, 20))
-        # In one case of six a joint stays where it is, as in many recordings of real machines.
+        # In one case of six a joint stands still, as in many recordings of real machines.
         still = {int(rng.integers(sheet.dof))} if sheet.dof > 2 and rng.random() < 0.17 else set()
         both = tuple(motions.draw(sheet, str(rng.choice(motions.FAMILIES)), duration, still, rng) for _ in range(2))
         return Bench(family, sheet, drawn, chain, servo, both[: 2 if rng.random() < SECOND else 1], duration, noise)
@@ -142,14 +142,14 @@ class Bench:
         return plan
 
     def run(self, plan: Plan, motion: Motion) -> machine.Trace:
-        """What the machine does in `motion`."""
+        """The trace of the machine in `motion`."""
         return machine.run(plan, self.sheet, self.servo, motion)
 
 
 def make(ask: Ask) -> Made:
-    """Makes what is asked for. The same `ask` gives the same numbers.
+    """Generates the case for `ask`. The same `ask` gives the same numbers.
 
-    Raises NotMade where no arm shows it as strongly as asked for.
+    Raises NotMade if no arm shows the effects with the requested strength.
     """
     why = "no sensors that show it were drawn"
     for attempt in range(ATTEMPTS):
@@ -178,7 +178,7 @@ def _make_on(bench: Bench, ask: Ask, rng: Rng) -> Made:
     for name, motion in zip(("recording.csv", "second.csv"), bench.motions, strict=False):
         some = [effect for effect in effects if name == "recording.csv" or effect.law.kind not in EVENTS]
         plan = bench.plan(some)
-        # The machine with one effect did its first motion already.
+        # With at most one effect, the trace of the first motion exists already.
         done = name == "recording.csv" and len(effects) < 2
         trace = traces[-1] if done else bench.run(plan, motion)
         recordings[name] = sensors.record(bench.chain, plan.senses, trace, motion, rng)
@@ -199,7 +199,7 @@ def _make_on(bench: Bench, ask: Ask, rng: Rng) -> Made:
 def _concealed(
     bench: Bench, law: Law, severity: str, look: Look, without: Residual, plain: machine.Trace, taken: set[int], rng: Rng
 ) -> tuple[Effect, machine.Trace]:
-    """An effect of `law` at a place where the motion shows it, as strong as asked for, and what the machine did with it."""
+    """An effect of `law` with the requested strength, at a place where the motion shows it, and the trace of the machine with it."""
     seats = [seat for seat in law.seats(bench.sheet) if seat is None or (seat not in taken and look.moving[seat] > 0.1)]
     rng.shuffle(seats)
     target = float(rng.uniform(*SEVERITIES[severity]))
@@ -213,7 +213,7 @@ def _concealed(
 def _sizes(
     bench: Bench, law: Law, seat: Seat, target: float, severity: str, look: Look, without: Residual, plain: machine.Trace, rng: Rng
 ) -> Iterator[tuple[Effect, machine.Trace]]:
-    """Sizes of the effect with what the machine did, each nearer to `target` than the one before."""
+    """Yields the effect in several sizes with the traces of the machine. Each size approaches `target`."""
     parameters = law.scaled(law.draw(rng, look, seat), target if not law.in_sensors or law.grows else 1.0)
     tried: list[tuple[float, float]] = []
     size = 0.0
@@ -235,7 +235,7 @@ def _sizes(
 
 
 def _step(tried: list[tuple[float, float]], size: float, reached: float, wanted: float) -> float:
-    """By how much the logarithm of the size must change, by the slope between the last two trials."""
+    """Change of the size's logarithm, from the slope between the last two trials."""
     slope = 1.0
     if tried and abs(size - tried[-1][0]) > 1e-6:
         slope = float(np.clip((reached - tried[-1][1]) / (size - tried[-1][0]), 0.4, 20.0))

@@ -1,4 +1,4 @@
-"""Which cases make a set: kinds, severities and levels of noise dealt evenly from one seed."""
+"""Draws the cases of a set from one seed, with evenly distributed kinds, severities and levels of noise."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sensors import LEVELS
 
 @dataclass(frozen=True)
 class Quota:
-    """How many cases of which sort."""
+    """Number of cases of each sort."""
 
     single: int = 0
     negative: int = 0
@@ -23,13 +23,13 @@ class Quota:
 
     @staticmethod
     def small(cases: int) -> Quota:
-        """Of ten cases five with one effect, two with none, two outside the catalogue, one with two."""
+        """Quota of a small set: of ten cases five with one effect, two without effects, two outside the catalogue, one with two effects."""
         negative, unknown, double = cases // 5, cases // 5, cases // 10
         return Quota(cases - negative - unknown - double, negative, unknown, double)
 
 
 def deck(kinds: tuple[str, ...], rng: Rng) -> Iterator[tuple[str, str, str]]:
-    """Every kind once before any comes twice; severities and levels of noise change from round to round."""
+    """A sequence of kinds in rounds that contain every kind once. Severities and levels of noise change from round to round."""
     cells = [(severity, noise) for severity in SEVERITIES for noise in LEVELS]
     shifts = rng.integers(len(cells), size=len(kinds))
     offset = 0
@@ -37,12 +37,12 @@ def deck(kinds: tuple[str, ...], rng: Rng) -> Iterator[tuple[str, str, str]]:
         for place in rng.permutation(len(kinds)):
             severity, noise = cells[(offset + shifts[place]) % len(cells)]
             yield kinds[place], severity, noise
-        # A step that shares no factor with nine passes through every cell.
+        # A step that is coprime to nine reaches every cell.
         offset += 4
 
 
 def draw(quota: Quota, seed: int, kinds: tuple[str, ...] = CATALOGUE) -> list[Ask]:
-    """The cases of `quota` in an order that tells nothing; single effects are of `kinds`."""
+    """The cases of `quota` in random order. Single effects have kinds from `kinds`."""
     rng = np.random.default_rng(seed)
     asks = []
 

@@ -1,4 +1,4 @@
-"""Families of cases for one question each: plain friction of an arm that rests now and then, and pushes."""
+"""Families of cases, each for one question: dry friction of an arm that rests at times, and pushes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEVELS = tuple(sensors.LEVELS)
 
 
 def friction(seed: int) -> Made:
-    """A small arm of six axes with Coulomb friction of 1 to 10 N·m at one joint, at rest for up to half of the time; its data sheet names none."""
+    """A small arm of six axes with Coulomb friction of 1 to 10 N·m at one joint, which rests for up to half of the time. The data sheet names no friction."""
     rng = np.random.default_rng([seed, 5])
     joint, share = int(rng.integers(3)), float(rng.uniform(0.0, 0.5))
     coulomb, bandwidth = float(rng.uniform(1.0, 10.0)), spread(rng, 10.0, 50.0)
@@ -39,7 +39,7 @@ def friction(seed: int) -> Made:
 
 
 def pushes(seed: int) -> Made:
-    """One recording with one to six pushes on joints or on the tool, and every third one without any."""
+    """One recording with one to six pushes on joints or on the tool. Every third one has no push."""
     for attempt in range(12):
         rng = np.random.default_rng([seed, 6, attempt])
         bench = Bench.draw(str(rng.choice(LEVELS)), rng)
@@ -51,7 +51,7 @@ def pushes(seed: int) -> Made:
         except (machine.MachineError, NotMade):
             continue
         return Made(bench.sheet, files.toml(bench.sheet), recordings, _truth(bench, effects, seed))
-    raise NotMade("no arm that was tried can be pushed as asked for")
+    raise NotMade("none of the drawn arms permits the requested pushes")
 
 
 def _pushes(bench: Bench, count: int, rng: Rng) -> list[Effect]:
@@ -70,7 +70,7 @@ def _pushes(bench: Bench, count: int, rng: Rng) -> list[Effect]:
         parameters: Parameters = {"start": start, "end": start + length}
         if seat is None:
             way = rng.standard_normal(3)
-            # So many floors in the channel where a force of this size shows best.
+            # Strength in floors, in the channel with the strongest response to the force.
             size = floors * float((look.floor / np.maximum(look.lever, 0.05)).min())
             parameters["force"] = (size * way / np.linalg.norm(way)).tolist()
         else:

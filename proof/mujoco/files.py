@@ -1,4 +1,4 @@
-"""A case as files: the data sheet as an arm file, as URDF and as MJCF, and recordings as CSV."""
+"""Writes the files of a case: the data sheet as an arm file and as URDF, and recordings as CSV."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ def _table(joint: Joint) -> str:
 
 
 def toml(arm: Arm) -> str:
-    """The data sheet as an arm file without effects."""
+    """Text of the data sheet as an arm file without effects."""
     head = f'name = "{arm.name}"\ngravity = {_row(arm.gravity)}'
     return "\n\n".join([head, *[_table(joint) for joint in arm.joints], f"[tool]\nxyz = {_row(arm.tool)}\n"])
 
 
 def urdf(arm: Arm) -> str:
-    """The data sheet as URDF, which knows no rotors."""
+    """Text of the data sheet as URDF, which cannot express rotors."""
     robot = ET.Element("robot", name=arm.name)
     ET.SubElement(robot, "link", name="base_link")
     parent = "base_link"
@@ -86,7 +86,7 @@ def _urdf_joint(robot: ET.Element, name: str, kind: str, parent: str, child: str
 
 
 def csv(recording: Recording) -> str:
-    """The columns as CSV, ten digits each."""
+    """Text of the columns as CSV, with ten digits."""
     names = list(recording.columns)
     table = np.array([recording.columns[name] for name in names]).T
     form = ",".join(["%.6f"] + ["%.10g"] * (len(names) - 1))
@@ -94,7 +94,7 @@ def csv(recording: Recording) -> str:
 
 
 def write(folder: Path, sheet: str, recordings: dict[str, Recording]) -> None:
-    """Writes `model.toml` and the recordings by the names of their files, and nothing of the truth."""
+    """Writes `model.toml` and the recordings, by file name, without the true effects."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "model.toml").write_text(sheet)
     for name, recording in recordings.items():

@@ -1,4 +1,4 @@
-"""Friction. MuJoCo's dry friction is set-valued: a constraint that holds a joint with at most `frictionloss`; hooks change this limit as the machine runs."""
+"""Friction laws. MuJoCo's dry friction is a set-valued constraint that holds a joint with at most `frictionloss`. Hooks change this limit during the run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _floor(look: Look, seat: Seat) -> float:
 def _draw_coulomb(rng: Rng, look: Look, seat: Seat) -> Parameters:
     nominal = look.sheet.joints[joint_of(seat)].coulomb
     size = _floor(look, seat)
-    # Less friction than on the data sheet is rarer, and there must be enough of it.
+    # Less friction than on the data sheet is rarer, and the joint must have enough of it.
     less = rng.random() < 0.15 and nominal > 14 * size
     return {"coulomb": -size if less else size}
 
@@ -70,7 +70,7 @@ def _asymmetric(plan: Plan, seat: Seat, parameters: Parameters) -> None:
     joint, up, down = joint_of(seat), number(parameters, "positive"), number(parameters, "negative")
 
     def hook(live: Live) -> None:
-        # The joint keeps what holds it where it stands.
+        # A joint at rest keeps its holding torque.
         live.extra[joint] += 0.5 * (up + down)
         live.added[joint] -= 0.5 * (up - down)
 
@@ -103,7 +103,7 @@ def _load_varies(look: Look, seat: Seat, parameters: Parameters) -> bool:
 def _draw_presliding(rng: Rng, look: Look, seat: Seat) -> Parameters:
     joint = joint_of(seat)
     friction = look.sheet.joints[joint].coulomb
-    # The slack of the friction after a reversal, rad: the trace is about F √(share of the way that it takes).
+    # Presliding distance after a reversal, rad: the trace is about F √(share of the motion in presliding).
     way = float(np.abs(look.v[:, joint]).sum()) * 4e-3
     turns = max(int((np.diff(np.sign(look.v[:, joint])) != 0).sum()), 1)
     share = min((2.0 * _floor(look, seat) / friction) ** 2, 0.5) if friction > 0 else 0.5
@@ -117,7 +117,7 @@ def _presliding(plan: Plan, seat: Seat, parameters: Parameters) -> None:
 def _reverses(look: Look, seat: Seat, parameters: Parameters) -> bool:
     v = look.v[:, joint_of(seat)]
     fast = np.sign(v[np.abs(v) > 0.05 * np.abs(v).max()])
-    # Softer bristles than this are a spring.
+    # Softer bristles are indistinguishable from a spring.
     slack = look.sheet.joints[joint_of(seat)].coulomb / number(parameters, "stiffness")
     return bool((np.diff(fast) != 0).sum() >= 6 and slack < 0.1)
 
@@ -139,7 +139,7 @@ def _position(plan: Plan, seat: Seat, parameters: Parameters) -> None:
 
 
 def turns_enough(look: Look, seat: Seat, parameters: Parameters) -> bool:
-    """The joint passes at least one and a quarter periods."""
+    """True if the joint passes at least one and a quarter periods."""
     way = float(np.ptp(look.q[:, joint_of(seat)]))
     return way * number(parameters, "periods") > 1.25 * 2 * np.pi
 

@@ -1,6 +1,6 @@
-"""What a law is: where it can sit, how large it is drawn, and what it puts into a plan.
+"""Base of the laws: possible places, random sizes, and changes of a plan.
 
-Parameters have the names and units of the catalogue (`docs/effects.md`), so that a truth can be compared with an answer.
+Parameters have the names and units of the catalogue (`docs/effects.md`), so that a truth is comparable with an answer.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ def whole(_arm: Arm) -> list[Seat]:
 
 
 def always(_look: Look, _seat: Seat, _parameters: Parameters) -> bool:
-    """Any motion shows it."""
+    """Always true: every motion shows the effect."""
     return True
 
 
 @dataclass(frozen=True)
 class Same:
-    """Another name for an effect that explains a recording as well."""
+    """Another effect that explains the recording equally well."""
 
     kinds: tuple[str, ...]
     joint: str | None
@@ -44,7 +44,7 @@ class Same:
 
 
 def nothing_else(_arm: Arm, _seat: Seat, _parameters: Parameters) -> list[Same]:
-    """It has no other name."""
+    """No equivalent effects."""
     return []
 
 
@@ -75,7 +75,7 @@ class Law:
     catalogued: bool = True
 
     def scaled(self, parameters: Parameters, factor: float) -> Parameters:
-        """The same effect, about `factor` times as strong."""
+        """A copy of the effect, about `factor` times as strong."""
         scaled = dict(parameters)
         for name in self.grows:
             scaled[name] = (np.asarray(scaled[name], dtype=float) * factor).tolist()
@@ -87,27 +87,27 @@ class Law:
 
 
 def number(parameters: Parameters, name: str) -> float:
-    """A parameter that is a number."""
+    """The value of a numeric parameter."""
     return float(parameters[name])  # type: ignore[arg-type]
 
 
 def rms(values: np.ndarray) -> float:
-    """Root mean square; never quite zero."""
+    """Root mean square, with a tiny lower bound above zero."""
     return float(np.sqrt(np.mean(np.square(values)))) + 1e-9
 
 
 def sign(rng: Rng) -> float:
-    """Plus or minus one."""
+    """A random sign, plus or minus one."""
     return float(rng.choice([-1.0, 1.0]))
 
 
 def spread(rng: Rng, low: float, high: float) -> float:
-    """Between `low` and `high`, even in its logarithm."""
+    """A random number between `low` and `high`, log-uniform."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def joint_of(seat: Seat) -> int:
-    """The joint of an effect that sits on one."""
+    """The joint of an effect with one joint."""
     if seat is None:
         raise ValueError("this effect sits on a joint")
     return seat

@@ -1,4 +1,4 @@
-"""A machine at work: MuJoCo steps what was built, a servo drives it, a log keeps what happened."""
+"""Runs a machine: MuJoCo steps the model, a servo drives it, and a trace records the motion."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ CURRENT_LAG = 3e-4
 
 
 class MachineError(Exception):
-    """The machine did not do its motion: it shook itself apart."""
+    """The machine did not follow its motion, or became unstable."""
 
 
 @dataclass(frozen=True)
 class Servo:
-    """What a servo is set to."""
+    """Settings of a servo."""
 
     bandwidth: float
     """Natural frequency of each joint's loop, rad/s."""
@@ -45,7 +45,7 @@ class Servo:
 
 @dataclass(frozen=True)
 class Trace:
-    """What a machine did, one row a cycle from time 0 on."""
+    """The recorded motion of a machine, one row for each cycle from time 0 on."""
 
     t: Vector
     motor: Vector
@@ -56,7 +56,7 @@ class Trace:
 
 
 class Live:
-    """The running machine, as hooks see it. Joints count from 0; positions and speeds are the motor's."""
+    """The running machine, for hooks. Joints count from 0. Positions and speeds are those of the motors."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -110,7 +110,7 @@ class Live:
         mujoco.mj_forward(self.model, self.data)
 
     def _balance_mount(self) -> None:
-        """Springs of the mount such that it stands level under the arm at rest."""
+        """Adjusts the springs of the mount so that it is level under the arm at rest."""
         frequency, ratio = self.plan.body.mount or (1.0, 0.0)
         rows = [self.model.joint(name).dofadr[0] for name in ("rock_x", "rock_y")]
         square = np.zeros((self.model.nv, self.model.nv))
@@ -125,7 +125,7 @@ class Live:
             self.model.qpos_spring[self.model.jnt_qposadr[joint]] = self.data.qfrc_inverse[row] / stiffness
 
     def cycle(self, torque: Vector) -> None:
-        """One servo cycle under the drives' `torque`."""
+        """Steps one servo cycle with the `torque` of the drives."""
         model, data, row = self.model, self.data, self.row
         if self.plan.hooks:
             self._act(torque)
@@ -135,7 +135,7 @@ class Live:
         self.t += CYCLE
 
     def _act(self, torque: Vector) -> None:
-        """Has the hooks act beside the drives."""
+        """Applies the hooks, in addition to the drives."""
         model, data, row = self.model, self.data, self.row
         inner = data.qfrc_applied[row] + data.qfrc_constraint[row] + data.qfrc_passive[row]
         self.load += 0.3 * (inner - model.dof_armature[row] * data.qacc[row] - self.load)
@@ -162,7 +162,7 @@ class _Drive:
             for number, joint in enumerate(sheet.joints):
                 v = motion.v[:, number]
                 self.ahead[:, number] += joint.viscous * v + joint.coulomb * np.tanh(v / (0.01 * joint.velocity))
-        # What does not change while it runs: asked = base − stiffness · reading − damping · speed + sum.
+        # Constants of the run: asked = base − stiffness · reading − damping · speed + sum.
         self.base = self.ahead + self.stiffness * motion.q + self.damping * motion.v
         self.gain = self.stiffness * servo.integral * CYCLE
         self.share = 1 - np.exp(-2 * np.pi * SPEED_CUTOFF * CYCLE)
@@ -171,7 +171,7 @@ class _Drive:
         self.speed, self.sum, self.torque = np.zeros(sheet.dof), np.zeros(sheet.dof), self.ahead[0].copy()
 
     def cycle(self, row: int, reading: Vector) -> Vector:
-        """The torque of the drives in this cycle, for what the encoders read at its beginning."""
+        """The torque of the drives in this cycle, from the encoder readings at its beginning."""
         reading = np.rint(reading / self.servo.resolution) * self.servo.resolution
         if self.last is not None:
             self.speed += self.share * ((reading - self.last) / CYCLE - self.speed)
@@ -185,15 +185,15 @@ class _Drive:
 
 
 def _clip(values: Vector, limits: Vector) -> None:
-    """Keeps `values` within plus and minus `limits`."""
+    """Clips `values` to plus and minus `limits`."""
     np.minimum(values, limits, out=values)
     np.maximum(values, -limits, out=values)
 
 
 def run(plan: Plan, sheet: Arm, servo: Servo, motion: Motion) -> Trace:
-    """Runs the machine of `plan` through `motion` under a servo that knows `sheet`.
+    """Runs the machine of `plan` through `motion`, with a servo that uses the data sheet `sheet`.
 
-    Raises MachineError where it can't be built, or leaves its motion by more than a third of a radian.
+    Raises MachineError if MuJoCo can't build it, or if it deviates from its motion by more than a third of a radian.
     """
     try:
         live, drive = Live(plan), _Drive(sheet, servo, motion)

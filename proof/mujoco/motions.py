@@ -1,6 +1,6 @@
-"""What the arm is told to do: sums of sines, points with dwells, slow sweeps; scaled to the limits of each joint.
+"""Commanded motions: sums of sines, points with dwells, slow sweeps. Each is scaled to the limits of the joints.
 
-A motion is a table of position, velocity and acceleration, one row a servo cycle, which begins and ends at rest.
+A motion is a table of position, velocity and acceleration with one row for each servo cycle. It begins and ends at rest.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SPAN = 1.0
 
 @dataclass(frozen=True)
 class Motion:
-    """Rows from `-LEAD_IN` on, one a cycle."""
+    """A motion: one row for each cycle, from `-LEAD_IN` on."""
 
     family: str
     q: Vector
@@ -32,7 +32,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Room:
-    """What one joint may do."""
+    """Motion limits of one joint."""
 
     home: float
     reach: float
@@ -41,7 +41,7 @@ class Room:
 
 
 def draw(arm: Arm, family: str, duration: float, still: set[int], rng: Rng) -> Motion:
-    """A motion of `family`; the joints in `still` stay where they are. It asks for no torque beyond nine tenths of the limits."""
+    """Draws a motion of `family`, in which the joints in `still` stand. It needs no torque beyond nine tenths of the limits."""
     haste = rng.uniform(0.5, 0.95)
     columns = [
         np.zeros(round(duration / CYCLE)) if number in still else _FAMILIES[family](_room(joint, haste, rng), duration, rng)
@@ -52,13 +52,13 @@ def draw(arm: Arm, family: str, duration: float, still: set[int], rng: Rng) -> M
 
 
 def rest(arm: Arm, shape: Motion, share: float, joint: int, rng: Rng) -> Motion:
-    """`shape` with one joint that stands for `share` of the time: its motion is run through in the rest of it."""
+    """`shape` with one joint at rest for `share` of the time. The joint performs its whole motion in the remaining time."""
     rows = len(shape.q)
     moving = max(int(rows * (1.0 - share)), 2)
     pause = rng.uniform(0.3, 0.7)
     before = int(moving * pause)
     clock = np.concatenate([np.arange(before), np.full(rows - moving, before), np.arange(before, moving)])
-    # It slows down to rest and speeds up again without a jump.
+    # The joint decelerates to rest and accelerates again without a jump.
     clock = np.convolve(np.pad(clock, 200, mode="edge"), np.hanning(401) / np.hanning(401).sum(), mode="valid")
     q = shape.q.copy()
     q[:, joint] = np.interp(clock / moving * rows, np.arange(rows), shape.q[:, joint])
@@ -70,7 +70,7 @@ def _room(joint: Joint, haste: float, rng: Rng) -> Room:
 
 
 def _window(count: int) -> Vector:
-    """Rises from nothing to one within a second, and falls again at the end."""
+    """A window that rises from zero to one within a second, and falls to zero at the end."""
     edge = min(1000, count // 4)
     ramp = np.linspace(0.0, 1.0, edge)
     smooth = ramp**3 * (10 - 15 * ramp + 6 * ramp**2)
@@ -78,7 +78,7 @@ def _window(count: int) -> Vector:
 
 
 def _sines(room: Room, duration: float, rng: Rng) -> Vector:
-    """Five sines of whole cycles."""
+    """Sum of five sines with whole numbers of cycles."""
     t = np.arange(round(duration / CYCLE)) * CYCLE
     harmonics = rng.choice(np.arange(2, 14), 5, replace=False)
     weights, phases = rng.uniform(0.3, 1.0, 5) / np.sqrt(harmonics), rng.uniform(0, 2 * np.pi, 5)
@@ -87,7 +87,7 @@ def _sines(room: Room, duration: float, rng: Rng) -> Vector:
 
 
 def _points(room: Room, duration: float, rng: Rng) -> Vector:
-    """From point to point by polynomials of the fifth order, with dwells between them."""
+    """Fifth-order polynomials from point to point, with dwells between them."""
     count = round(duration / CYCLE)
     wave, here, row = np.zeros(count), 0.0, 400
     while row < count - 3000:
@@ -102,7 +102,7 @@ def _points(room: Room, duration: float, rng: Rng) -> Vector:
 
 
 def _sweeps(room: Room, duration: float, rng: Rng) -> Vector:
-    """To and fro at constant speeds, each leg at its own."""
+    """Sweeps in both directions, each at its own constant speed."""
     count = round(duration / CYCLE)
     wave, here, row, side = np.zeros(count), 0.0, 200, rng.choice([-1.0, 1.0])
     while row < count - 1500:
@@ -122,14 +122,14 @@ FAMILIES = tuple(_FAMILIES)
 
 
 def _scaled(wave: Vector, room: Room) -> Vector:
-    """`wave` as large as the room allows."""
+    """`wave`, scaled to the limits of the joint."""
     speed = np.abs(np.gradient(wave, CYCLE)).max()
     acceleration = np.abs(np.gradient(np.gradient(wave, CYCLE), CYCLE)).max()
     return wave * min(room.reach / np.abs(wave).max(), room.speed / speed, room.acceleration / acceleration)
 
 
 def _slow_enough(arm: Arm, family: str, q: Vector) -> Motion:
-    """The motion `q`, made smaller about its start until no joint needs more than nine tenths of its torque."""
+    """The motion `q`, reduced about its start until no joint needs more than nine tenths of its torque limit."""
     rigid, limits = Rigid(arm), np.array([0.9 * joint.effort for joint in arm.joints])
     start = q[0].copy()
     for _ in range(8):
@@ -143,7 +143,7 @@ def _slow_enough(arm: Arm, family: str, q: Vector) -> Motion:
 
 
 def _derived(family: str, q: Vector) -> Motion:
-    """With the lead-in at rest, and with derivatives."""
+    """Adds the lead-in at rest, and the derivatives."""
     q = np.concatenate([np.repeat(q[:1], round(LEAD_IN / CYCLE), axis=0), q])
     kernel = np.hanning(31)[:, None] / np.hanning(31).sum()
     padded = np.pad(q, ((15, 15), (0, 0)), mode="edge")

@@ -1,6 +1,6 @@
-"""Orders: sealed cases as the blind proof asks for them, and open ones for development.
+"""Performs orders: sealed cases for `freeplay blind`, and open cases for development.
 
-The contract of a generator stands in `proof/mujoco/README.md`.
+`proof/mujoco/README.md` contains the contract of a generator.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Outcome = dict[str, object]
 
 
 def sealed(folder: str, name: str, task: Callable[[], Made], words: str) -> Outcome:
-    """Makes a case into `folder/name`; its truth is in what is returned alone."""
+    """Generates a case in `folder/name`. Only the returned value contains the true effects."""
     try:
         made = task()
     except NotMade as error:
@@ -41,7 +41,7 @@ def sealed(folder: str, name: str, task: Callable[[], Made], words: str) -> Outc
 
 
 def answer(order: TextIO, out: TextIO) -> int:
-    """Does the order on `order`, and says on `out` what came of each case."""
+    """Performs the order from the stream `order`, and writes the outcome of each case to `out`."""
     try:
         asked = json.load(order)
         quota, seed, folder = Quota(**asked["quota"]), int(asked["seed"]), str(asked["folder"])
@@ -53,7 +53,7 @@ def answer(order: TextIO, out: TextIO) -> int:
     else:
         why = f"schema {asked['schema']!r}"
     if not known:
-        print(f"standard input is no order of the schema {SCHEMA}: {why}", file=sys.stderr)
+        print(f"standard input contains no order with the schema {SCHEMA}: {why}", file=sys.stderr)
         return 3
     drawn = of_servos_drawn(quota, seed) if of_servos else [(partial(make, ask), ask.words()) for ask in draw.draw(quota, seed)]
     tasks: dict[int, Callable[[], Outcome]] = {index: partial(sealed, folder, name, *drawn[index]) for index, name in wanted}
@@ -70,12 +70,12 @@ def answer(order: TextIO, out: TextIO) -> int:
 
 
 def of_servos_drawn(quota: Quota, seed: int) -> list[tuple[Callable[[], Made], str]]:
-    """The machines on servos of a set: how to make each, and what it conceals in words."""
+    """The servo machines of a set: a function that generates each, and its concealed effects in words."""
     return [(partial(servos.make, *ask), f"servos, {ask[0]}, {ask[1]}") for ask in servos.drawn(asdict(quota), seed)]
 
 
 def spread(tasks: dict[int, Callable[[], Outcome]], jobs: int) -> Iterator[tuple[int, Outcome]]:
-    """What each task returns, as it is done, by `jobs` processes."""
+    """Runs the tasks in `jobs` processes, and yields each result when its task ends."""
     if jobs <= 1:
         for index, task in tasks.items():
             yield index, task()
@@ -87,7 +87,7 @@ def spread(tasks: dict[int, Callable[[], Outcome]], jobs: int) -> Iterator[tuple
 
 
 def opened(folder: str, name: str, task: Callable[[], Made], asked: str) -> Outcome:
-    """Makes a case into `folder/name` with its truth beside it."""
+    """Generates a case in `folder/name`, with its true effects."""
     try:
         made = task()
     except NotMade as error:
@@ -100,7 +100,7 @@ def opened(folder: str, name: str, task: Callable[[], Made], asked: str) -> Outc
 
 
 def quota_of(asked: argparse.Namespace) -> Quota:
-    """How many cases of which sort the command line asks for."""
+    """The quota in the command line."""
     counts = {name: getattr(asked, name) for name in ("single", "negative", "unknown", "double")}
     some = {name: count for name, count in counts.items() if count is not None}
     if asked.kind and not some:
@@ -109,12 +109,12 @@ def quota_of(asked: argparse.Namespace) -> Quota:
 
 
 def asks_of(asked: argparse.Namespace) -> list[Ask]:
-    """The cases of the catalogue that the command line asks for."""
+    """The cases with effects of the catalogue, for the command line."""
     return draw.draw(quota_of(asked), asked.seed, tuple(asked.kind) if asked.kind else CATALOGUE)
 
 
 def tasks_of(asked: argparse.Namespace) -> list[tuple[Callable[[], Made], str]]:
-    """How to make each of the cases that the command line asks for, and what it asks for in words."""
+    """A function for each case of the command line, which generates the case, and the requested effects in words."""
     if asked.family == "servos":
         return of_servos_drawn(quota_of(asked), asked.seed)
     if asked.family == "catalogue":
@@ -130,7 +130,7 @@ def tasks_of(asked: argparse.Namespace) -> list[tuple[Callable[[], Made], str]]:
 
 
 def open_cases(asked: argparse.Namespace) -> int:
-    """Makes open cases into the folder `asked.out`."""
+    """Generates open cases in the folder `asked.out`."""
     tasks: dict[int, Callable[[], Outcome]] = {}
     for number, (task, words) in enumerate(tasks_of(asked)):
         tasks[number] = partial(opened, asked.out, f"{number + 1:04}", task, words)

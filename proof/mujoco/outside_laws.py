@@ -1,4 +1,4 @@
-"""Physics outside the catalogue: an honest answer gives it no name."""
+"""Physics outside the catalogue: a right answer names no effect."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def _floor(look: Look, seat: Seat) -> float:
 
 
 def _share(look: Look) -> float:
-    """A mass that the arm hardly feels, kg."""
+    """A mass with little effect on the arm, kg."""
     return 0.01 * sum(joint.link.mass for joint in look.sheet.joints)
 
 
@@ -121,7 +121,7 @@ def _draw_slip(rng: Rng, look: Look, seat: Seat) -> Parameters:
 
 def _slip(plan: Plan, seat: Seat, parameters: Parameters) -> None:
     jump, at = number(parameters, "jump"), number(parameters, "at")
-    # The gear slips over a twentieth of a second, or the servo would throw the arm.
+    # The gear slips during 0.05 s: after a sudden slip the servo would throw the arm.
     plan.senses.reading[joint_of(seat)] = lambda q, t: q + jump * float(np.clip((t - at) / 0.05, 0.0, 1.0))
 
 

@@ -1,6 +1,6 @@
-"""What a machine is: the true arm, what is built into it, what acts on it while it runs, and what its sensors make of that.
+"""Description of a machine: the true arm, its built-in effects, the actions during the run, and its sensors.
 
-An effect fills in the fields that it is about; `machine` builds and runs what stands here.
+An effect sets its fields; `machine` builds and runs the result.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Reading = Callable[[float, float], float]
 
 @dataclass(frozen=True)
 class Shaft:
-    """A shaft that turns with `v_joint + sign v_other`."""
+    """A shaft with the speed `v_joint + sign v_other`."""
 
     joint: int
     other: int
@@ -36,7 +36,7 @@ class Shaft:
 
 @dataclass
 class Body:
-    """What is built: fields by joint hold nothing where the joint is plain."""
+    """Built-in effects. Fields by joint have no entry for a joint without effect."""
 
     gap: dict[int, float] = field(default_factory=dict)
     """Full gap between motor and link, rad."""
@@ -64,13 +64,13 @@ class Body:
 
     @property
     def is_fast(self) -> bool:
-        """Whether the machine has something stiff in it that needs short steps."""
+        """True if the machine has stiff elements, which need short steps."""
         return bool(self.gap or self.elastic or self.clearance or self.bend or self.bristle or self.pendulum)
 
 
 @dataclass
 class Senses:
-    """What the sensors do, beyond noise. Arrays are by joint."""
+    """Effects of the sensors, except noise. Arrays have one element for each joint."""
 
     gain: Vector
     """True over measured torque."""
@@ -84,7 +84,7 @@ class Senses:
 
     @staticmethod
     def plain(dof: int) -> Senses:
-        """Sensors that say what is there."""
+        """Sensors without effects."""
         never = np.full(dof, np.inf)
         return Senses(np.ones(dof), np.zeros(dof), never.copy(), never.copy())
 
@@ -101,5 +101,5 @@ class Plan:
 
     @staticmethod
     def plain(arm: Arm) -> Plan:
-        """`arm` and nothing else."""
+        """`arm` without effects."""
         return Plan(arm, Body(), Senses.plain(arm.dof))

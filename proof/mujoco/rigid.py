@@ -1,4 +1,4 @@
-"""The rigid arm of a data sheet in MuJoCo: its torques, inertias and tool, without friction, gaps and sensors."""
+"""The rigid arm of a data sheet in MuJoCo: torques, inertias and tool position, without friction, gaps and sensors."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from arms import Arm, Joint, Link, Vector
 
 
 def text(values: Vector | list[float] | tuple[float, ...]) -> str:
-    """Numbers as an attribute of MJCF."""
+    """Text of numbers in an MJCF attribute."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def add_inertial(body: ET.Element, link: Link) -> None:
-    """Gives `body` the mass, centre and inertia of `link`."""
+    """Sets mass, centre and inertia of `body` to those of `link`."""
     i = link.inertia
     full = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     ET.SubElement(body, "inertial", mass=repr(float(link.mass)), pos=text(link.com), fullinertia=text(full))
 
 
 def add_hinge(body: ET.Element, name: str, joint: Joint) -> ET.Element:
-    """Gives `body` the hinge of `joint` with its rotor."""
+    """Adds the hinge of `joint` with its rotor to `body`."""
     return ET.SubElement(body, "joint", name=name, type="hinge", axis=text(joint.axis), armature=repr(float(joint.rotor)))
 
 
 def frame(arm: Arm, step: float) -> tuple[ET.Element, ET.Element]:
-    """An empty model with the options of every model here; its root, and its world."""
+    """An empty model with the common options. Returns its root and its world body."""
     root = ET.Element("mujoco", model=arm.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     option = ET.SubElement(
@@ -39,7 +39,7 @@ def frame(arm: Arm, step: float) -> tuple[ET.Element, ET.Element]:
 
 
 def mjcf(arm: Arm) -> str:
-    """The rigid arm as MJCF."""
+    """MJCF of the rigid arm."""
     root, parent = frame(arm, 1e-3)
     for joint in arm.joints:
         parent = ET.SubElement(parent, "body", name=joint.name, pos=text(joint.xyz))
@@ -66,7 +66,7 @@ class Rigid:
         return data.qfrc_inverse.copy()
 
     def torques(self, q: Vector, v: Vector, a: Vector) -> Vector:
-        """The same, row by row."""
+        """Torques of the rigid arm, row by row, N·m."""
         return np.array([self.torque(*row) for row in zip(q, v, a, strict=True)])
 
     def inertia(self, q: Vector) -> Vector:
@@ -76,16 +76,16 @@ class Rigid:
         return self._square.copy()
 
     def felt(self, q: Vector) -> Vector:
-        """Inertia that each joint feels with all others free, kg·m²."""
+        """Effective inertia of each joint with all others free, kg·m²."""
         return 1.0 / np.diag(np.linalg.inv(self.inertia(q)))
 
     def tool(self, q: Vector) -> Vector:
-        """Place of the tool in the base frame, m."""
+        """Position of the tool in the base frame, m."""
         self._place(q)
         return self._data.site_xpos[0].copy()
 
     def lever(self, q: Vector) -> Vector:
-        """How far the tool moves for each joint's movement, m per rad, 3 × n."""
+        """Jacobian of the tool position, m per rad, 3 × n."""
         self._place(q)
         jacobian = np.zeros((3, self.arm.dof))
         mujoco.mj_jacSite(self._model, self._data, jacobian, None, 0)

@@ -1,4 +1,4 @@
-"""Sensors that say something else than what is there."""
+"""Sensor effects: measured values that differ from the true ones."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _limit(plan: Plan, seat: Seat, parameters: Parameters) -> None:
 
 
 def _clips_a_little(look: Look, seat: Seat, parameters: Parameters) -> bool:
-    """What the motion itself needs is clipped now and then, not a mere peak of the servo's."""
+    """True if the torque of the motion itself is clipped at times, and not only a peak of the servo."""
     over = np.abs(look.model[:, joint_of(seat)]) > number(parameters, "limit")
     return 0.01 < float(over.mean()) < 0.4
 
@@ -74,7 +74,7 @@ def _eccentric(plan: Plan, seat: Seat, parameters: Parameters) -> None:
 
 
 def _turns_far(look: Look, seat: Seat, parameters: Parameters) -> bool:
-    """Far enough that it is no mere offset, and that the first harmonic shows its bend."""
+    """True if the joint turns far enough that the first harmonic is distinguishable from an offset."""
     return bool(np.ptp(look.q[:, joint_of(seat)]) > 1.4 and number(parameters, "amplitude") < 0.05)
 
 

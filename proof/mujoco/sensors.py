@@ -1,4 +1,4 @@
-"""What of a machine's motion is written down: encoders, torques from the drives' currents, a tracker on the tool."""
+"""Sensors of a machine: encoders, torques from the motor currents, a tracker on the tool."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ JITTER = (0.0, 0.01, 0.05)
 
 @dataclass(frozen=True)
 class Chain:
-    """The sensors of a machine. `zero` and the two delays are what they are off by, inside their tolerances."""
+    """The sensors of a machine. `zero` and the two delays are their errors within the tolerances."""
 
     rate: float
     jitter: float
@@ -50,7 +50,7 @@ class Recording:
     columns: dict[str, Vector]
 
     def block(self, prefix: str, dof: int) -> Vector | None:
-        """`prefix1`… as a matrix, one column a joint."""
+        """The columns `prefix1`… as a matrix, one column for each joint."""
         names = [f"{prefix}{number + 1}" for number in range(dof)]
         if any(name not in self.columns for name in names):
             return None
@@ -58,7 +58,7 @@ class Recording:
 
 
 def draw(arm: Arm, noise: str, zero: Vector, delays: tuple[float, float], rng: Rng) -> Chain:
-    """Sensors of the level `noise` for `arm`."""
+    """Draws sensors with the noise level `noise` for `arm`."""
     level, half = LEVELS[noise], np.array([0.5 * joint.effort for joint in arm.joints])
     spread = rng.uniform(0.7, 1.3)
     return Chain(
@@ -77,7 +77,7 @@ def draw(arm: Arm, noise: str, zero: Vector, delays: tuple[float, float], rng: R
 
 
 def between(t: Vector, start: float, rows: Vector) -> Vector:
-    """Rows that are a cycle apart from `start` on, at the times `t`, by cubics through four rows."""
+    """Interpolates rows, one for each cycle from `start` on, at the times `t`, by cubics through four rows."""
     at = np.clip((t - start) / CYCLE, 1.0, len(rows) - 3.001)
     row = at.astype(int)
     s = (at - row).reshape(-1, *[1] * (rows.ndim - 1))
@@ -86,11 +86,11 @@ def between(t: Vector, start: float, rows: Vector) -> Vector:
 
 
 def torques(trace: Trace, senses: Senses, delay: float, t: Vector) -> Vector:
-    """Torque readings without noise at the times `t`, one column a joint."""
+    """Torque readings without noise at the times `t`, one column for each joint."""
     out = np.zeros((len(t), trace.torque.shape[1]))
     for joint in range(out.shape[1]):
         rows = np.clip(trace.torque[:, joint], -senses.limit[joint], senses.limit[joint])
-        # A row is the torque in the middle of its cycle; after a filter it is that at its end.
+        # A row contains the torque in the middle of its cycle, or after a filter the torque at the end.
         start = trace.t + 0.5 * CYCLE
         if np.isfinite(senses.cutoff[joint]):
             rows, start = _lowpass(rows, senses.cutoff[joint]), trace.t + CYCLE
@@ -120,7 +120,7 @@ def tools(trace: Trace, senses: Senses, delay: float, t: Vector) -> Vector:
 
 
 def record(chain: Chain, senses: Senses, trace: Trace, motion: Motion, rng: Rng) -> Recording:
-    """What the sensors of `chain` write down."""
+    """Generates the recording of the sensors `chain`."""
     last = trace.t[-1] - 0.01
     stamps = np.arange(0.0, last, 1.0 / chain.rate) + rng.uniform(0, 1.0 / chain.rate)
     stamps = stamps[stamps < last]

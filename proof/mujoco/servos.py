@@ -1,8 +1,7 @@
-"""Machines on position servos, recorded by commanded and measured positions alone.
+"""Machines on position servos. The recordings contain only commanded and measured positions.
 
-MuJoCo's position actuators drive the joints; commands reach them late by whole steps and are held. The truth says what is concealed beside the data
-sheet that is given: all of the servos (`bare`), one thing of a model that has the rest (`one`), nothing (`own`), or a gap behind the encoder on the motor's side
-(`behind`).
+MuJoCo's position actuators drive the joints. They delay commands by whole steps and hold them. The truth contains the effects that the given model
+lacks: all of the servos (`bare`), one effect (`one`), no effect (`own`), or a gap behind the encoder on the motor (`behind`).
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ Table = dict[str, object]
 
 @dataclass
 class Joint:
-    """The servo of a joint and what resists it."""
+    """The servo of a joint, its friction and its limits."""
 
     stiffness: float
     damping: float
@@ -64,7 +63,7 @@ class Joint:
     """Lower end, rad."""
 
     def tables(self, name: str) -> list[Table]:
-        """The joint as effects of the catalogue."""
+        """The effects of the joint, in the format of the catalogue."""
 
         def one(kind: str, **parameters: float) -> Table:
             return {"kind": kind, "joint": name, "parameters": parameters}
@@ -86,7 +85,7 @@ class Joint:
 
 @dataclass
 class Machine:
-    """A machine on servos: the arm as it is, and its joints."""
+    """A machine on servos: the true arm, and its joints."""
 
     arm: Arm
     joints: list[Joint]
@@ -96,13 +95,13 @@ class Machine:
     gap: dict[int, float] = field(default_factory=dict)
 
     def tables(self) -> list[Table]:
-        """All of it beside the data sheet."""
+        """All effects of the machine that the data sheet does not name."""
         of_joints = [table for joint, servo in zip(self.arm.joints, self.joints, strict=True) for table in servo.tables(joint.name)]
         return of_joints + self.whole
 
 
 def _sheet(family: str, rng: Rng) -> Arm:
-    """A data sheet that names no friction."""
+    """A data sheet without friction."""
     sheet = arms.draw(family, rng)
     return replace(sheet, joints=tuple(replace(joint, viscous=0.0, coulomb=0.0) for joint in sheet.joints))
 
@@ -112,7 +111,7 @@ def _true(sheet: Arm, rng: Rng) -> Arm:
 
 
 def _bears(sheet: Arm, joint: int) -> bool:
-    """Whether the joint bears weight: it presses the link on a flank of a gap behind the encoder, and says where the link lies."""
+    """True if the joint bears weight, which presses the link against a flank of a gap behind the encoder and so determines its position."""
     home = np.array([it.home for it in sheet.joints])
     still = np.zeros(sheet.dof)
     weights = np.abs(Rigid(sheet).torque(home, still, still))
@@ -120,7 +119,7 @@ def _bears(sheet: Arm, joint: int) -> bool:
 
 
 def _joints(sheet: Arm, rng: Rng) -> list[Joint]:
-    """Servos of 10 to 30 rad/s that lag by 20 to 100 ms, with friction, on one line of commands."""
+    """Draws servos of 10 to 30 rad/s with a lag of 20 to 100 ms, with friction at most joints, and in most cases a common command delay."""
     rigid = Rigid(sheet)
     home = np.array([joint.home for joint in sheet.joints])
     felt = np.diag(rigid.inertia(home))
@@ -140,7 +139,7 @@ def _joints(sheet: Arm, rng: Rng) -> list[Joint]:
 
 
 def mjcf(machine: Machine) -> str:
-    """The machine as MJCF."""
+    """MJCF of the machine."""
     plan = Plan.plain(machine.arm)
     plan.body.loads, plan.body.gap = list(machine.loads), dict(machine.gap)
     root = ET.fromstring(build.mjcf(plan, STEP / PARTS))
@@ -149,7 +148,7 @@ def mjcf(machine: Machine) -> str:
         hinge = root.find(f".//joint[@name='{joint.name}']")
         if hinge is None:
             raise ValueError(joint.name)
-        # The servo's damper is a damper of the joint: MuJoCo takes both implicitly.
+        # The damping of the servo is damping of the joint, because MuJoCo integrates both implicitly.
         hinge.set("frictionloss", repr(servo.coulomb + servo.extra))
         hinge.set("armature", repr(joint.rotor + servo.rotor))
         hinge.attrib.update(FRICTION)
@@ -162,7 +161,7 @@ def mjcf(machine: Machine) -> str:
 
 
 def run(machine: Machine, commands: Vector, hold: int) -> tuple[Vector, Vector]:
-    """Positions at the stamps of `commands` (one row every `hold` steps), and the largest torque of each servo."""
+    """Runs `commands` (one row every `hold` steps). Returns the positions at their time stamps, and the largest torque of each servo."""
     model = mujoco.MjModel.from_xml_string(mjcf(machine))
     data = mujoco.MjData(model)
     names = [joint.name for joint in machine.arm.joints]
@@ -196,7 +195,7 @@ def run(machine: Machine, commands: Vector, hold: int) -> tuple[Vector, Vector]:
 
 @dataclass(frozen=True)
 class Record:
-    """How a machine is recorded."""
+    """Settings of a recording."""
 
     hold: int
     """Steps between two commands."""
@@ -207,7 +206,7 @@ class Record:
 
     @staticmethod
     def draw(sheet: Arm, rng: Rng) -> Record:
-        """Commands at 33 to 100 Hz for 40 to 60 s, twice, and encoders of 3e-4 to 2e-3 rad."""
+        """Draws two motions of 40 to 60 s with commands at 33 to 100 Hz, and encoders with a resolution of 3e-4 to 2e-3 rad."""
         hold = int(rng.choice([10, 20, 20, 30]))
         tick = np.full(sheet.dof, float(np.exp(rng.uniform(np.log(3e-4), np.log(2e-3)))))
         still: set[int] = set()
@@ -230,7 +229,7 @@ class Record:
 
 
 def toml(sheet: Arm, tables: list[Table]) -> str:
-    """The data sheet with `tables` as effects."""
+    """Text of the data sheet as an arm file with the effects `tables`."""
 
     def number(value: object) -> str:
         if isinstance(value, list):
@@ -247,7 +246,7 @@ def toml(sheet: Arm, tables: list[Table]) -> str:
 
 
 def _about(tables: list[Table], rng: Rng) -> list[Table]:
-    """`tables` as somebody knows them who measured the servos: inside of the tolerances of friction and delay."""
+    """`tables` with measured servos: with errors within the tolerances of friction and delay."""
     exact = ("velocity", "lower")
     near = []
     for table in tables:
@@ -265,9 +264,9 @@ def _about(tables: list[Table], rng: Rng) -> list[Table]:
 
 
 def make(sort: str, missing: str, seed: int) -> Made:
-    """A machine of the sort `sort`; `missing` is what `one` conceals.
+    """Generates a machine of the sort `sort`. `missing` is the concealed effect of the sort `one`.
 
-    Raises NotMade where none that was tried shows it.
+    Raises NotMade if none of the drawn machines shows it.
     """
     why = ""
     for attempt in range(ATTEMPTS):
@@ -315,7 +314,7 @@ def _made(sort: str, missing: str, seed: int, rng: Rng) -> Made:
 
 
 def _conceal(kind: str, sheet: Arm, machine: Machine, record: Record, rng: Rng) -> tuple[list[Table], list[Table]]:
-    """Builds `kind` into `machine`; what a model says that lacks it, and what is concealed then."""
+    """Builds `kind` into `machine`. Returns the effects of a model without it, and the concealed effects."""
     number = int(rng.integers(sheet.dof))
     joint, name = machine.joints[number], sheet.joints[number].name
     tables = machine.tables()
@@ -354,7 +353,7 @@ def _conceal(kind: str, sheet: Arm, machine: Machine, record: Record, rng: Rng) 
                 del table["parameters"]["torque_limit"]  # type: ignore[attr-defined]
         return given, [joint.tables(name)[0]]
     if kind == "servo":
-        # The model was taken from a stiffer servo of the same damping ratio.
+        # The model has a stiffer servo with the same damping ratio.
         factor = spread(rng, 1.25, 1.8)
         given = [{**table, "parameters": dict(table["parameters"])} for table in tables]  # type: ignore[call-overload]
         for table in given:
@@ -389,7 +388,8 @@ def _conceal(kind: str, sheet: Arm, machine: Machine, record: Record, rng: Rng) 
 
 
 def drawn(quota: dict[str, int], seed: int) -> list[tuple[str, str, int]]:
-    """The cases of an order: singles lack all of their servos or one thing by turns, doubles lack one, controls nothing; the rest has a gap behind an encoder, which is outside of what can be told where its joint bears no weight."""
+    """The cases of an order. The models of singles lack all servos or one effect, in turns; those of doubles lack one effect, those of controls none.
+    The others have a gap behind an encoder, which is undetectable if its joint bears no weight."""
     rng = np.random.default_rng([seed, 9])
     asks = [("bare" if number % 3 else "one") for number in range(quota.get("single", 0))]
     asks += ["one"] * quota.get("double", 0) + ["own"] * quota.get("negative", 0) + ["behind"] * quota.get("unknown", 0)

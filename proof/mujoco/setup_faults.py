@@ -1,6 +1,6 @@
-"""Set-up faults: recordings that are not read as their data sheet means them. The machine itself is as it should be.
+"""Set-up faults: recordings with other conventions than the data sheet. The machine itself has no effects.
 
-Each fault changes what stands in the files (units, signs, order, zeros, clocks); gravity changes how the machine is mounted.
+Each fault changes the content of the files (units, signs, order, zeros, clocks); the faults of gravity change the mounting of the machine.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Change = Callable[[Columns], None]
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault with what it does to the columns of a recording."""
+    """A fault, and its change of the columns of a recording."""
 
     kind: str
     joints: tuple[int, ...]
@@ -186,9 +186,9 @@ KINDS = tuple(_DRAWS)
 
 
 def make(kind: str, noise: str, seed: int) -> Made:
-    """A machine without effects, recorded with a fault of `kind` that its recording shows; every third data sheet names no friction.
+    """Generates a machine without effects, with a fault of `kind` that the recording shows. Every third data sheet names no friction.
 
-    Raises NotMade where no bench that was tried shows it.
+    Raises NotMade if none of the drawn benches shows it.
     """
     for attempt in range(ATTEMPTS):
         rng = np.random.default_rng([seed, attempt])
@@ -203,11 +203,11 @@ def make(kind: str, noise: str, seed: int) -> Made:
         made = _recorded(bench, fault, rng)
         if made is not None:
             return made
-    raise NotMade(f"no recording that was tried shows {kind}")
+    raise NotMade(f"none of the drawn recordings shows {kind}")
 
 
 def _recorded(bench: Bench, fault: Fault, rng: Rng) -> Made | None:
-    """The recordings with the fault in them; `None` where the first does not show it."""
+    """The recordings with the fault. `None` if the first one does not show the fault."""
     plan = bench.plan([])
     recordings: dict[str, Recording] = {}
     sheet = replace(bench.sheet, gravity=np.array([0.0, 0.0, -9.81]))
@@ -242,7 +242,7 @@ def _held(arm: Arm, q: Vector) -> Vector:
 
 
 def _shows(fault: Fault, mounted: Arm, sheet: Arm, clean: Recording, faulty: Recording) -> bool:
-    """Whether torques or the tool are much further from what the data sheet says than without the fault."""
+    """True if the fault clearly increases the errors of torques or tool position against the data sheet."""
     if fault.kind == "time_unit":
         return True
     some, n = slice(None, None, 40), sheet.dof

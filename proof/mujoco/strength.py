@@ -1,7 +1,7 @@
-"""How strong an effect is: its trace in the recording against noise and tolerances together.
+"""Strength of an effect: its trace in the recording, relative to noise and tolerances.
 
-The same machine runs the same motion with and without the effect. In both, the data sheet is compared with what sensors without noise would show. The
-effect's trace is the difference of the two; the floor is what is there without it.
+The machine runs the same motion with and without the effect. Each run gives the residual of the data sheet against sensors without noise. The trace of
+the effect is the difference of the two residuals; the floor is the residual without the effect.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SMOOTH = 7
 
 @dataclass(frozen=True)
 class Residual:
-    """Data sheet against sensors, point by point; torques are NaN where the joint stands."""
+    """Residuals of the data sheet against the sensors, row by row. Torques are NaN while the joint stands."""
 
     torque: Vector
     tool: Vector | None
@@ -36,7 +36,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class Look:
-    """The machine without any effect: its motion, and its floor."""
+    """The machine without effects: its motion and its floor."""
 
     sheet: Arm
     t: Vector
@@ -59,7 +59,7 @@ class Look:
 
 
 def residual(sheet: Arm, chain: Chain, senses: Senses, trace: Trace) -> tuple[Residual, tuple[Vector, ...]]:
-    """What differs between `sheet` and the sensors; beside it t, q, v, a, the model's and the measured torque."""
+    """The residual of `sheet`, with t, q, v, a, and the predicted and measured torques."""
     t = np.arange(0.02, trace.t[-1] - 0.02, GRID)
     before, q, after = (positions(trace, senses, chain.zero, t + shift) for shift in (-HALF, 0.0, HALF))
     v, a = (after - before) / (2 * HALF), (after - 2 * q + before) / HALF**2
@@ -76,7 +76,7 @@ def residual(sheet: Arm, chain: Chain, senses: Senses, trace: Trace) -> tuple[Re
 
 
 def look(sheet: Arm, chain: Chain, senses: Senses, trace: Trace) -> tuple[Look, Residual]:
-    """The machine without effects, and its residual."""
+    """Motion and floor of the machine without effects, from its trace, and its residual."""
     plain, (t, q, v, a, model, measured) = residual(sheet, chain, senses, trace)
     rigid, some = Rigid(sheet), slice(None, None, 100)
     levers = np.array([rigid.lever(row) for row in q[some]])
@@ -101,7 +101,7 @@ def look(sheet: Arm, chain: Chain, senses: Senses, trace: Trace) -> tuple[Look, 
 
 
 def ratio(seen: Look, without: Residual, effect: Residual, tool_only: bool) -> tuple[float, str]:
-    """Signal to floor in the channel where this is largest, and that channel."""
+    """The largest ratio of signal to floor over all channels, and its channel."""
     found = [(0.0, "none")]
     if effect.tool is not None and without.tool is not None and seen.tool_floor is not None:
         found.append((_rms(effect.tool - without.tool) * np.sqrt(3) / seen.tool_floor, "tool"))
@@ -121,7 +121,7 @@ def _column_rms(values: Vector) -> Vector:
 
 
 def _smooth(values: Vector) -> Vector:
-    """Means of neighbours; NaN stays NaN."""
+    """Moving average. NaN stays NaN."""
     known = np.isfinite(values)
     kernel = np.ones(SMOOTH)
     out = np.full_like(values, np.nan)

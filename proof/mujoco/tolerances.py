@@ -1,4 +1,4 @@
-"""How far a true arm is from its data sheet, inside what a data sheet is taken to promise."""
+"""Draws the errors of a data sheet, within the assumed tolerances."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Drawn:
 
 
 def draw(sheet: Arm, rng: Rng) -> Drawn:
-    """The true arm of `sheet`: every number somewhere in the inner nine tenths of its tolerance."""
+    """Draws the true arm of `sheet`: every number is within nine tenths of its tolerance."""
 
     def within(tolerance: float) -> float:
         return float(rng.uniform(-0.9, 0.9) * tolerance)
@@ -54,6 +54,6 @@ def draw(sheet: Arm, rng: Rng) -> Drawn:
 
 
 def longer(way: Vector, amount: float) -> Vector:
-    """`way`, longer by `amount`; a way of no length stays as it is."""
+    """The vector `way`, longer by `amount`. A zero vector stays unchanged."""
     length = float(np.linalg.norm(way))
     return way if length < 1e-6 else way * (1 + amount / length)

@@ -1,4 +1,4 @@
-"""Columns of torque by the name that a fitted coefficient gets: which catalogue effect a nonzero term stands for."""
+"""Torque columns for regressions, each with the effect of the catalogue that a nonzero coefficient means."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ BEYOND = 2.0
 
 
 def friction(signals: Signals, joint: int) -> dict[str, Matrix]:
-    """The terms of one joint that every text book has, as columns of that joint's torque."""
+    """The standard friction and rotor terms of one joint, as columns of its torque."""
     v, a = signals.v[:, joint], signals.a[:, joint]
     return {"coulomb_friction": signals.turn[:, joint], "viscous_friction": v, "torque_offset": np.ones_like(v), "rotor_inertia": a}
 
 
 def library(case: Case, signals: Signals, joint: int) -> dict[tuple[str, str], Matrix]:
-    """Terms for sparse regression of one joint's torque: the kind that each stands for, and the term in words."""
+    """Terms for sparse regression of one joint's torque, by the kind that each means and its text."""
     v, q, load = signals.v[:, joint], signals.q[:, joint], signals.rigid[:, joint]
     moved = signals.turn[:, joint]
     terms = {(kind, kind): column for kind, column in friction(signals, joint).items()}
@@ -56,7 +56,7 @@ def _nominal_friction(case: Case, signals: Signals, joint: int) -> Matrix:
 
 
 def inertial(sheet: Arm, signals: Signals, link: int) -> Matrix:
-    """How the torques of all joints change with the ten inertial numbers of a link: rows × joints × 10."""
+    """Derivatives of the torques of all joints by the ten inertial parameters of a link: rows × joints × 10."""
     base = Rigid(sheet)
     plain = base.torques(signals.q, signals.v, signals.a)
     here = sheet.joints[link].link
@@ -66,14 +66,14 @@ def inertial(sheet: Arm, signals: Signals, link: int) -> Matrix:
     for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
         more = np.zeros((3, 3))
         more[i, j] = more[j, i] = 0.01 * np.trace(here.inertia) / 6
-        # A little on the diagonal keeps the inertia one that can exist.
+        # A small diagonal part keeps the inertia physical.
         changes.append(replace(here, inertia=here.inertia + more + (0.02 * np.trace(here.inertia) / 6) * np.eye(3) * (i != j)))
     columns = [Rigid(sheet.with_joint(link, link=change)).torques(signals.q, signals.v, signals.a) - plain for change in changes]
     return np.array(columns).transpose(1, 2, 0)
 
 
 def tolerated(case: Case, joint: int, kind: str) -> float:
-    """What the tolerances of the data sheet may do in the torque of `joint`, N·m, root mean square."""
+    """Effect of the data sheet's tolerances on the torque of `joint`, root mean square, N·m."""
     rigid = INERTIA * np.sqrt(np.mean(case.train.rigid[:, joint] ** 2))
     dry = FRICTION * np.sqrt(np.mean(_nominal_friction(case, case.train, joint) ** 2))
     return float(dry if "friction" in kind or kind == "quadratic_drag" else rigid)

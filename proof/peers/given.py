@@ -1,6 +1,6 @@
-"""Identification with the structure given: MuJoCo's own least squares over its inverse dynamics, with the concealed law already in the model.
+"""Identification with a given structure: MuJoCo's least squares over inverse dynamics, with the concealed law in the model.
 
-It says how well the law fits once somebody knows it. It names nothing.
+The result is the fit of a known law. The method names no effect.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ Law = Callable[[Case, Signals, int, Matrix], Matrix]
 
 
 def _on(case: Case, joint: int, column: Matrix) -> Matrix:
-    """`column` as torque of one joint."""
+    """The torques of all joints, with `column` at one joint and zeros elsewhere."""
     return column[:, None] * np.eye(case.sheet.dof)[joint]
 
 
 def _column(of: Callable[[Matrix, Matrix, Matrix, Matrix, Matrix], Matrix]) -> Law:
-    """A law whose torque acts on its own joint: of its numbers, q, v, a and the sign of v."""
+    """Torque of a law that acts on its own joint, from its parameters, q, v, a and the sign of v."""
 
     def law(case: Case, signals: Signals, joint: int, x: Matrix) -> Matrix:
         return signals.rigid + _on(case, joint, of(x, signals.q[:, joint], signals.v[:, joint], signals.a[:, joint], signals.turn[:, joint]))
@@ -36,7 +36,7 @@ def _column(of: Callable[[Matrix, Matrix, Matrix, Matrix, Matrix], Matrix]) -> L
 
 
 def _changed(change: Callable[[Arm, int, Matrix], Arm]) -> Law:
-    """A law that changes the rigid arm."""
+    """The arm with a law that changes its links."""
 
     def law(case: Case, signals: Signals, joint: int, x: Matrix) -> Matrix:
         return Rigid(change(case.sheet, joint, x)).torques(signals.q, signals.v, signals.a)
@@ -50,7 +50,7 @@ def _heavier(arm: Arm, joint: int, x: Matrix) -> Arm:
 
 
 def _loaded(arm: Arm, _joint: int, x: Matrix) -> Arm:
-    """The last link with a point mass."""
+    """The last link with an additional point mass."""
     link, mass, place = arm.joints[-1].link, max(float(x[0]), 1e-6), x[1:4]
     total = link.mass + mass
     com = (link.mass * link.com + mass * place) / total
@@ -87,7 +87,7 @@ LAWS: dict[str, tuple[Law, list[float]]] = {
 
 
 def identify(case: Case, truth: dict[str, Any]) -> Result | None:
-    """The concealed law with its numbers fitted, beside friction and a factor of each joint's rigid torque; `None` where no torque model has it."""
+    """Fits the parameters of the concealed law, the friction, and a factor of each joint's rigid torque. `None` if no torque model contains the law."""
     if len(truth["effects"]) != 1 or truth["effects"][0]["kind"] not in LAWS:
         return None
     effect = truth["effects"][0]
@@ -101,7 +101,7 @@ def identify(case: Case, truth: dict[str, Any]) -> Result | None:
         return law(case, signals, joint, own) + friction + signals.rigid * dry[n:]
 
     size = np.sqrt((case.train.tau**2).mean(axis=0)) + 1e-9
-    # Tolerances of the data sheet as what is known beforehand: 5 % of friction, 2 % of rigid torque.
+    # The tolerances of the data sheet are the prior: 5 % of friction, 2 % of rigid torque.
     prior = np.concatenate([np.full(n, 0.05), np.full(n, 0.02)])
 
     def wrong(x: Matrix) -> Matrix:

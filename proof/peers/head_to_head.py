@@ -1,9 +1,9 @@
-"""The same sealed cases given to what others would use.
+"""Compares Freeplay with other methods on the same sealed cases.
 
-`python proof/peers/head_to_head.py DIR` takes the folder of `freeplay blind --generator mujoco --out DIR`.
+`python proof/peers/head_to_head.py DIR` reads the folder of `freeplay blind --generator mujoco --out DIR`.
 
-Every method trains on `recording.csv` and is held against `second.csv` (the end of the recording where there is none). Names are judged as those of
-Freeplay are. Held-out error: root mean square of measured minus predicted torque in the channels that show what is concealed, over that of the data sheet.
+Every method fits to `recording.csv`. `second.csv`, or without it the end of the recording, is held out. The rule for right names is that of
+Freeplay. Held-out error: root mean square of measured minus predicted torque in the channels that show the concealed effect, relative to the data sheet.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ OURS = "Freeplay"
 
 
 def family_of(truth: Json) -> str:
-    """The family of a case."""
+    """Family of a case."""
     sort = scores.sort_of(truth)
     if sort != "single":
         return {"negative": "nothing concealed", "double": "two effects", "outside": "outside the catalogue"}[sort]
@@ -63,12 +63,12 @@ def family_of(truth: Json) -> str:
 
 
 def channels_of(truth: Json) -> list[int]:
-    """The torques that show what is concealed, by joint from 0; none where it shows at the tool alone."""
+    """Joints (from 0) whose torques show the concealed effects. None if only the tool shows them."""
     return [int(effect["channel"][3:]) - 1 for effect in truth["effects"] if effect["channel"].startswith("tau")]
 
 
 def compare(folder: Path, truth: Json, answer: Json) -> dict[str, Json]:
-    """What each method makes of a case: `outcome`, `ratio` of held-out errors (None where no torque shows the effect), `seconds`."""
+    """Results of each method on a case: `outcome`, `ratio` of held-out errors (None if no torque shows the effect), `seconds`."""
     case = signals.case_of(folder)
     before = signals.error(case, case.test, case.nominal(case.test))
     rows: dict[str, Json] = {OURS: {"outcome": scores.judge(truth, answer).outcome, "ratio": _ours(truth, answer), "seconds": answer.get("cpu_seconds")}}
@@ -86,14 +86,14 @@ def compare(folder: Path, truth: Json, answer: Json) -> dict[str, Json]:
 
 
 def _ratio(truth: Json, by_joint: np.ndarray) -> float | None:
-    """The mean over the channels that show it; of a case without an effect, over all that move."""
+    """Mean ratio over the channels that show the effect, or, without an effect, over all channels with motion."""
     some = by_joint[channels_of(truth)] if truth["effects"] else by_joint
     some = some[np.isfinite(some)]
     return float(np.exp(np.mean(np.log(some)))) if len(some) else None
 
 
 def _ours(truth: Json, answer: Json) -> float | None:
-    """The same of Freeplay's model with its tolerances tuned, from the errors of its answer."""
+    """Ratio of Freeplay's tuned model, from the errors in its answer."""
     wanted = [f"tau{channel + 1}" for channel in channels_of(truth)] if truth["effects"] else [name for name in answer["fit"] if name.startswith("tau")]
     found = [answer["fit"][name] for name in wanted if name in answer["fit"]]
     ratios = [errors["after_tuned"] / errors["before"] for errors in found if errors["before"] > 0]
@@ -101,14 +101,14 @@ def _ours(truth: Json, answer: Json) -> float | None:
 
 
 def answer_of(record: Json) -> Json:
-    """A receipt's answer with the names of fields that `diagnose --format json` has."""
+    """A receipt's answer, with the field names of `diagnose --format json`."""
     answer = dict(record["answer"])
     answer["alternatives"] = answer.get("rivals", [])
     return answer
 
 
 def table(truths: dict[str, Json], results: dict[str, dict[str, Json]]) -> str:
-    """Right names and the median ratio of held-out errors, by family and method."""
+    """Table of the right names and the median ratios of held-out errors, by family and method."""
     groups: dict[str, list[str]] = defaultdict(list)
     for name, truth in truths.items():
         groups[family_of(truth)].append(name)
@@ -132,11 +132,11 @@ def _cell(method: str, rows: list[dict[str, Json]]) -> str:
 
 
 def main() -> None:
-    """Compares, and prints the table; `--results` keeps what each method made of each case."""
+    """Compares the methods and prints the table. `--results` stores the results of each method on each case."""
     parser = argparse.ArgumentParser(description="Gives sealed cases to what others would use.")
-    parser.add_argument("folder", type=Path, help="of freeplay blind --out")
+    parser.add_argument("folder", type=Path, help="folder of freeplay blind --out")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--results", type=Path, help="JSON file")
+    parser.add_argument("--results", type=Path, help="JSON file for the results of each method on each case")
     asked = parser.parse_args()
     records = json.loads((asked.folder / "receipt.json").read_text())["cases"]
     truths = {name: record["truth"] for name, record in records.items()}

@@ -1,6 +1,6 @@
-"""Has a program diagnose open cases and counts what is right, by kind: `python proof/peers/measure.py --program freeplay DIR`.
+"""Diagnoses open cases with a program and counts the right answers by kind: `python proof/peers/measure.py --program freeplay DIR`.
 
-The official count is `freeplay blind --generator mujoco`, which seals its cases; this one is for development.
+This count is for development. The official count is that of `freeplay blind --generator mujoco`, which seals its cases.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scores import Json
 
 
 def diagnose(program: str, case: Path, patience: float) -> Json:
-    """What `program` answers for the case, and how long it took, s."""
+    """The answer of `program` for the case, and its duration, s."""
     recordings = [str(path) for path in (case / "recording.csv", case / "second.csv") if path.is_file()]
     command = [program, "diagnose", "--model", str(case / "model.toml"), "--recording", *recordings, "--format", "json"]
     start = time.monotonic()
@@ -32,7 +32,7 @@ def diagnose(program: str, case: Path, patience: float) -> Json:
 
 
 def table(truths: dict[str, Json], answers: dict[str, Json]) -> str:
-    """Outcomes by kind, and what was answered where it was not right."""
+    """Table of the outcomes by kind, and of the wrong answers."""
     rows: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
     wrong: list[str] = []
     covered: list[bool] = []
@@ -58,7 +58,7 @@ def _concealed(truth: Json) -> str:
 
 
 def push_table(truths: dict[str, Json], answers: dict[str, Json]) -> str:
-    """Pushes found, and pushes invented in recordings without."""
+    """Table of the found pushes, and of false pushes in recordings without any."""
     counts = [scores.pushes(truth, answers[name]) for name, truth in truths.items()]
     found, all_of_them = (sum(row[k] for row in counts) for k in (0, 1))
     false = sum(1 for _, there, more in counts if not there and more)
@@ -66,13 +66,13 @@ def push_table(truths: dict[str, Json], answers: dict[str, Json]) -> str:
 
 
 def main() -> None:
-    """Diagnoses every case of a folder that has no answer yet, and prints the tables."""
+    """Diagnoses the cases of a folder that have no answer yet, and prints the tables."""
     parser = argparse.ArgumentParser(description="Has a program diagnose open cases and counts what is right.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--program", default="freeplay")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--patience", type=float, default=600.0, help="s a case")
-    parser.add_argument("--answers", type=Path, help="where answers are kept (FOLDER/answers.json)")
+    parser.add_argument("--patience", type=float, default=600.0, help="time limit for each case, s")
+    parser.add_argument("--answers", type=Path, help="file for the answers (FOLDER/answers.json)")
     asked = parser.parse_args()
     truths = {path.parent.name: json.loads(path.read_text()) for path in sorted(asked.folder.glob("*/truth.json"))}
     kept = asked.answers or asked.folder / "answers.json"

@@ -1,4 +1,4 @@
-"""What others would use on the same cases. Each method gives names, and torques for the held-out part."""
+"""Other methods for the same cases. Each method returns names, and predicted torques for the held-out part."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ SEED = 7
 
 @dataclass(frozen=True)
 class Result:
-    """What a method makes of a case."""
+    """Result of a method on a case."""
 
     named: frozenset[Name]
     predict: Callable[[Signals], Matrix]
 
 
 def _effective(wrong: Matrix) -> float:
-    """How many independent rows there are in a correlated residual."""
+    """Effective number of independent rows in a correlated residual."""
     wrong = wrong - wrong.mean()
     size, total = float(wrong @ wrong), 0.0
     if size == 0.0:
@@ -44,15 +44,15 @@ def _effective(wrong: Matrix) -> float:
 
 
 def _fit(table: Matrix, wanted: Matrix) -> Matrix:
-    """Least squares with columns of one size; directions that the data do not show stay at zero."""
+    """Least squares with scaled columns. Directions that the data do not determine stay at zero."""
     size = np.sqrt((table**2).mean(axis=0)) + 1e-12
     return np.linalg.lstsq(table / size, wanted, rcond=1e-5)[0] / size
 
 
 def least_squares(case: Case) -> Result:
-    """All inertial numbers of all links, and Coulomb, viscous, offset and rotor of each joint, by least squares.
+    """Fits the inertial parameters of all links, and Coulomb, viscous, offset and rotor of each joint, by least squares.
 
-    A name: forward selection of groups by F with effective rows; the last link's group is called a payload, another link's its mass.
+    Names: forward selection of groups by an F test with effective rows. The last link's group means a payload, that of another link its mass.
     """
     n, y = case.sheet.dof, case.train.tau - case.nominal(case.train)
 
@@ -70,7 +70,7 @@ def least_squares(case: Case) -> Result:
     owner = np.nonzero(mask)[1]
     train = {name: np.broadcast_to(block, (*mask.shape, block.shape[2]))[mask] for name, block in found.items()}
     target = y[mask]
-    # Channels are weighed by what the full model leaves of them.
+    # The residuals of the full model weight the channels.
     scale = _by_channel(target, owner, n)
     for _ in range(2):
         beta = _fit(np.hstack(list(train.values())) / scale[owner, None], target / scale[owner])
@@ -85,14 +85,14 @@ def least_squares(case: Case) -> Result:
 
 
 def _by_channel(values: Matrix, owner: Matrix, n: int) -> Matrix:
-    """Root mean square of the values of each joint."""
+    """Root mean square of the values, by joint."""
     return np.array([np.sqrt(np.mean(values[owner == joint] ** 2)) if (owner == joint).any() else 1.0 for joint in range(n)]) + 1e-12
 
 
 def _forward(case: Case, train: dict[Name, Matrix], target: Matrix, owner: Matrix) -> set[Name]:
-    """Groups one by one, the one that explains most first, until none is significant; of them those beyond the tolerances.
+    """Adds the group that explains most until none is significant. Returns the added groups beyond the tolerances.
 
-    Rows count as far as the residual of the full model is independent.
+    The autocorrelation of the full model's residual reduces the number of rows.
     """
     table = np.hstack(list(train.values()))
     size = np.sqrt((table**2).mean(axis=0)) + 1e-12
@@ -120,7 +120,7 @@ def _forward(case: Case, train: dict[Name, Matrix], target: Matrix, owner: Matri
 
 
 def _beyond(case: Case, chosen: dict[Name, Matrix], target: Matrix, owner: Matrix) -> set[Name]:
-    """The groups whose traces in some channel are larger than what is left there, and than what tolerances may do."""
+    """The groups whose traces exceed, in some channel, both the residual and the effect of the tolerances."""
     if not chosen:
         return set()
     n, table = case.sheet.dof, np.hstack(list(chosen.values()))
@@ -138,9 +138,9 @@ def _beyond(case: Case, chosen: dict[Name, Matrix], target: Matrix, owner: Matri
 
 
 def sindy(case: Case) -> Result:
-    """PySINDy's sequentially thresholded least squares on a library of terms, joint by joint; the threshold by the last third of the training data.
+    """PySINDy's sequentially thresholded least squares on a library of terms, joint by joint. The last third of the training data selects the threshold.
 
-    A name: the kinds of the terms that are left and beyond the tolerances; all joints late together are one delay.
+    Names: the kinds of the remaining terms beyond the tolerances. Delays at most joints are one common delay.
     """
     from pysindy.optimizers import STLSQ
 
@@ -176,7 +176,7 @@ def sindy(case: Case) -> Result:
 
 
 def _stlsq(optimizer: type, table: Matrix, y: Matrix, share: float) -> Matrix:
-    """Coefficients of columns of unit size; those below a share of the torque's own size are dropped."""
+    """Coefficients of scaled columns. Those below a share of the torque's size become zero."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         fitted = optimizer(threshold=share * float(np.sqrt(np.mean(y**2))) + 1e-12, alpha=RIDGE * len(y)).fit(table, y[:, None])
@@ -184,7 +184,7 @@ def _stlsq(optimizer: type, table: Matrix, y: Matrix, share: float) -> Matrix:
 
 
 def _whole(named: set[Name], case: Case) -> set[Name]:
-    """Late torques of most joints are a delay of all; of one alone, a filter of its sensor."""
+    """Delayed torques at most joints mean one common delay; at a single joint they mean a filter of its sensor."""
     late = {name for name in named if name[0] == "time_delay"}
     rest = named - late
     if len(late) > case.sheet.dof / 2:
@@ -193,9 +193,9 @@ def _whole(named: set[Name], case: Case) -> set[Name]:
 
 
 def symbolic(case: Case) -> Result:
-    """Symbolic regression (gplearn) of the residual of the two joints whose data sheet fits worst.
+    """Symbolic regression (gplearn) of the data sheet's residual, at the two joints with the largest one.
 
-    A name: the term of the library that the formula is nearly proportional to (R² of 0.9), beyond the tolerances.
+    Names: the library term to which the formula is nearly proportional (R² of 0.9), if it exceeds the tolerances.
     """
     from gplearn.genetic import SymbolicRegressor
 
@@ -228,7 +228,7 @@ def symbolic(case: Case) -> Result:
 
 
 def _share_left(case: Case, y: Matrix, joint: int) -> float:
-    """Mean square of what the data sheet leaves of a joint's torque, over that of the torque; zero where it hardly moves."""
+    """Mean square of the data sheet's residual at a joint, relative to that of its torque. Zero if the joint hardly moves."""
     rows = case.train.moving[:, joint]
     if rows.sum() <= 100:
         return 0.0
@@ -236,7 +236,7 @@ def _share_left(case: Case, y: Matrix, joint: int) -> float:
 
 
 def _features(case: Case, signals: Signals, joint: int) -> Matrix:
-    """Position, speed, its sign, acceleration and load, each of unit size on the training data."""
+    """Position, speed, sign of the speed, acceleration and load, scaled to unit size on the training data."""
 
     def of(part: Signals) -> Matrix:
         return np.array([part.q[:, joint], part.v[:, joint], part.turn[:, joint], part.a[:, joint], part.rigid[:, joint]]).T

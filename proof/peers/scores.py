@@ -1,4 +1,4 @@
-"""Right or wrong: an answer of `freeplay diagnose --format json` against the truth of an open case, by the rules of `freeplay blind`."""
+"""Scores an answer of `freeplay diagnose --format json` for an open case, by the rules of `freeplay blind`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Place = tuple[str, str | None]
 
 @dataclass(frozen=True)
 class Judged:
-    """How an answer compares with its truth."""
+    """Score of an answer."""
 
     group: str
-    """What is concealed, by kind."""
+    """The kinds of the concealed effects."""
     outcome: str
     """`right`, `partly`, `extra`, `wrong`, `refused`, `missed` or `failed`."""
     said: str
@@ -23,12 +23,12 @@ class Judged:
 
 
 def places(effects: list[Json]) -> list[Place]:
-    """Kind and joint of each effect."""
+    """The kind and joint of each effect."""
     return [(effect["kind"], effect["joint"]) for effect in effects]
 
 
 def said_by(concealed: Json, named: list[Place]) -> list[int]:
-    """Which of the named effects say the concealed one: its own name, or those of an equivalent."""
+    """The named effects that mean the concealed one: its own name, or that of an equivalent."""
     own = (concealed["kind"], concealed["joint"])
     if own in named:
         return [named.index(own)]
@@ -40,7 +40,7 @@ def said_by(concealed: Json, named: list[Place]) -> list[int]:
 
 
 def sort_of(truth: Json) -> str:
-    """`negative`, `single`, `double`, `outside` or `setup`."""
+    """Sort of a case: `negative`, `single`, `double`, `outside` or `setup`."""
     if truth.get("setup"):
         return "setup"
     effects = truth["effects"]
@@ -50,21 +50,21 @@ def sort_of(truth: Json) -> str:
 
 
 def group_of(truth: Json) -> str:
-    """What is concealed, by kind."""
+    """The kinds of the concealed effects."""
     if truth.get("setup"):
         return str(truth["setup"][0]["kind"])
     return " + ".join(effect["kind"] for effect in truth["effects"]) or "nothing"
 
 
 def words(answer: Json) -> str:
-    """The answer in a few words."""
+    """Short text of the answer."""
     found = [f"{kind}{'' if joint is None else ' of ' + joint}" for kind, joint in places(answer.get("effects", []))]
     found += [f"{it['kind']}{'' if it.get('joint') is None else ' of ' + it['joint']}" for it in answer.get("setup", [])]
     return f"{answer.get('verdict', 'failed')}: {', '.join(found)}".removesuffix(": ")
 
 
 def judge(truth: Json, answer: Json) -> Judged:
-    """Compares `answer` with `truth`."""
+    """Scores `answer` against `truth`."""
     outcome = _setup(truth, answer) if truth.get("setup") else _outcome(truth, answer)
     covered = tuple(_covered(truth, answer)) if outcome == "right" else ()
     return Judged(group_of(truth), outcome, words(answer), covered)
@@ -106,13 +106,13 @@ def _one_of(truth: Json, answer: Json) -> str:
 
 
 def _setup(truth: Json, answer: Json) -> str:
-    """Right: every fault by its kind, at its joint or for all, none beside it, and no effect invented behind it."""
+    """Right means: the answer has the kind and joints of every fault, no other fault, and no false effect."""
     kinds = {(fault["kind"]): fault for fault in truth["setup"]}
     found = answer.get("setup", [])
     if answer.get("verdict") == "failed":
-        # Times that are no seconds are refused with what to do about it.
+        # The program rejects times in another unit, with the remedy.
         return "right" if "time_unit" in kinds and "column t" in answer.get("why", "") else "failed"
-    # A data sheet without friction misses it whatever the set-up is.
+    # A data sheet without friction lacks it with any set-up.
     known = () if truth.get("friction", True) else ("coulomb_friction", "viscous_friction", "stribeck_friction", "asymmetric_friction")
     invented = [kind for kind, _ in places(answer.get("effects", [])) if kind not in known]
     if not found:
@@ -127,7 +127,7 @@ def _setup(truth: Json, answer: Json) -> str:
 
 
 def _covered(truth: Json, answer: Json) -> list[bool]:
-    """Whether intervals of parameters that are numbers hold the truth; angles that turn, and weak parameters, are left out."""
+    """Whether the intervals of numeric parameters contain the true values. Excludes cyclic angles and weak parameters."""
     held = []
     for concealed in truth["effects"]:
         for effect in answer["effects"]:
@@ -141,7 +141,7 @@ def _covered(truth: Json, answer: Json) -> list[bool]:
 
 
 def pushes(truth: Json, answer: Json) -> tuple[int, int, int]:
-    """Pushes that were found at their joint or at the tool within 50 ms and a quarter of their impulse; all pushes; pushes that are not there."""
+    """The numbers of found pushes, all pushes and false pushes. A found push has the right joint (or the tool), a time within 50 ms and an impulse within a quarter."""
     named = [effect for effect in answer.get("effects", []) if effect["kind"] in ("external_torque", "external_force")]
     used: set[int] = set()
     for concealed in truth["effects"]:

@@ -1,8 +1,8 @@
-"""Counts what is right where commanded and measured positions were all that was recorded: `python proof/peers/servos.py RECEIPT_OR_FOLDER...`
+"""Counts right answers for recordings of commanded and measured positions alone: `python proof/peers/servos.py RECEIPT_OR_FOLDER...`
 
-Takes receipts of `freeplay blind --generator mujoco-servos` and folders of open cases that `measure.py` has answers for. A machine conceals several
-effects at once: a case is right where all are named and nothing else, partly right where what is named is there, wrong where something named is not
-there. Findings are counted one by one beside that.
+Reads receipts of `freeplay blind --generator mujoco-servos`, and folders of open cases with answers from `measure.py`. A machine conceals several
+effects at once. A case is right if the answer names all of them and no other, partly right if it names only concealed effects, and wrong if it names
+a false effect. The script also counts the findings one by one.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scores import Json
 
 
 def cases(path: Path) -> dict[str, tuple[Json, Json]]:
-    """Truth and answer of each case of a receipt, or of a folder of open cases."""
+    """True effects and answer of each case, from a receipt or a folder of open cases."""
     if path.is_dir():
         answers = json.loads((path / "answers.json").read_text())
         return {name: (json.loads((path / name / "truth.json").read_text()), answer) for name, answer in answers.items()}
@@ -26,7 +26,7 @@ def cases(path: Path) -> dict[str, tuple[Json, Json]]:
 
 
 def main() -> None:
-    """Prints the tables."""
+    """Prints the counts."""
     parser = argparse.ArgumentParser(description="Counts what is right on cases of commanded and measured positions.")
     parser.add_argument("paths", type=Path, nargs="+")
     asked = parser.parse_args()

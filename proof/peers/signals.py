@@ -1,4 +1,4 @@
-"""What every method of the head-to-head is given: the data sheet, and filtered signals of the training and of the held-out part."""
+"""Input of every method in the comparison: the data sheet, and filtered signals of the training part and of the held-out part."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Matrix = np.ndarray
 
 @dataclass(frozen=True)
 class Signals:
-    """Rows of one part of the data, one column a joint."""
+    """Rows of one part of the data, with one column for each joint."""
 
     t: Matrix
     q: Matrix
@@ -48,27 +48,27 @@ class Signals:
     """Where each joint moves and has moved in the same direction as far as the low-pass looks."""
 
     def rows(self, some: slice) -> Signals:
-        """A part of the rows."""
+        """The signals in a part of the rows."""
         return Signals(*(getattr(self, name)[some] for name in self.__dataclass_fields__))
 
 
 @dataclass(frozen=True)
 class Case:
-    """A case as the methods see it."""
+    """Input of the methods for one case."""
 
     sheet: Arm
     train: Signals
     test: Signals
 
     def nominal(self, signals: Signals) -> Matrix:
-        """Torque of the data sheet with its friction, N·m."""
+        """Predicted torque of the data sheet with its friction, N·m."""
         viscous = np.array([joint.viscous for joint in self.sheet.joints])
         coulomb = np.array([joint.coulomb for joint in self.sheet.joints])
         return signals.rigid + viscous * signals.v + coulomb * signals.turn
 
 
 def sheet_of(path: Path) -> Arm:
-    """The arm of a `model.toml`."""
+    """Reads the arm of a `model.toml`."""
     file = tomllib.loads(path.read_text())
     joints = []
     for table in file["joint"]:
@@ -90,7 +90,7 @@ def sheet_of(path: Path) -> Arm:
 
 
 def signals_of(path: Path, sheet: Arm) -> Signals:
-    """A recording, filtered and thinned."""
+    """Reads a recording, filters it and reduces its rate."""
     names = path.open().readline().strip().split(",")
     table = np.loadtxt(path, delimiter=",", skiprows=1)
     rate = 1.0 / np.median(np.diff(table[:, 0]))
@@ -112,7 +112,7 @@ def signals_of(path: Path, sheet: Arm) -> Signals:
 
 
 def case_of(folder: Path) -> Case:
-    """The case in `folder`: `second.csv` is held out, or the end of the only recording."""
+    """Reads the case in `folder`. `second.csv`, or the end of the only recording, is held out."""
     sheet = sheet_of(folder / "model.toml")
     train = signals_of(folder / "recording.csv", sheet)
     if (folder / "second.csv").is_file():
@@ -122,7 +122,7 @@ def case_of(folder: Path) -> Case:
 
 
 def error(case: Case, signals: Signals, predicted: Matrix) -> Matrix:
-    """Root mean square of measured minus predicted torque by joint, where it moves; NaN where it never does."""
+    """Root mean square of measured minus predicted torque, by joint, in rows with motion. NaN without motion."""
     wrong = np.where(signals.moving, signals.tau - predicted, 0.0)
     count = signals.moving.sum(axis=0)
     return np.sqrt((wrong**2).sum(axis=0) / np.where(count > 0, count, np.nan))

@@ -1,8 +1,8 @@
-"""Measures the processor time of each engine itself, with tasks that only sleep: a constant, a share for each task, and one for each second.
+"""Measures the processor time of each engine, with tasks that only sleep: a constant, a cost for each task, and a cost for each second.
 
     python python/benchmarks/engine_cost.py local hyperqueue dask
 
-A row an engine at two workers. The processor time of the tasks' own processes is that of `local`, which only starts and awaits them.
+Prints one row for each engine, with two workers. `local` only starts the tasks and waits for them: its row is the cost of the tasks' processes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Asleep(_campaign_engines.Work):
 
 
 def used(engine: str, tasks: int, seconds: float) -> float:
-    """Processor time, s, of a process that has `engine` carry out `tasks` tasks of `seconds`, with its import."""
+    """Processor time, s, of a process that imports `engine` and runs `tasks` tasks of `seconds` each."""
     command = [sys.executable, __file__, "--one", engine, str(tasks), str(seconds)]
     return float(json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout))
 

@@ -1,14 +1,14 @@
-"""Runs one blind proof undisturbed in one process and then spread by each engine while tasks are killed at random, and compares the receipts.
+"""Runs one blind test in one process, repeats it with each engine while it kills tasks at random, and compares the receipts.
 
     python python/benchmarks/killed_campaigns.py CASES SHARDS FOLDER 0.1 hyperqueue dask
     python python/benchmarks/killed_campaigns.py CASES SHARDS FOLDER 0 local hyperqueue dask local hyperqueue dask
 
-FREEPLAY_EXECUTABLE names the executable. The cases are those of `python/examples/pendulum_cases.py`. The share of the tasks that is named is killed, each
-once, at a random moment of its first try (SIGKILL to the task's process). Chance draws the tasks; for one that ended before its moment came, another
-one is drawn among those that have not begun. The receipt of the one process is kept in FOLDER and used
-again. A row an engine: tasks killed; wall and processor time of the campaign with all its processes; the part of it that neither a finished task nor the
-merge used, which is the engine and lost tries; the share of the workers' time in which tasks ran; and whether the receipt is that of the one process
-to the byte.
+FREEPLAY_EXECUTABLE names the executable. `python/examples/pendulum_cases.py` generates the cases. The number after FOLDER is the share of the tasks that
+the benchmark kills. It draws the tasks at random, and kills each once at a random moment of its first attempt (SIGKILL to the task's process). If a
+task ends before its moment, the benchmark draws another one that has not begun. FOLDER keeps the receipt of the one process for later calls. Each
+engine has one row: killed tasks; wall and processor time of the campaign with all its processes; the part of the processor time outside of finished
+tasks and the merge, for the engine and lost attempts; the share of the workers' time in which tasks ran; and the comparison of the receipts, byte by
+byte.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ SEED, WORKERS = 2026, 2
 class Killer(threading.Thread):
     """Kills `kills` of the `count` tasks of the campaign in `folder`, each once, after a random part of `span`, s, of its life.
 
-    Whether a task is drawn is decided when it begins, so that each that has not begun is as likely as the next (Knuth 1981, The Art of Computer
-    Programming 2, algorithm S).
+    It decides on each task when the task begins, so that all tasks have the same probability (Knuth 1981, The Art of Computer Programming 2,
+    algorithm S).
     """
 
     def __init__(self, folder: Path, kills: int, count: int, span: float, dice: random.Random) -> None:
@@ -66,7 +66,7 @@ class Killer(threading.Thread):
                         pass
 
     def _at_work(self) -> list[tuple[int, int]]:
-        """Tasks of the campaign that run, and their processes."""
+        """The running tasks of the campaign, and their processes."""
         found = []
         for entry in os.scandir("/proc"):
             if entry.name.isdigit():
@@ -80,7 +80,7 @@ class Killer(threading.Thread):
 
 
 def spread(out: Path, cases: int, shards: int, engine: str, workers: int) -> tuple[float, float]:
-    """Wall and processor time, s, of the campaign in a process of its own, whose children count."""
+    """Wall and processor time, s, of the campaign in its own process, including child processes."""
     words = [sys.executable, "-m", "freeplay", "campaign", "blind", "--cases", str(cases), "--seed", str(SEED), "--generator", str(GENERATOR)]
     words += ["--shards", str(shards), "--engine", engine, "--workers", str(workers), "--out", str(out), "--quiet"]
     begun = time.monotonic()
@@ -92,19 +92,19 @@ def spread(out: Path, cases: int, shards: int, engine: str, workers: int) -> tup
 
 
 def tasks_of(out: Path) -> list[dict[str, Any]]:
-    """What the finished tasks say of themselves."""
+    """The files `task.json` of the finished tasks."""
     return [json.loads(path.read_text()) for path in out.glob("tasks/*/task.json")]
 
 
 def busy(out: Path, workers: int) -> float:
-    """Share of the workers' time, from the first task's begin to the last one's end, in which tasks were at work."""
+    """Share of the workers' time in which tasks ran, from the begin of the first task to the end of the last one."""
     told = tasks_of(out)
     begin, end = min(each["begun"] for each in told), max(each["begun"] + each["seconds"] for each in told)
     return sum(each["seconds"] for each in told) / (workers * (end - begin))
 
 
 def merging(out: Path) -> float:
-    """Processor time, s, of one more merge of a campaign, with the start of Python."""
+    """Processor time, s, of another merge of a campaign, including the start of Python."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     script = "import sys, freeplay; freeplay.Campaign(sys.argv[1]).merge()"
     subprocess.run([sys.executable, "-c", script, str(out)], env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)
@@ -113,7 +113,7 @@ def merging(out: Path) -> float:
 
 
 def undisturbed(out: Path, cases: int) -> bytes:
-    """The receipt of one process, kept from an earlier call or made now."""
+    """The receipt of one process, from an earlier call or from a new run."""
     if not (out / "receipt.json").exists():
         wall, used = spread(out, cases, 1, "local", 1)
         whole = (out / "receipt.json").read_bytes()

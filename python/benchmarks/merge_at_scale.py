@@ -1,10 +1,10 @@
-"""Measures what the merge of a large campaign costs, with generated receipts of which every hash and every score holds.
+"""Measures the cost of merging a large campaign, with generated receipts whose hashes and scores are valid.
 
     python python/benchmarks/merge_at_scale.py FREEPLAY RECEIPT FOLDER 10000 100000 1000000
 
-FREEPLAY is the executable, RECEIPT a `receipt.json` of `freeplay blind` whose cases are repeated under new names, salts and recordings, FOLDER an empty
-folder with room. For each number of cases it writes shards of 1,000 cases as `freeplay campaign` leaves them, merges them, and prints a row: processor
-time and memory of the merge, sizes and numbers of files.
+FREEPLAY is the executable. RECEIPT is a `receipt.json` of `freeplay blind`; the benchmark repeats its cases with new names, salts and recordings. FOLDER
+is an empty folder on a disk with enough space. For each number of cases the benchmark writes shards of 1,000 cases in the format of `freeplay
+campaign`, merges them, and prints a row: processor time and memory of the merge, sizes and numbers of files.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Text = dict[str, tuple[str, str]]
 
 
 def canonical(value: Any) -> str:
-    """The text that the hashes of a receipt are over."""
+    """The text over which a receipt computes its hashes."""
     if isinstance(value, dict):
         return "{" + ",".join(f"{canonical(key)}:{canonical(value[key])}" for key in sorted(value)) + "}"
     if isinstance(value, list):
@@ -44,7 +44,7 @@ def short(value: Any) -> str:
 
 
 class Shards:
-    """Shards of a set of `cases` cases, made of those of `receipt`."""
+    """Generates shards of a set with `cases` cases, which repeat those of `receipt`."""
 
     def __init__(self, receipt: dict[str, Any], cases: int, program: str, scratch: Path) -> None:
         self.part = receipt["parts"][0]
@@ -52,13 +52,13 @@ class Shards:
         names = list(receipt["cases"])
         self.files = [self.part["sealed"][name] for name in names]
         records = [receipt["cases"][name] for name in names]
-        # What the cases share, once: as it stands in the file, and as it is hashed.
+        # The common parts of the cases, as text of the file and as text for the hash.
         self.texts: list[Text] = [{field: (short(each[field]), canonical(each[field])) for field in ("truth", "answer", "outcome")} for each in records]
         self.isolation: dict[str, int] = {}
         self.score = self._score(records, program, scratch)
 
     def _score(self, records: list[dict[str, Any]], program: str, scratch: Path) -> Any:
-        """The score of one shard, which all have, for all hold the same answers: the program gives it for a folder that somebody else sealed."""
+        """The score of one shard. All shards have the same answers, so it is the score of each. `freeplay blind --score` computes it."""
         folder = scratch / "scored"
         rows = self._rows(1)
         text = self._receipt(rows, None, "null", revealed=False)
@@ -70,10 +70,10 @@ class Shards:
         return json.loads(subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True).stdout)
 
     def _rows(self, shard: int) -> dict[str, tuple[str, int, dict[str, Any], str]]:
-        """Of each case of a shard, by its name: salt, which case of the receipt it repeats, files, commitment."""
+        """For each case of a shard, by its name: salt, number of the repeated case of the receipt, files, commitment."""
         key, rows = self._key(shard), {}
         indices = {digest(f"name\n[{json.dumps(key)},{index}]")[:16]: index for index in range(shard - 1, self.cases, self.count)}
-        # By the order of the names, so that sums over a shard come to the same to the last digit.
+        # In the order of the names, so that sums over a shard have the same rounding errors.
         for place, name in enumerate(sorted(indices)):
             which, index = place % len(self.texts), indices[name]
             salt = digest(f"salt {index}")[:32]
@@ -87,7 +87,7 @@ class Shards:
         return digest(f"key {shard}")[:32]
 
     def text(self, shard: int) -> str:
-        """The receipt of a shard, counted from 1."""
+        """Text of the receipt of a shard, counted from 1."""
         quota = {"single": self.cases, "negative": 0, "unknown": 0, "double": 0}
         draw = {**self.part["draw"], "names": self._key(shard), "quota": quota, "shard": [shard, self.count]}
         draw.pop("matrix", None)
@@ -136,7 +136,7 @@ SCHEMA = "freeplay.receipt/2"
 
 
 def campaign(folder: Path, shards: Shards, program: str) -> None:
-    """A folder as `freeplay campaign` leaves it before the merge."""
+    """Writes a folder in the format of `freeplay campaign` before the merge."""
     for shard in range(1, shards.count + 1):
         result = folder / "tasks" / f"{shard - 1:06d}" / "result"
         result.mkdir(parents=True)
@@ -148,7 +148,7 @@ def campaign(folder: Path, shards: Shards, program: str) -> None:
 
 
 def size(folder: Path) -> tuple[int, int]:
-    """Bytes and number of the files below `folder`."""
+    """Total size, bytes, and number of the files in `folder`."""
     files = [Path(base) / name for base, _, names in os.walk(folder) for name in names]
     return sum(file.stat().st_size for file in files), len(files)
 

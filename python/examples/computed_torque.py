@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Computed torque in Python: the rigid arm's inverse dynamics with feedback, to copy and change.
+"""Computed-torque controller in Python: inverse dynamics of the rigid arm with feedback, to copy and change.
 
     freeplay run --controller python/examples/computed_torque.py
 
-Needed: Python 3.11 and `pip install iceoryx2==0.10.0`.
+Requires Python 3.11 and `pip install iceoryx2==0.10.0`.
 """
 
 import math
@@ -31,7 +31,7 @@ class ComputedTorque(freeplay.Controller):
         n, now, wanted = self.n, state.reference, state.reference_next
         if state.mode == freeplay.DRIVEN:
             return freeplay.Answer(wanted.q[:n], wanted.qd[:n], wanted.qdd[:n])
-        # A torque sets in one tick later: where the joints will be then, if they follow the reference until then.
+        # A torque takes effect one tick later. Until then the joints are assumed to follow the reference.
         q, v, wanted_v = [], [], wanted.qd[:n]
         for position, velocity, acceleration in zip(state.q[:n], state.qd[:n], now.qdd[:n]):
             q.append(position + self.period * (velocity + 0.5 * self.period * acceleration))

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""A generator for `freeplay blind` in one file: a driven pendulum in short recordings, with friction, an offset or an elastic stop concealed.
+"""A generator for `freeplay blind` in one file: short recordings of a driven pendulum with concealed friction, offset or elastic stop.
 
     freeplay blind --cases 40 --seed 1 --generator python/examples/pendulum_cases.py
 
-A case takes a fiftieth of the processor time of the built-in machines, so that a campaign of thousands of cases can be tried in minutes. The contract
-of a generator is in proof/mujoco/README.md. Needed: Python 3.10 and nothing else.
+A case takes a fiftieth of the processor time of the built-in machines, so that a campaign with thousands of cases takes minutes. proof/mujoco/README.md
+contains the contract of a generator. Requires Python 3.10 and no packages.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ inertia = { ixx = 0.01, iyy = 0.06, izz = 0.06, ixy = 0.0, ixz = 0.0, iyz = 0.0 
 [tool]
 xyz = [0.6, 0.0, 0.0]
 """
-MASS, COM, INERTIA = 5.0, 0.3, 0.06 + 0.2  # kg, m, kg·m²; the last has the rotor in it
+MASS, COM, INERTIA = 5.0, 0.3, 0.06 + 0.2  # kg, m, kg·m²; the last includes the rotor
 DAMPING, FRICTION, GRAVITY = 0.6, 1.5, 9.81  # N·m·s/rad, N·m, m/s²
 RATE, DURATION, NOISE = 100.0, 8.0, 0.05  # Hz, s, N·m
-# The parameter of each kind, and its values from slight to strong, SI.
+# The parameter of each kind, and its values from weak to strong, SI.
 KINDS = {
     "coulomb_friction": ("coulomb", [0.5, 1.0, 2.5]),
     "viscous_friction": ("viscous", [0.4, 0.8, 2.0]),
     "torque_offset": ("offset", [0.3, 0.7, 2.0]),
 }
-# What no catalogue has: an elastic stop from this angle on, rad, and its stiffness from slight to strong, N·m/rad.
+# Physics outside the catalogue: an elastic stop that begins at this angle, rad, with a stiffness from weak to strong, N·m/rad.
 STOP, STOP_STIFFNESS = 0.25, [4.0, 8.0, 20.0]
 SEVERITIES = ["slight", "clear", "strong"]
 Values = list[float]
 
 
 def motion(dice: random.Random) -> list[tuple[float, float, float, float]]:
-    """Time, position, velocity and acceleration of a sum of three sines."""
+    """Time, position, velocity and acceleration of a motion that is a sum of three sines."""
     sines = [(dice.uniform(0.15, 0.5), 2.0 * math.pi * dice.uniform(0.2, 0.9), dice.uniform(0.0, 2.0 * math.pi)) for _ in range(3)]
     rows = []
     for sample in range(int(DURATION * RATE)):
@@ -61,7 +61,7 @@ def motion(dice: random.Random) -> list[tuple[float, float, float, float]]:
 
 
 def torque(q: float, qd: float, qdd: float, concealed: dict[str, float]) -> float:
-    """The torque of the motor, N·m. The arm lies along x at q = 0 and turns about y, so that its weight pulls with cos q."""
+    """The torque of the motor, N·m. The arm lies along x at q = 0 and rotates about y, so that its weight exerts a torque with cos q."""
     inertia = (INERTIA + MASS * COM**2) * qdd
     weight = MASS * COM * GRAVITY * math.cos(q)
     coulomb = FRICTION + concealed.get("coulomb_friction", 0.0)
@@ -71,14 +71,14 @@ def torque(q: float, qd: float, qdd: float, concealed: dict[str, float]) -> floa
 
 
 def recording(dice: random.Random, concealed: dict[str, float]) -> str:
-    """A recording as CSV."""
+    """Text of a recording as CSV."""
     lines = ["t,q1,tau1"]
     lines += [f"{t:.4f},{q:.8f},{torque(q, qd, qdd, concealed) + dice.gauss(0.0, NOISE):.5f}" for t, q, qd, qdd in motion(dice)]
     return "\n".join(lines) + "\n"
 
 
 def draw(index: int, order: dict[str, Any]) -> tuple[dict[str, float], str]:
-    """What case `index` of the set conceals, and its severity: single effects, controls, what no catalogue has, and pairs, in this order."""
+    """The concealed effects of the case `index`, and their severity. The order is: single effects, controls, outside the catalogue, pairs."""
     dice = random.Random(f"{order['seed']} {index}")
     severity = dice.randrange(3)
     for sort, count in {"single": 1, "negative": 0, "unknown": None, "double": 2}.items():
@@ -91,7 +91,7 @@ def draw(index: int, order: dict[str, Any]) -> tuple[dict[str, float], str]:
 
 
 def make(index: int, name: str, order: dict[str, Any]) -> dict[str, Any]:
-    """Writes the files of a case; its truth."""
+    """Writes the files of a case, and returns its true effects."""
     concealed, severity = draw(index, order)
     dice = random.Random(f"{order['seed']} {index} motion")
     folder = Path(order["folder"]) / name

@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
-"""Replays a recording of a machine in MuJoCo and prints how far the model is from it.
+"""Replays a recording of a machine in MuJoCo, and prints the errors of the model.
 
     python replay_in_mujoco.py MODEL.xml RECORDING.csv
 
-MODEL.xml is what `freeplay export MODEL --to mjcf` writes. The motors follow the recorded positions exactly; gears and journals, which have no
-motor, move as MuJoCo's dynamics have it. The torques that this takes are the model's, as the machine would measure them, and the site
-`tool0` is the model's tool. Measured and model go through the same low-pass. Where the recording has commanded positions and no torques, the
-servos of the model follow the commands in MuJoCo's own dynamics, and the positions are compared; a model without servos is where it is commanded.
-Needs mujoco, numpy and scipy.
+`freeplay export MODEL --to mjcf` writes MODEL.xml. The motors follow the recorded positions exactly. Gears and journals, which have no motor, move by
+MuJoCo's dynamics. The motor torques of this motion are the predicted torques, and the site `tool0` is the predicted tool. Measured and predicted
+values pass through the same low-pass filter. If the recording has commanded positions and no torques, the servos of the model follow the commands
+by MuJoCo's dynamics, and the example compares positions; a model without servos is at the commanded positions. Requires mujoco, numpy and scipy.
 """
 
 import argparse
@@ -21,7 +20,7 @@ from scipy.signal import butter, sosfiltfilt
 
 
 def read(path):
-    """The columns of a CSV recording by name."""
+    """Reads the columns of a CSV recording, by name."""
     with open(path, newline="") as file:
         rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
     names, numbers = rows[0], np.array([[float(cell) for cell in row] for row in rows[1:]])
@@ -29,20 +28,20 @@ def read(path):
 
 
 def evenly(recording):
-    """The recording at even times: a low-pass takes its samples to be so, and stamps jitter."""
+    """Interpolates the recording to uniform times, which the low-pass filter requires: its own time stamps jitter."""
     t = recording["t"]
     even = np.linspace(t[0], t[-1], len(t))
     return even, {name: np.interp(even, t, column) for name, column in recording.items()}
 
 
 def low_pass(rate, cutoff):
-    """A low-pass without phase."""
+    """Zero-phase low-pass filter."""
     sections = butter(2, cutoff, fs=rate, output="sos")
     return lambda columns: sosfiltfilt(sections, columns, axis=0)
 
 
 class Machine:
-    """A model with its drives: one actuator for each joint that has a motor."""
+    """A model with its drives: one actuator for each joint with a motor."""
 
     def __init__(self, path):
         self.model = mujoco.MjModel.from_xml_path(path)
@@ -51,7 +50,7 @@ class Machine:
         self.count = model.nu
         joints = model.actuator_trnid[:, 0]
         self.place, self.dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-        # The control of a servo is a position: its torque is what it is.
+        # The control of a servo is a position, not a torque.
         servo = model.actuator_biasprm[:, 1] != 0.0
         self.gain = np.where(servo, 1.0, model.actuator_gainprm[:, 0])
         self.bias = np.where(servo, 0.0, model.actuator_biasprm[:, 0])
@@ -62,7 +61,7 @@ class Machine:
         delays = getattr(model, "sensor_delay", np.zeros(model.nsensor))
         late = {kind: delays[model.sensor(f"{kind}_{names[0]}").id] for kind in ("q", "tau")}
         self.late = {**late, "tool": delays[model.sensor("tool").id]}
-        # The same machine with motors so heavy that they move as they are told, whatever gears and journals do.
+        # The same machine with motors so heavy that gears and journals do not change their motion.
         self.driven, self.moved = mujoco.MjModel.from_xml_path(path), mujoco.MjData(model)
         self.passive = np.setdiff1d(np.arange(model.nv), self.dof)
         mujoco.mj_forward(self.driven, self.moved)
@@ -84,7 +83,7 @@ class Machine:
         moved.qpos[self.place], moved.qvel[self.dof] = q, v
         moved.qacc[self.dof] = a
         if len(self.passive):
-            # The motors miss `a` by a ten-thousandth of the force on them. Friction that holds a link feels even that, so that what they do counts.
+            # The motors miss `a` by a ten-thousandth of the force on them. Friction that holds a link responds even to that, so the real motion counts.
             moved.qfrc_applied[self.dof] = self.weight * a
             mujoco.mj_forward(self.driven, moved)
         data.qpos[:], data.qvel[:], data.qacc[:] = moved.qpos, moved.qvel, moved.qacc
@@ -96,7 +95,7 @@ class Machine:
         return (force - self.bias) / self.gain, data.site_xpos[self.tool].copy()
 
     def follow(self, t, start, commands):
-        """Positions at the times `t` of servos that begin at rest at `start` and get `commands` as recorded, each held until the next."""
+        """Positions of the servos at the times `t`. They begin at rest at `start` and receive `commands`, each held until the next."""
         model, data = self.model, self.data
         mujoco.mj_resetData(model, data)
         data.qpos[self.place] = start
@@ -109,10 +108,10 @@ class Machine:
         return positions
 
     def settle(self, q):
-        """Lets gears and journals come to rest with the motors held at `q`."""
+        """Simulates 1 s with the motors fixed at `q`, so that gears and journals come to rest."""
         model = self.driven
         damping = model.dof_damping.copy()
-        # Every swing loses half its speed in 30 ms.
+        # The added damping halves the amplitude of an oscillation within 30 ms.
         model.dof_damping[self.passive] += 50.0 * self.inertia[self.passive]
         still = np.zeros(self.count)
         for _ in range(int(1.0 / model.opt.timestep)):
@@ -120,10 +119,10 @@ class Machine:
         model.dof_damping[:] = damping
 
     def replay(self, t, q):
-        """Torques and tool positions at the times `t`, along the recorded positions `q`."""
+        """Predicted torques and tool positions at the times `t`, for the recorded positions `q`."""
         step = self.model.opt.timestep if len(self.passive) else float(t[1] - t[0])
         motion = CubicSpline(t, q)
-        # The machine's time: a position that is recorded at t was there earlier.
+        # Times of the machine: a position with the time stamp t was measured earlier.
         times = np.arange(t[0] - self.late["q"], t[-1], step)
         recorded = np.clip(times + self.late["q"], t[0], t[-1])
         if len(self.passive):
@@ -140,7 +139,7 @@ def rms(column):
 
 
 def compare(path, recording, cutoff):
-    """Root mean square of measured minus model, by channel."""
+    """Root mean square of measured minus predicted values, by channel."""
     machine = Machine(path)
     t, recording = evenly(recording)
     rate = (len(t) - 1) / (t[-1] - t[0])
@@ -154,7 +153,7 @@ def compare(path, recording, cutoff):
     torque, tool = machine.replay(t, smooth(columns("q")))
     model = {f"tau{joint}": torque[:, joint - 1] for joint in joints}
     model.update(zip("xyz", tool.T))
-    # The low-pass needs some time at both ends.
+    # Both ends contain transients of the low-pass filter.
     inner = slice(int(rate * 0.5), -int(rate * 0.5))
     left = {name: smooth(recording[name] - column)[inner] for name, column in model.items() if name in recording}
     return {name: rms(column) for name, column in left.items()}

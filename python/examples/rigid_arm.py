@@ -1,4 +1,4 @@
-"""A rigid arm read from a Freeplay arm file, and its inverse dynamics, with the standard library alone.
+"""Reads a rigid arm from a Freeplay arm file and computes its inverse dynamics, with the standard library alone.
 
 Source: Luh, Walker, Paul 1980, "On-line computational scheme for mechanical manipulators": velocities and accelerations
 from the base outwards, forces from the tool inwards, all in the frames of the links.
@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 class Arm:
-    """The joints of an arm file with inline joints (`model.toml` of a run is one)."""
+    """The joints of an arm file that contains its joints, such as the `model.toml` of a run."""
 
     def __init__(self, path, gravity=None):
         table = tomllib.loads(Path(path).read_text())
@@ -20,12 +20,12 @@ class Arm:
         self.joints = [Joint(joint) for joint in table["joint"]]
 
     def torques(self, q, v, a):
-        """Joint torques (forces) for positions q, velocities v and accelerations a."""
+        """Joint torques (forces) at positions q, velocities v and accelerations a."""
         omega, alpha, acceleration = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), scaled(self.gravity, -1.0)
         wrenches, turns = [], []
         for joint, qi, vi, ai in zip(self.joints, q, v, a):
             turn, offset = joint.frame(qi)
-            # The acceleration of the joint's origin, still in the frame of the link before.
+            # The acceleration of the joint's origin, in the frame of the previous link.
             acceleration = added(acceleration, added(cross(alpha, offset), cross(omega, cross(omega, offset))))
             omega, alpha, acceleration = into(turn, omega), into(turn, alpha), into(turn, acceleration)
             axis = joint.axis
@@ -52,7 +52,7 @@ class Arm:
 
 
 class Joint:
-    """A joint with the link that follows it."""
+    """A joint and the link that it moves."""
 
     def __init__(self, table):
         self.revolute = table["type"] == "revolute"
@@ -70,13 +70,13 @@ class Joint:
         self.rotor_inertia = table.get("rotor_inertia", 0.0)
 
     def frame(self, q):
-        """The link's frame in that of the link before: rotation matrix and offset."""
+        """The link's frame in the frame of the previous link: rotation matrix and offset."""
         if self.revolute:
             return times(self.turn, about(self.axis, q)), self.offset
         return self.turn, added(self.offset, out_of(self.turn, scaled(self.axis, q)))
 
     def wrench(self, omega, alpha, acceleration):
-        """Force and moment about the link's origin that move the link so (Newton and Euler)."""
+        """Force, and moment about the link's origin, that cause the link's acceleration (Newton and Euler)."""
         com = added(acceleration, added(cross(alpha, self.com), cross(omega, cross(omega, self.com))))
         force = scaled(com, self.mass)
         spin = added(out_of(self.inertia, alpha), cross(omega, out_of(self.inertia, omega)))
@@ -100,12 +100,12 @@ def scaled(a, factor):
 
 
 def out_of(m, a):
-    """m a: from the frame of the link into that of the link before, for a rotation m."""
+    """m a: rotates a from the frame of the link to that of the previous link."""
     return dot(m[0], a), dot(m[1], a), dot(m[2], a)
 
 
 def into(m, a):
-    """mᵀ a: from the frame of the link before into that of the link, for a rotation m."""
+    """mᵀ a: rotates a from the frame of the previous link to that of the link."""
     x, y, z = a
     return (
         m[0][0] * x + m[1][0] * y + m[2][0] * z,
@@ -120,7 +120,7 @@ def times(a, b):
 
 
 def about(axis, angle):
-    """The rotation by `angle` about the unit vector `axis` (Rodrigues 1840)."""
+    """Rotation matrix for `angle` about the unit vector `axis` (Rodrigues 1840)."""
     x, y, z = axis
     c, s = math.cos(angle), math.sin(angle)
     t = 1.0 - c
@@ -132,13 +132,13 @@ def about(axis, angle):
 
 
 def of_rpy(rpy):
-    """The rotation by roll, pitch, yaw about the fixed axes x, y, z."""
+    """Rotation matrix for roll, pitch, yaw about the fixed axes x, y, z."""
     roll, pitch, yaw = (about(axis, angle) for axis, angle in zip(((1, 0, 0), (0, 1, 0), (0, 0, 1)), rpy))
     return times(yaw, times(pitch, roll))
 
 
 def of_quaternion(quaternion):
-    """The rotation of the unit quaternion x, y, z, w."""
+    """Rotation matrix of the unit quaternion x, y, z, w."""
     x, y, z, w = quaternion
     size = math.sqrt(x * x + y * y + z * z)
     return about((1, 0, 0), 0.0) if size == 0.0 else about((x / size, y / size, z / size), 2.0 * math.atan2(size, w))

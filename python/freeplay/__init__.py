@@ -1,18 +1,18 @@
-"""Freeplay in Python: it diagnoses which physics a robot model lacks, and runs controllers against arms whose joints have play.
+"""Freeplay in Python: it finds the physics that a robot model lacks, and tests controllers on simulated arms whose joints have play.
 
-The package starts the `freeplay` command that it was installed with and exchanges data as Parquet, MCAP and JSON. Units are SI
-everywhere: rad, m, s, N*m (m and N for slides); a name that ends in `_mm` or `_us` has that unit.
+The package starts the `freeplay` command of its wheel and exchanges data with it as Parquet, MCAP and JSON. Units are SI
+everywhere: rad, m, s, N*m (m and N for prismatic joints). A name that ends in `_mm` or `_us` has that unit.
 
-The names, in the order in which data passes through them:
+The names, in the order of the data flow:
 
-- `Recording` is a recording of a machine, `Arm` a model of it; `compare` measures how far they are apart.
-- `diagnose` finds the missing physics; a `Diagnosis` holds the findings, with pictures and the completed model.
-- `run` plays a scenario under controllers, `Run` holds frames and latencies. You derive your controller from `Controller`; `serve` runs it.
-- `examine` injects faults and judges how a controller and its standby take them.
-- `blind` proves the diagnosis on concealed effects; `campaign` spreads many cases over cores and machines.
-- Every error is a `FreeplayError` with the words of the command.
+- `Recording` is a recording of a machine, and `Arm` is a model of it. `compare` measures the residuals between them.
+- `diagnose` finds the missing physics. A `Diagnosis` holds the findings, their charts and the completed model.
+- `run` simulates a scenario with controllers, and `Run` holds frames and latencies. Derive your controller from `Controller`; `serve` runs it.
+- `examine` injects faults into a controller and judges how the run handles each fault.
+- `blind` tests the diagnosis on concealed effects. `campaign` distributes many cases over cores and machines.
+- Every error is a `FreeplayError` with the message of the command.
 
-The package also has the names of the controller SDK (`State`, `Command`, `Answer`, `Link`, …). `freeplay.controller` is that SDK alone.
+The package also exports the controller SDK (`State`, `Command`, `Answer`, `Link`, …). The module `freeplay.controller` is the SDK alone.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ if TYPE_CHECKING:
     from .recording import Recording
     from .runs import Run, run
 
-# The modules of the names that need pandas. They are imported on first use, so that a controller starts without pandas.
+# The modules that need pandas, by exported name. The first use of a name imports its module, so that a controller starts without pandas.
 _HOMES = {
     "Arm": "arm",
     "Campaign": "campaigns",

@@ -1,4 +1,4 @@
-"""`python -m freeplay` is the command. Its `campaign` is this package's own."""
+"""`python -m freeplay` runs the `freeplay` command. The package itself implements `campaign`."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .errors import FreeplayError
 
 
 def main(arguments: list[str]) -> int:
-    """Carries out the command line `arguments`; the exit code."""
+    """Runs the command line `arguments` and returns the exit code."""
     try:
         if arguments[:1] == ["campaign"]:
             from ._campaign_command import main as campaign
 
-            # SIGTERM ends a campaign as Ctrl-C does, also where a shell started it in the background with SIGINT ignored.
+            # SIGTERM ends a campaign as Ctrl-C does, even if a shell started it in the background and ignores SIGINT.
             for ending in (signal.SIGINT, signal.SIGTERM):
                 signal.signal(ending, signal.default_int_handler)
             return int(campaign(arguments[1:]))

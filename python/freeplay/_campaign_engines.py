@@ -1,7 +1,7 @@
-"""The engines that carry out the tasks of a campaign. Each but `local` is somebody else's; this module fills its queue.
+"""The engines that run the tasks of a campaign. `local` is part of this module; for the others this module fills the queue of another program.
 
-An engine gets the tasks that are not done and returns when all of them have ended, however they ended: the campaign's folder shows which are
-done. An interrupted engine (`KeyboardInterrupt`) leaves the file `stop` in that folder, so that tasks end wherever they run.
+An engine receives the unfinished tasks and returns when all of them have ended, successfully or not: the campaign's folder shows the finished
+ones. An interrupted engine (`KeyboardInterrupt`) creates the file `stop` in that folder, so that the tasks end on all machines.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from .errors import BadUsage, NotInstalled, PeerMissing
 
 @dataclass(frozen=True)
 class Work:
-    """The work of an engine."""
+    """The tasks for an engine, and its settings."""
 
-    #: The campaign's folder, which all workers see under this path.
+    #: Folder of the campaign, which all workers see under this path.
     folder: Path
     #: Numbers of the tasks.
     tasks: Sequence[int]
-    #: Tasks at a time.
+    #: Number of tasks at a time.
     workers: int
-    #: How often a task may be tried.
+    #: Number of attempts for each task.
     attempts: int
-    #: The address of a running cluster; None: the engine starts one of its own.
+    #: Address of a running cluster. None: the engine starts one.
     cluster: str | None
 
     def command(self, task: int) -> list[str]:
-        """The command line of a task. Its file alone, without the package and without site-packages, starts in half the time."""
+        """The command line of a task. It starts the file alone, without the package and site-packages, which halves the start time."""
         return [sys.executable, "-I", "-S", _campaign_task.__file__, str(self.folder), str(task)]
 
     @contextlib.contextmanager
     def ends_with_interrupt(self) -> Iterator[None]:
-        """Has the tasks end, wherever they run, when the body is interrupted."""
+        """Context manager: if its body is interrupted, the tasks end on all machines."""
         try:
             yield
         except KeyboardInterrupt:
@@ -55,14 +55,14 @@ class Work:
 
 
 def environment() -> dict[str, str]:
-    """The variables that a task needs: the path of this package."""
+    """The environment variables for a task: the path of this package."""
     package = str(Path(__file__).resolve().parent.parent)
     known = os.environ.get("PYTHONPATH")
     return {"PYTHONPATH": package if not known else f"{package}{os.pathsep}{known}"}
 
 
 def local(work: Work) -> None:
-    """Processes on this machine, `workers` at a time."""
+    """Runs the tasks as processes on this machine."""
     env = {**os.environ, **environment()}
 
     def one(task: int) -> None:
@@ -77,14 +77,14 @@ def local(work: Work) -> None:
 
 
 def hyperqueue(work: Work) -> None:
-    """HyperQueue: a job with a task each, on a server of one's own or on one with a worker that is started here."""
-    # The campaign shows the progress of every engine alike.
+    """Runs the tasks with HyperQueue, as one job, on the given server or on a new one with one worker on this machine."""
+    # The campaign itself shows the progress.
     os.environ.setdefault("TQDM_DISABLE", "1")
     try:
         from hyperqueue import Client, Job
         from hyperqueue.cluster import LocalCluster, WorkerConfig
     except ImportError:
-        raise NotInstalled("engine hyperqueue needs the package hyperqueue: pip install hyperqueue") from None
+        raise NotInstalled("the engine hyperqueue needs a package: pip install hyperqueue") from None
     job = Job(max_fails=None, default_workdir=work.folder, default_env=environment(), name="freeplay")
     for task in work.tasks:
         job.program(work.command(task), name=str(task), stdout=None, stderr=None, crash_limit=work.attempts)
@@ -99,16 +99,16 @@ def hyperqueue(work: Work) -> None:
             client = _connected("HyperQueue's server", work.cluster, lambda: Client(work.cluster))
         submitted = client.submit(job)
         stack.enter_context(work.ends_with_interrupt())
-        # The server runs a task of a lost worker again. The campaign hands one over anew that failed by itself.
+        # The server repeats the tasks of lost workers. The campaign repeats tasks that failed.
         try:
             client.wait_for_jobs([submitted], raise_on_error=False)
         except Exception as error:
-            # HyperQueue raises nothing more special where its server ends.
-            raise PeerMissing(f"HyperQueue's server is gone ({_brief(error)}). Finished tasks stay; the same call goes on with the others") from None
+            # HyperQueue has no more specific exception for the end of its server.
+            raise PeerMissing(f"HyperQueue's server is gone ({_brief(error)}). Finished tasks stay; the same call continues with the others") from None
 
 
-# Dask samples its threads, its event loop and its memory up to a hundred times a second, and serves pages about that. A cluster that only starts
-# processes needs none of it.
+# Dask samples its threads, its event loop and its memory up to a hundred times a second, and serves pages with the results. A cluster that only
+# starts processes does not need them.
 QUIET_DASK = {
     "distributed.worker.profile.enabled": False,
     "distributed.worker.memory.monitor-interval": "10s",
@@ -121,22 +121,22 @@ QUIET_DASK = {
 
 
 def dask(work: Work) -> None:
-    """Dask distributed: a future a task, with Dask's retries, on a given scheduler or on a local cluster."""
+    """Runs the tasks with Dask distributed, each as a future with Dask's retries, on the given scheduler or on a local cluster."""
     try:
         import dask as dask_package
         from distributed import Client, LocalCluster, wait
     except ImportError:
-        raise NotInstalled("engine dask needs the package distributed: pip install distributed") from None
-    # Keys of a scheduler that others use, too.
+        raise NotInstalled("the engine dask needs a package: pip install distributed") from None
+    # The keys are unique, because other clients may use the same scheduler.
     env, name = environment(), _own_name()
     with contextlib.ExitStack() as stack:
-        # Dask tries a failed task again. The campaign tells of one that fails to the end.
+        # Dask repeats a failed task. The campaign reports a task that fails in all attempts.
         for part in ("worker", "client"):
             stack.enter_context(_silent(logging.getLogger(f"distributed.{part}")))
         address: Any = work.cluster
         if work.cluster is None:
             stack.enter_context(dask_package.config.set(QUIET_DASK))
-            # Threads: a task is a process anyway, and a script needs no guard against being imported by its own workers.
+            # Workers are threads: each task is a process anyway, and a script needs no guard against an import by its own workers.
             cluster = LocalCluster(n_workers=work.workers, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
             address = stack.enter_context(cluster)
         client = stack.enter_context(_connected("Dask's scheduler", address, lambda: Client(address)))
@@ -148,12 +148,12 @@ def dask(work: Work) -> None:
         try:
             wait(futures)
         except Exception:
-            raise PeerMissing("Dask's scheduler is gone, or cancelled the tasks. Finished tasks stay; the same call goes on with the others") from None
+            raise PeerMissing("Dask's scheduler is gone, or it cancelled the tasks. Finished tasks stay; the same call continues with the others") from None
 
 
 def _in_dask(command: list[str], env: dict[str, str]) -> int:
-    """Runs a task on a worker; raises where it fails, so that Dask tries it again."""
-    # HyperQueue and Slurm end a lost worker's tasks; Dask would leave them at work beside their second try.
+    """Runs a task on a worker. Raises if the task fails, so that Dask repeats it."""
+    # HyperQueue and Slurm end the tasks of a lost worker. With Dask they would continue beside their second attempt.
     command = [*command, "--with-parent"]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={**os.environ, **env})
     done.check_returncode()
@@ -161,9 +161,9 @@ def _in_dask(command: list[str], env: dict[str, str]) -> int:
 
 
 def slurm(work: Work) -> None:
-    """Slurm: a job array, which Slurm puts into the queue again where a node fails; `cluster` names the partition."""
+    """Runs the tasks with Slurm, as a job array that Slurm requeues if a node fails. `cluster` names the partition."""
     if shutil.which("sbatch") is None:
-        raise NotInstalled("engine slurm needs Slurm's sbatch on the path")
+        raise NotInstalled("the engine slurm needs Slurm's sbatch on the PATH")
     script = work.folder / "slurm.sh"
     exports = "".join(f"export {name}={shlex.quote(value)}\n" for name, value in environment().items())
     words = shlex.join(work.command(0)[:-1])
@@ -171,7 +171,7 @@ def slurm(work: Work) -> None:
     script.chmod(0o700)
     partition = [f"--partition={work.cluster}"] if work.cluster else []
     array = ",".join(_spans(work.tasks))
-    # A name of its own, by which the job can be cancelled: `sbatch --wait` tells the job's number only at the end.
+    # The unique name lets scancel find the job: `sbatch --wait` prints the job's number only at the end.
     name = _own_name()
     command = [
         "sbatch", "--wait", "--quiet", "--requeue", "--cpus-per-task=1", f"--job-name={name}", "--output=/dev/null",
@@ -183,18 +183,18 @@ def slurm(work: Work) -> None:
     except KeyboardInterrupt:
         subprocess.run(["scancel", f"--name={name}"], stdin=subprocess.DEVNULL, capture_output=True, check=False)
         raise
-    # `--wait` gives the greatest exit code of the tasks; only what sbatch itself says is an error of the engine.
+    # With `--wait` the exit code is the greatest one of the tasks. Only a message of sbatch itself is an error of the engine.
     if done.returncode and done.stderr.strip().startswith("sbatch: error"):
-        raise PeerMissing(f"Slurm took no job: {done.stderr.strip()}")
+        raise PeerMissing(f"Slurm rejected the job: {done.stderr.strip()}")
 
 
 def _connected(what: str, address: object, connect: Callable[[], Any]) -> Any:
-    """The connection that `connect` makes.
+    """Calls `connect` and returns the connection.
 
     Raises
     ------
     PeerMissing
-        Nobody answers at `address`.
+        `connect` fails.
     """
     try:
         return connect()
@@ -203,13 +203,13 @@ def _connected(what: str, address: object, connect: Callable[[], Any]) -> Any:
 
 
 def _brief(error: Exception) -> str:
-    """What an error says in one line, without the back trace that HyperQueue puts into it."""
+    """The message of an error in one line, without HyperQueue's stack trace."""
     lines = str(error).partition("Stack backtrace")[0].splitlines()
     return " ".join(line.strip() for line in lines if line.strip()) or type(error).__name__
 
 
 def _spans(numbers: Sequence[int]) -> list[str]:
-    """`numbers` as spans, such as 0-3 and 7."""
+    """Ranges of consecutive `numbers` as text, such as 0-3 and 7."""
     spans: list[list[int]] = []
     for number in sorted(numbers):
         if spans and spans[-1][1] == number - 1:
@@ -221,7 +221,7 @@ def _spans(numbers: Sequence[int]) -> list[str]:
 
 @contextlib.contextmanager
 def _without_stdout() -> Iterator[None]:
-    """Discards a library's standard output, which belongs to the campaign's result."""
+    """Context manager that discards standard output, which only the campaign's result may use."""
     sys.stdout.flush()
     kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
@@ -234,13 +234,13 @@ def _without_stdout() -> Iterator[None]:
 
 
 def _own_name() -> str:
-    """A name that no other campaign has."""
+    """A unique name for a campaign."""
     return f"freeplay-{uuid.uuid4().hex[:12]}"
 
 
 @contextlib.contextmanager
 def _silent(logger: logging.Logger) -> Iterator[None]:
-    """Logs nothing of `logger`."""
+    """Context manager that silences `logger`."""
     before = logger.level
     logger.setLevel(logging.CRITICAL + 1)
     try:
@@ -253,17 +253,17 @@ ENGINES = {"local": local, "hyperqueue": hyperqueue, "dask": dask, "slurm": slur
 
 
 def start(engine: str, work: Work) -> None:
-    """Has `engine` do the work.
+    """Runs the tasks of `work` with `engine`.
 
     Raises
     ------
     BadUsage
-        There is no such engine.
+        The engine is unknown.
     NotInstalled
         The package or program of the engine is missing.
     PeerMissing
-        The cluster does not answer, or is gone.
+        The cluster does not answer, or it ended.
     """
     if engine not in ENGINES:
-        raise BadUsage(f"unknown engine {engine!r}: there are {', '.join(ENGINES)}")
+        raise BadUsage(f"unknown engine {engine!r}: choose one of {', '.join(ENGINES)}")
     ENGINES[engine](work)

@@ -1,4 +1,4 @@
-"""Progress of a campaign, the same for every engine."""
+"""Progress display of a campaign, for every engine."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-# Time between two looks at the folder, s.
+# Period of the checks, s.
 LOOK = 0.5
 
 
 class Watcher:
-    """Reports how many of `count` tasks are done: how many folders `tasks` holds under their final names."""
+    """Reports the number of finished tasks out of `count`. It counts the folders in `tasks` with final names."""
 
     def __init__(self, tasks: Path, count: int, tell: Any) -> None:
         self.tasks, self.count, self.tell = tasks, count, tell
@@ -22,6 +22,7 @@ class Watcher:
         self.thread = threading.Thread(target=self._watch, daemon=True)
 
     def done(self) -> int:
+        """Number of finished tasks."""
         return sum(1 for entry in os.scandir(self.tasks) if not entry.name.startswith("."))
 
     def __enter__(self) -> Watcher:
@@ -46,5 +47,5 @@ class Watcher:
     def _say(self, done: int) -> None:
         seconds = time.monotonic() - self.begun
         new = done - self.before
-        rest = f", about {(self.count - done) * seconds / new:.0f} s to go" if 0 < new and done < self.count else ""
+        rest = f", about {(self.count - done) * seconds / new:.0f} s left" if 0 < new and done < self.count else ""
         self.tell(f"campaign  {done} of {self.count} tasks, {seconds:.0f} s{rest}")

@@ -1,6 +1,6 @@
-"""The receipt of a campaign: the result of every case, to the byte the same however the cases were spread.
+"""The receipt of a campaign: the result of every case. Its bytes do not depend on the distribution of the cases.
 
-Cases go from the shards to the receipt through files, in the order of their hashes, so that memory does not grow with their number.
+Files sort the cases of all shards by their hashes, so that the memory does not grow with their number.
 """
 
 from __future__ import annotations
@@ -15,33 +15,33 @@ from pathlib import Path
 from typing import Any
 
 SCHEMA = "freeplay.campaign/1"
-#: Fields that differ from run to run of the same case: times, machines, salts, and drawn names.
+#: Fields that change from run to run of the same case: times, machines, salts, and drawn names.
 VOLATILE = frozenset({
     "latency_us", "deadlines", "machine", "salt", "cpu_seconds", "seconds", "isolation", "files", "config_hash", "freeplay", "scenario",
 })  # fmt: skip
-# Characters that a bucket holds in memory before it writes them to its file.
+# Number of characters that a bucket collects in memory before it writes them to its file.
 HELD = 1 << 18
 
 
 def canonical(value: Any) -> str:
-    """One text for one JSON value."""
+    """The canonical text of a JSON value: sorted keys, no spaces."""
     return json.dumps(value, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
 
 
 def steady(value: Any) -> Any:
-    """`value` without the fields that differ from run to run."""
+    """`value` without the fields in `VOLATILE`."""
     if isinstance(value, dict):
         return {name: steady(held) for name, held in value.items() if name not in VOLATILE}
     return [steady(held) for held in value] if isinstance(value, list) else value
 
 
 def own_name(folder: Path, what: str) -> Path:
-    """A name in `folder` that no other merge has."""
+    """A path in `folder` that is unique to this process and thread."""
     return folder / f".{what}-{os.getpid()}-{threading.get_ident()}"
 
 
 class Sorted:
-    """Texts in the order of their hashes, however they come. Files of `folder` hold them, one for each of 256 buckets."""
+    """Sorts texts by their hashes. It stores them in files in `folder`, one for each of 256 buckets."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.held = folder, [list[str]() for _ in range(256)]
@@ -50,6 +50,7 @@ class Sorted:
         folder.mkdir(parents=True)
 
     def add(self, text: str) -> None:
+        """Adds a text without line breaks."""
         digest = hashlib.sha256(text.encode()).digest()
         bucket = digest[0]
         self.held[bucket].append(f"{digest.hex()} {text}\n")
@@ -74,8 +75,9 @@ class Sorted:
 
 
 def write(path: Path, head: Mapping[str, Any], cases: Iterable[str]) -> None:
-    """Writes a receipt with the fields of `head` and the texts of `cases` to `path`, whole or not at all. Its `sha256` is that of the canonical text of all else."""
-    # Sorted by name, the cases come before every field of the head.
+    """Writes a receipt with the fields of `head` and the texts of `cases` to `path`, atomically. Its `sha256` is the hash of the canonical text
+    of all other fields."""
+    # In the canonical text the cases precede every field of the head.
     assert all(name > "cases" for name in head)
     whole, part = hashlib.sha256(b'{"cases":['), own_name(path.parent, "receipt")
     with open(part, "w", encoding="utf-8") as file:

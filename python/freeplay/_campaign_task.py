@@ -1,10 +1,10 @@
-"""One task of a campaign: a command, and its results moved to their place as a whole. Engines start it as a process.
+"""One task of a campaign: runs commands, and then moves their results to the final folder atomically. Engines start this file as a process.
 
     python -I -S _campaign_task.py FOLDER NUMBER [--with-parent]
 
-A task may be killed at any moment and started again, also while another process works on it: the first one that finishes leaves the results.
-SIGTERM, SIGINT, or the file `stop` in the campaign's folder end a task: its command ends, and nothing half done stays. With `--with-parent` a task
-also ends with the process that started it. The module imports the standard library alone, because each task starts it anew.
+A task may be killed at any moment and started again, even while another process works on it. The results come from the first process that
+finishes. SIGTERM, SIGINT, or the file `stop` in the campaign's folder end a task with its command; no incomplete results stay. With `--with-parent`
+a task also ends with the process that started it. The module imports only the standard library, because each task starts it again.
 """
 
 from __future__ import annotations
@@ -24,43 +24,43 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
-#: The plan of a campaign, in its folder, and what each task does, a line a task.
+#: Files in a campaign's folder: the plan, and the commands of the tasks, one line for each task.
 PLAN, LINES = "campaign.json", "tasks.jsonl"
-#: The folder of the finished tasks, and those of one task.
+#: Folder of the finished tasks; files and folder of one task; folder with the output of failed tasks.
 TASKS, RESULT, PRINTED, LOG, TASK, FAILED = "tasks", "result", "printed.json", "log.txt", "task.json", "failed"
-#: While this file is in the campaign's folder, tasks end, on whatever machine they are.
+#: While the campaign's folder contains this file, tasks end on all machines.
 STOP = "stop"
-# Exit code of an interrupted task, and the time between two looks for the file, s.
+# Exit code of an interrupted task, and the period of the checks for the file `stop`, s.
 INTERRUPTED, LOOK = 130, 1.0
-# An interrupted command has this long to end in order, s.
+# Time for an interrupted command to end itself, s.
 PATIENCE = 5.0
-# prctl: the signal that a process gets when its parent dies.
+# Option of prctl: signal to a process when its parent dies.
 PR_SET_PDEATHSIG = 1
 
 
 def name_of(number: int) -> str:
-    """The folder of task `number`, counted from 0."""
+    """Name of the folder of the task `number`, counted from 0."""
     return f"{number:06d}"
 
 
 def path_with_python() -> str:
-    """The search path, this interpreter's folder first: a controller that begins with `#!/usr/bin/env python3` finds the packages beside this one,
-    also in an environment that is not activated."""
+    """The PATH with this interpreter's folder in front. A controller that begins with `#!/usr/bin/env python3` then finds the packages of this
+    environment, even if the environment is not activated."""
     return f"{os.path.dirname(sys.executable)}{os.pathsep}{os.environ.get('PATH', os.defpath)}"
 
 
 def points_of(folder: Path, number: int) -> list[dict[str, Any]]:
-    """What task `number` does, one after the other."""
+    """The commands of the task `number`, in order."""
     with open(folder / LINES, encoding="utf-8") as lines:
         return list(json.loads(next(itertools.islice(lines, number, None))))
 
 
 class Stopped(Exception):
-    """The campaign was interrupted."""
+    """The campaign or the task was interrupted."""
 
 
 def perform(folder: Path, number: int) -> int:
-    """Carries out task `number` of the campaign in `folder`; the exit code, 0 if its results are there."""
+    """Runs the task `number` of the campaign in `folder`. Returns the exit code, 0 if the results exist."""
     name = name_of(number)
     final = folder / TASKS / name
     if final.is_dir():
@@ -69,7 +69,7 @@ def perform(folder: Path, number: int) -> int:
         return INTERRUPTED
     plan = json.loads((folder / PLAN).read_text(encoding="utf-8"))
     part = folder / TASKS / f".{name}-{socket.gethostname()}-{os.getpid()}"
-    # A killed task whose process had the same number may have left this folder.
+    # A killed task with the same process number may have left this folder.
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
     try:
@@ -90,7 +90,7 @@ def perform(folder: Path, number: int) -> int:
 
 
 def _carry_out(folder: Path, part: Path, number: int, plan: dict[str, Any]) -> int:
-    """Runs the commands of the task and leaves their results in `part`; the exit code of the first that fails, else 0."""
+    """Runs the commands of the task with their results in `part`. Returns the exit code of the first command that fails, else 0."""
     at, begun, seconds, codes = time.time(), time.monotonic(), [], []
     with open(part / PRINTED, "wb") as printed, open(part / LOG, "wb") as log:
         for point in points_of(folder, number):
@@ -113,12 +113,12 @@ def _carry_out(folder: Path, part: Path, number: int, plan: dict[str, Any]) -> i
 
 
 def _run(command: list[str], printed: IO[bytes], log: IO[bytes], stop: Path) -> int:
-    """Runs `command` until it ends; the exit code.
+    """Runs `command` until it ends, and returns the exit code.
 
     Raises
     ------
     Stopped
-        The file `stop` is there, or a signal ends this process.
+        The file `stop` exists, or a signal ends this process.
     """
     env = {**os.environ, "PATH": path_with_python()}
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=printed, stderr=log, env=env, preexec_fn=_end_with_parent)
@@ -138,13 +138,13 @@ def _run(command: list[str], printed: IO[bytes], log: IO[bytes], stop: Path) -> 
 
 
 def _stop(number: int, _frame: object) -> None:
-    """Ends the task, once."""
+    """Signal handler: ends the task, and ignores further signals."""
     signal.signal(number, signal.SIG_IGN)
     raise Stopped
 
 
 def _keep_words(folder: Path, part: Path, name: str, code: int) -> None:
-    """Keeps what the command said, for the campaign to tell."""
+    """Stores the output of a failed command, which the campaign quotes."""
     said = (part / LOG).read_text(encoding="utf-8", errors="replace")
     failed = folder / FAILED
     failed.mkdir(exist_ok=True)
@@ -152,7 +152,7 @@ def _keep_words(folder: Path, part: Path, name: str, code: int) -> None:
 
 
 def _end_with_parent() -> None:
-    """Has the kernel end this process with its parent, so that a killed task leaves no command at work."""
+    """Requests that the kernel ends this process with its parent, so that the command of a killed task ends too."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 

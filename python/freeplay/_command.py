@@ -1,4 +1,4 @@
-"""Finds the `freeplay` executable and calls it."""
+"""Finds the `freeplay` executable and runs it."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from .errors import InternalFault, NotInstalled, error_of
 
 #: A file or folder.
 PathLike = Union[str, "os.PathLike[str]"]
-#: Receiver of progress: `True` prints lines on standard error, a function gets each line; `None` or `False`: nobody.
+#: Receiver of progress. `True`: lines on standard error. A function: receives each line. `None` or `False`: no progress.
 Progress = Union[Callable[[str], object], bool, None]
 
-# The environment variable that names another executable than the installed one.
+# Environment variable with the path of an executable that replaces the installed one.
 VARIABLE = "FREEPLAY_EXECUTABLE"
 
 
@@ -42,21 +42,21 @@ class Completed:
         try:
             return json.loads(self.stdout)
         except ValueError as error:
-            raise InternalFault(f"the command printed no JSON ({error}): {self.stdout[:200]!r}") from None
+            raise InternalFault(f"the output of the command is not JSON ({error}): {self.stdout[:200]!r}") from None
 
 
 def executable() -> Path:
-    """The executable: the one that FREEPLAY_EXECUTABLE names, the one installed beside this package, or the one on the path.
+    """Path of the executable: the one in FREEPLAY_EXECUTABLE, else the one installed with this package, else the one on the PATH.
 
     Raises
     ------
     NotInstalled
-        There is none.
+        None of them exists.
     """
     named = os.environ.get(VARIABLE)
     if named:
         if not os.access(named, os.X_OK):
-            raise NotInstalled(f"{VARIABLE} names {named}, which is no executable file")
+            raise NotInstalled(f"{VARIABLE} is {named}, which is not an executable file")
         return Path(named).absolute()
     schemes = [sysconfig.get_path("scripts"), sysconfig.get_path("scripts", f"{os.name}_user")]
     for folder in schemes:
@@ -66,7 +66,7 @@ def executable() -> Path:
     found = shutil.which("freeplay")
     if found is None:
         raise NotInstalled(
-            f"the freeplay executable is neither in {schemes[0]} nor on the path: pip install the wheel, or name the executable with {VARIABLE}"
+            f"the freeplay executable is neither in {schemes[0]} nor on the PATH: install the wheel with pip, or set {VARIABLE} to the executable"
         )
     return Path(found).absolute()
 
@@ -91,20 +91,20 @@ def call(
     Parameters
     ----------
     arguments : sequence
-        The words behind `freeplay` on the command line; numbers and paths are written out.
+        The arguments after `freeplay`. Numbers and paths are converted to text.
     accept : sequence of int
-        Exit codes that are no error.
+        Exit codes that raise no error.
     progress : callable, bool or None
-        Gets each line of standard error as it comes.
+        Function that receives each line of standard error immediately.
     cwd : path, optional
-        Folder to run in.
+        Working directory of the command.
     env : dict, optional
-        More variables of the environment.
+        Additional environment variables.
 
     Raises
     ------
     FreeplayError
-        Any other exit code, with the command's words.
+        The exit code is not in `accept`. The exception has the command's message.
     """
     command = [str(executable()), *(str(argument) for argument in arguments)]
     process = subprocess.Popen(
@@ -126,7 +126,7 @@ def call(
         stdout = process.stdout.read()
         code = process.wait()
     except BaseException:
-        # An interrupted command closes its recordings. A command that hangs is killed.
+        # SIGINT lets the command close its recordings. After 10 s SIGKILL ends it.
         process.send_signal(signal.SIGINT)
         try:
             process.wait(10.0)
@@ -142,14 +142,14 @@ def call(
 
 
 def teller(progress: Progress) -> Callable[[str], object] | None:
-    """The function that gets the lines of progress; None: nobody does."""
+    """The function that receives the lines of progress, or None without progress."""
     if progress is True:
         return _in_notebook() or (lambda line: print(line, file=sys.stderr, flush=True))
     return progress or None
 
 
 def _in_notebook() -> Callable[[str], object] | None:
-    """In a notebook: a function that rewrites one line under the cell. A terminal gets one line below the other."""
+    """In a notebook: a function that overwrites one line under the cell. Elsewhere: None, and each line appears below the last."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None
     if shell is None or not hasattr(shell, "kernel"):
@@ -169,23 +169,23 @@ def _pass_on(stream: Any, lines: list[str], tell: Callable[[str], object] | None
 
 
 def _words(completed: Completed) -> str:
-    """The words of a failed command: its output from the last line on that begins with its name or with `error:`."""
+    """The error message of a failed command: its standard error from the last line that begins with `freeplay:` or `error:`."""
     lines = completed.stderr.splitlines()
     starts = [number for number, line in enumerate(lines) if re.match(r"(freeplay|error): ", line)]
     words = "\n".join(lines[starts[-1] :] if starts else lines[-5:]).strip()
     words = re.sub(r"^(freeplay|error): ", "", words)
     points_back = completed.code in (5, 70) or "above" in words
     if points_back and starts and (before := "\n".join(lines[max(0, starts[-1] - 20) : starts[-1]]).strip()):
-        # The last lines of a controller or a plant that ended.
+        # Includes the last lines of a controller or plant that ended.
         words += f"\n{before}"
     if completed.code < 0:
         name = signal.Signals(-completed.code).name
-        words = f"ended by {name}" + (f"; it said: {words}" if words else "")
-    return words or f"ended with exit code {completed.code} and said nothing"
+        words = f"{name} ended the command" + (f"; its last output: {words}" if words else "")
+    return words or f"the command ended with exit code {completed.code} and printed nothing"
 
 
 def options(**values: object) -> list[str]:
-    """Options of a command line: `seed=1` as `--seed 1`; None and False are left out, True stands alone, lists repeat it."""
+    """Command-line options: `seed=1` becomes `--seed 1`. None and False give no option, True gives the flag alone, a list repeats the flag."""
     words: list[str] = []
     for name, value in values.items():
         flag = "--" + name.rstrip("_").replace("_", "-")

@@ -1,4 +1,4 @@
-"""The card of a diagnosis in a notebook."""
+"""HTML of a diagnosis for notebooks."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ if TYPE_CHECKING:
 TITLES = {
     "named": "Found",
     "one_of": "One of several causes",
-    "unknown": "Something without a name",
+    "unknown": "Unknown physics",
     "nothing_missing": "Nothing missing",
     "insufficient_data": "Not enough data",
     "setup": "Recording and model differ in convention",
 }
-# The factor and the name by which a unit is shown.
+# Factor and unit of displayed numbers, by SI unit.
 SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "N*m": (1.0, "N·m")}
-# Legible on white and on black.
+# Both colours have enough contrast on white and on black.
 GIVEN, AFTER = "#cf5c43", "#2a93a5"
 
 
 def card(diagnosis: Diagnosis) -> str:
-    """Verdict, findings, errors, and the next steps."""
+    """HTML with verdict, findings, errors and next steps."""
     checks = [f"CHECK {line}" for line in diagnosis.setup["statement"].dropna()]
     parts = [_html.bullets(checks), _html.table(_found(diagnosis)), bars(diagnosis)]
     same = diagnosis.alternatives
     same = same[same["indistinguishable"]]
     if len(same):
         words = ", ".join(f"{what} at {joint}" if joint else str(what) for what, joint in zip(same["what"], same["joint"]))
-        parts.append(f"<p>This recording can't tell it from: {escape(words)}.</p>")
+        parts.append(f"<p>This recording can't distinguish it from: {escape(words)}.</p>")
     following = diagnosis.json.get("next") or []
     lines = [item if isinstance(item, str) else str(item.get("statement", item)) for item in following]
     parts += [_html.bullets(lines), _html.bullets(diagnosis.notes)]
@@ -48,7 +48,7 @@ def _found(diagnosis: Diagnosis) -> pd.DataFrame:
 
 
 def bars(diagnosis: Diagnosis) -> str:
-    """The errors of the channels as bars: as given, and with the findings."""
+    """Bar chart of the channel errors: the model as given, and with the findings."""
     errors = diagnosis.errors.dropna(subset=["as_given", "with_findings"])
     if errors.empty:
         return ""
@@ -62,7 +62,7 @@ def bars(diagnosis: Diagnosis) -> str:
                 f"<tr><td>{escape(str(channel))}</td><td>{_bar(before / longest, GIVEN)}<br>{_bar(after / longest, AFTER)}</td>"
                 f'<td class="n">{before * scale:.3g}<br>{after * scale:.3g}</td><td>{escape(name)}</td></tr>'
             )
-    key = f'{_bar(0.08, GIVEN)} as given &nbsp; {_bar(0.08, AFTER)} with findings, on data that the search has not seen'
+    key = f'{_bar(0.08, GIVEN)} as given &nbsp; {_bar(0.08, AFTER)} with findings, on held-out data'
     return f'<p class="q">Error RMS: {key}</p><table><tbody>{"".join(rows)}</tbody></table>'
 
 

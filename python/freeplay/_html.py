@@ -1,4 +1,4 @@
-"""HTML for notebooks, in the colours of their theme, light or dark."""
+"""HTML for notebooks with light and dark themes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from html import escape
 
 import pandas as pd
 
-# Text and lines take the colour of the page, so that every theme shows them.
+# Text and lines inherit the colour of the notebook, so that they have contrast in every theme.
 STYLE = """<style>
 .freeplay{font:13px/1.45 system-ui,sans-serif;color:inherit;max-width:64em}
 .freeplay h4{margin:.2em 0 .3em!important;font-size:15px!important;font-weight:600!important}
@@ -24,13 +24,13 @@ STYLE = """<style>
 
 
 def page(title: str, words: str, parts: Sequence[str]) -> str:
-    """A heading, a sentence, and the parts below it."""
+    """HTML of a heading, a sentence and the `parts` below it."""
     sentence = f"<p>{escape(words)}</p>" if words else ""
     return f'{STYLE}<div class="freeplay"><h4>{escape(title)}</h4>{sentence}{"".join(parts)}</div>'
 
 
 def table(frame: pd.DataFrame, limit: int = 20) -> str:
-    """A table of at most `limit` rows; nothing for an empty frame."""
+    """HTML table of the first `limit` rows. An empty frame gives an empty string."""
     if frame.empty:
         return ""
     shown = frame.head(limit)
@@ -51,7 +51,7 @@ def table(frame: pd.DataFrame, limit: int = 20) -> str:
 
 
 def cell(item: object) -> str:
-    """The text of a cell: four significant digits or whole numbers, an interval with "to", a dash for a missing value."""
+    """Text of a cell. Numbers have four significant digits, large ones no decimals. An interval contains "to", a missing value is a dash."""
     if isinstance(item, (tuple, list)):
         return " to ".join(cell(part) for part in item)
     if item is None or item is pd.NA or (isinstance(item, float) and item != item):
@@ -62,7 +62,7 @@ def cell(item: object) -> str:
 
 
 def bullets(lines: Sequence[str], limit: int = 8) -> str:
-    """A list of at most `limit` lines, set back."""
+    """HTML list of the first `limit` lines, in faint text."""
     if not lines:
         return ""
     shown = [escape(line) for line in lines[:limit]]

@@ -1,4 +1,4 @@
-"""Temporary folders that live as long as the objects that use them."""
+"""Temporary folders that are removed together with the objects that use them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 
 class Scratch:
-    """A folder under the system's temporary one; removed with this object, or at the end of the process. A pickle includes its files."""
+    """A temporary folder. It is removed with this object or at the end of the process. A pickle includes its files."""
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="freeplay-"))
@@ -21,7 +21,7 @@ class Scratch:
         return self.path / name
 
     def __deepcopy__(self, memo: dict[int, object]) -> Scratch:
-        # Its files do not change any more, so copies share it.
+        # The files no longer change, so copies share the folder.
         return self
 
     def __getstate__(self) -> dict[str, bytes]:
@@ -37,13 +37,13 @@ class Scratch:
 
 @dataclass(frozen=True)
 class _Inside:
-    """A path in a scratch folder, wherever that is."""
+    """A path relative to a scratch folder."""
 
     path: Path
 
 
 class Portable:
-    """A base of objects that can be copied and pickled with the files of their scratch folder."""
+    """Base class of objects whose copies and pickles include the files of their scratch folder."""
 
     _scratch: Scratch | None
 

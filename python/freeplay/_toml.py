@@ -1,4 +1,4 @@
-"""Values and tables as TOML, for mapping files and the keys of scenarios."""
+"""Writes values and tables as TOML, for mapping files and scenario keys."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def value(item: object) -> str:
     Raises
     ------
     TypeError
-        TOML has no such value.
+        TOML can't represent `item`.
     """
     if hasattr(item, "tolist"):  # of NumPy and pandas
         item = item.tolist()
@@ -31,18 +31,18 @@ def value(item: object) -> str:
         return "{ " + ", ".join(f"{key(name)} = {value(held)}" for name, held in item.items()) + " }"
     if isinstance(item, Sequence):
         return "[" + ", ".join(value(held) for held in item) + "]"
-    raise TypeError(f"a value of type {type(item).__name__} has no place in TOML: {item!r}")
+    raise TypeError(f"TOML cannot represent a value of type {type(item).__name__}: {item!r}")
 
 
 def key(name: str) -> str:
-    """`name` as a key, in quotes where it needs them."""
+    """`name` as a TOML key, quoted if necessary."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
 def leaves(table: Mapping[str, object], above: str = "") -> Iterator[tuple[str, str]]:
-    """The dotted keys of `table` with their values as TOML."""
+    """Pairs of a dotted key and its value as TOML, for all values of `table`."""
     for name, item in table.items():
-        # A name may be dotted already, as on the command line.
+        # A name may contain dots, as on the command line.
         own = name if re.fullmatch(r"[A-Za-z0-9_.-]+", name) else key(name)
         path = f"{above}.{own}" if above else own
         if isinstance(item, Mapping):

@@ -15,20 +15,20 @@ from ._scratch import Portable, Scratch
 
 
 class Arm(Portable):
-    """A model of an arm: a chain of joints, and effects beyond the rigid chain such as play or elasticity.
+    """A model of an arm: a chain of joints, and effects beyond the rigid chain, such as play or elasticity.
 
-    `Arm.read` and `Diagnosis.model` give one.
+    `Arm.read` and `Diagnosis.model` return one.
 
     Attributes
     ----------
     path : Path or "paper"
         The model file.
     tip : str or None
-        The link at the end of the arm, if `Arm.read` was given one.
+        Link of the model at the end of the arm, as passed to `Arm.read`.
     name : str
-        The arm's name.
+        Name of the arm.
     notes : list of str
-        Notes on the file: elements that are not used, and the chain of the robot that was taken.
+        Notes on the file: unused elements, and the selected chain of the robot.
     """
 
     def __init__(self, path: Path | str, tip: str | None, described: dict[str, Any], scratch: Scratch | None = None):
@@ -46,9 +46,9 @@ class Arm(Portable):
         Parameters
         ----------
         path : path
-            A URDF (`.urdf`, `.xml`), a Freeplay arm file (`.toml`), or "paper", the arm of Erkaya (2018).
+            An arm file (URDF, MJCF or TOML), or "paper", the arm of Erkaya (2018).
         tip : str, optional
-            The link at the end of the arm. Without it: `tool0`, else the longest chain without its fingers.
+            Link of the model at the end of the arm. Default: `tool0`, or the end of the longest chain without its fingers.
 
         Returns
         -------
@@ -57,7 +57,7 @@ class Arm(Portable):
         Raises
         ------
         BadInput
-            The file can't be read; the message has the line, the value and the remedy.
+            The file can't be read. The message contains the line, the value and the remedy.
         """
         return cls._read("paper" if str(path) == "paper" else Path(path).absolute(), tip)
 
@@ -68,7 +68,7 @@ class Arm(Portable):
 
     @property
     def joint_names(self) -> list[str]:
-        """Names of the joints from base to tool, length n."""
+        """Names of the n joints, from base to tool."""
         return [joint["name"] for joint in self._described["joints"]]
 
     @property
@@ -78,8 +78,8 @@ class Arm(Portable):
         Returns
         -------
         DataFrame, n rows indexed by joint name
-            kind ("revolute" or "prismatic"); lower, upper (rad; m for a slide); velocity (rad/s, m/s); effort (N*m, N);
-            viscous (N*m*s/rad) and coulomb (N*m) nominal friction; mass (kg) of its link. NaN: no limit.
+            kind ("revolute" or "prismatic"); limits: lower, upper (rad; m for a prismatic joint), velocity (rad/s, m/s), effort (N*m, N);
+            nominal friction: viscous (N*m*s/rad), coulomb (N*m); mass (kg) of the link. NaN: no limit.
         """
         rows = [
             {"kind": joint["kind"], **joint["limits"], **joint["friction"], "mass": joint["mass"]}
@@ -92,12 +92,12 @@ class Arm(Portable):
 
     @property
     def effects(self) -> pd.DataFrame:
-        """The effects beyond the rigid arm that the file has.
+        """The effects beyond the rigid arm in the file.
 
         Returns
         -------
         DataFrame
-            kind, joint (None for one of the whole arm).
+            kind, joint (None for the whole arm).
         """
         return pd.DataFrame(self._described["effects"], columns=["kind", "joint"])
 
@@ -106,6 +106,8 @@ class Arm(Portable):
 
         Raises
         ------
+        ValueError
+            The arm is "paper", which has no file.
         OSError
             The file can't be written.
         """
@@ -123,12 +125,12 @@ class Arm(Portable):
         return _html.page(f"Arm {self.name}", "", [_html.table(self.joints), _html.bullets(notes + self.notes)])
 
 
-#: An arm, or the path of its model file.
+#: An arm, or the path of a model file.
 ArmLike = Union[Arm, PathLike]
 
 
 def model_options(arm: ArmLike) -> list[str]:
-    """`--model` and `--tip` for `arm`."""
+    """The options `--model` and `--tip` for `arm`."""
     if isinstance(arm, Arm):
         return options(model=arm.path, tip=arm.tip)
     if not isinstance(arm, (str, os.PathLike)):

@@ -1,4 +1,4 @@
-"""Campaigns: an engine spreads many cases over cores and machines, and their results are merged into one receipt."""
+"""Campaigns: an engine distributes many cases over cores and machines, and the campaign merges their results into one receipt."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PLAN_SCHEMA = "freeplay.campaign-plan/2"
-# Commands that take no --out.
+# Commands without the option --out.
 PRINT_ONLY = {"cells"}
 
 
@@ -42,38 +42,39 @@ def campaign(
     progress: Progress = None,
     **command_options: object,
 ) -> Campaign:
-    """Spreads a command over cores and machines, and merges the results into one receipt.
+    """Distributes a command or a parameter sweep over cores and machines, and merges the results into one receipt.
 
-    A campaign that was interrupted, or whose machine died or whose disk was full, goes on where it stopped when it is called again with the
-    same arguments and the same `out`. Engine, workers and attempts may differ.
+    After an interruption, a crash or a full disk, the same call continues where the campaign stopped. It needs the same arguments and the same
+    `out`; engine, workers and attempts may differ.
 
     Parameters
     ----------
     command : str
-        "blind", which is cut into shards, or "run", "faults", "swap", "cells", "reference-runs", … with a `sweep`.
+        Command to distribute: "blind", or, with `sweep`, "run", "faults", "swap", "cells", "reference-runs" and others. The campaign divides
+        "blind" into shards.
     *arguments
         Positional arguments of the command: a scenario, a controller.
     out : path
-        Folder for the results; every worker must see it under this path. Results appear in `tasks` as they come.
+        Folder for the results, which every worker sees under this path. Finished tasks appear in its folder `tasks`.
     shards : int, optional
-        Number of tasks. Without it "blind" has four tasks for each worker, and a sweep one for each combination. The receipt does not depend
-        on it. A task of several combinations keeps the printed results, and no folder for each.
+        Number of tasks. Default: four for each worker ("blind"), or one for each combination (sweep). The receipt does not depend on the
+        number. A task with several combinations keeps their printed results, but no folder for each combination.
     sweep : dict, optional
-        Keys of the scenario, and options with their dashes, with the values of each; a task for every combination:
-        `{"path.period": [6, 12], "--seed": range(10)}`.
+        Scenario keys, or options with their dashes, and the values of each: `{"path.period": [6, 12], "--seed": range(10)}`. The campaign runs
+        every combination.
     engine : {"local", "hyperqueue", "dask", "slurm"}
-        The engine that carries out the tasks.
+        Engine that runs the tasks.
     workers : int, optional
-        Tasks at a time; without it one for each core of this machine.
+        Number of tasks at a time. Default: one for each core of this machine.
     cluster : str, optional
-        A running cluster: the server's folder (HyperQueue), the scheduler's address (Dask), the partition (Slurm). Without it the engine
-        starts one on this machine.
+        A running cluster: HyperQueue's server folder, Dask's scheduler address, Slurm's partition. Default: HyperQueue and Dask start a cluster
+        on this machine, and Slurm uses its default partition.
     attempts : int
-        Tries of a task that is killed or fails.
+        Number of attempts for each task.
     keep : bool
-        Whether to keep the sealed recordings of "blind".
+        True: keep the sealed recordings of "blind".
     progress : callable or bool, optional
-        Gets a line as tasks are done; True prints them on standard error.
+        Function that receives a line when tasks are finished. True: print the lines on standard error.
     **command_options
         Options of the command: `cases=2000, seed=7`.
 
@@ -84,13 +85,13 @@ def campaign(
     Raises
     ------
     BadUsage
-        An argument or an option is unknown, or `out` holds another campaign.
+        An argument or an option is unknown, or `out` contains another campaign.
     PeerMissing
-        The cluster does not answer, or is gone.
+        The cluster does not answer, or it ended.
     KeyboardInterrupt
-        Ctrl-C: the tasks end on all machines, finished ones stay.
+        Ctrl-C: the tasks end on all machines. The results of finished tasks stay.
     FreeplayError
-        Tasks failed in all their attempts. The message has the words of the first; finished tasks stay.
+        Tasks failed in all attempts. The message quotes the first failed task. The results of finished tasks stay.
 
     Examples
     --------
@@ -98,13 +99,13 @@ def campaign(
     >>> swept = campaign("run", "s.toml", sweep={"clearance.joint_5": [2e-4, 4e-4]}, out="swept")  # doctest: +SKIP
     """
     if engine not in _campaign_engines.ENGINES:
-        raise BadUsage(f"unknown engine {engine!r}: there are {', '.join(_campaign_engines.ENGINES)}")
+        raise BadUsage(f"unknown engine {engine!r}: choose one of {', '.join(_campaign_engines.ENGINES)}")
     workers = workers or os.cpu_count() or 1
     folder = Path(out).absolute()
     known = _plan_in(folder)
     words = [command, *(str(each) for each in arguments), *options(**command_options)]
     if command == "blind" and _value(words, "--seed") is None:
-        # All shards draw from one seed: that of the plan, so that a campaign that goes on goes on with it.
+        # All shards use one seed. A continued campaign takes it from its plan.
         words += ["--seed", str((known or {}).get("seed") or secrets.randbits(63))]
     if shards is None and known:
         shards = known.get("shards")
@@ -117,16 +118,16 @@ def campaign(
     return found
 
 
-#: The commands of a task in their order: `at` has the swept values, `arguments` the command line.
+#: The commands of a task, in order. `at` contains the swept values, `arguments` the command line.
 Points = list[dict[str, Any]]
 
 
 def _plan(words: list[str], sweep: Mapping[str, Iterable[object]], shards: int | None, many: int, keep: bool) -> tuple[dict[str, Any], list[Points]]:
-    """The plan, and the points of each task; `many`: shards of "blind" where `shards` names no number."""
+    """The plan, and the points of each task. `many` is the default number of shards of "blind"."""
     command, is_proof = words[0], words[0] == "blind" and not sweep
     cut: list[tuple[dict[str, object], list[str]]]
     if is_proof:
-        # Shards are spread, so each uses one core. The command refuses a shard without a case.
+        # Each shard uses one core, because many shards run in parallel. The command rejects a shard without cases.
         words = words if _value(words, "--jobs") else [*words, "--jobs", "1"]
         count = shards or many
         cases = 40 if not {"--full", "--matrix"} & set(words) else count
@@ -136,7 +137,7 @@ def _plan(words: list[str], sweep: Mapping[str, Iterable[object]], shards: int |
         cut = list(_combinations(sweep))
         count = min(shards or len(cut), len(cut))
     else:
-        raise BadUsage(f"{command} is not cut into shards: give a sweep, such as sweep={{'--seed': range(10)}}")
+        raise BadUsage(f"{command} has no shards: give a sweep, such as sweep={{'--seed': range(10)}}")
     folder = [] if command in PRINT_ONLY else ["--out", "{result}"]
     points = [{"at": at, "arguments": [*words, *more, *folder, "--format", "json"]} for at, more in cut]
     seed = _value(words, "--seed")
@@ -150,7 +151,7 @@ def _plan(words: list[str], sweep: Mapping[str, Iterable[object]], shards: int |
 
 
 def _value(words: Sequence[str], flag: str) -> str | None:
-    """The value of an option on a command line."""
+    """The value of the option `flag` in the arguments `words`. None without the option."""
     for word, following in zip(words, [*words[1:], ""]):
         if word == flag:
             return following
@@ -160,7 +161,7 @@ def _value(words: Sequence[str], flag: str) -> str | None:
 
 
 def _combinations(sweep: Mapping[str, Iterable[object]]) -> Iterator[tuple[dict[str, object], list[str]]]:
-    """Every combination of the values of `sweep`, with its words on the command line."""
+    """Every combination of the values of `sweep`, with its command-line arguments."""
     names = list(sweep)
     for values in itertools.product(*(list(sweep[name]) for name in names)):
         words: list[str] = []
@@ -170,28 +171,28 @@ def _combinations(sweep: Mapping[str, Iterable[object]]) -> Iterator[tuple[dict[
 
 
 def _plan_in(folder: Path) -> dict[str, Any] | None:
-    """The plan of the campaign in `folder`, if there is one."""
+    """The plan of the campaign in `folder`. None if the folder has none."""
     path = folder / PLAN
     if not path.exists():
         return None
     try:
         plan = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise BadInput(f"{path}: it is no plan of a campaign ({error}); remove the folder, or choose another") from None
+        raise BadInput(f"{path} is not a plan of a campaign ({error}): remove the folder, or choose another one") from None
     return plan if isinstance(plan, dict) else {}
 
 
 def _lay_out(folder: Path, plan: dict[str, Any], tasks: list[Points], known: dict[str, Any] | None) -> None:
-    """Writes the plan into `folder`, or checks that the folder's own plan is the same."""
+    """Writes the plan to `folder`, or checks that the existing plan in the folder is the same."""
     lines = "".join(json.dumps(points, default=str, ensure_ascii=False) + "\n" for points in tasks)
     if known is not None:
         there = (folder / LINES).read_text(encoding="utf-8") if (folder / LINES).exists() else None
         if {**known, "executable": None} != {**plan, "executable": None} or there != lines:
-            raise BadUsage(f"{folder} holds another campaign: choose another folder, or go on with the same arguments")
+            raise BadUsage(f"{folder} contains another campaign: choose another folder, or give the same arguments")
     elif folder.is_dir() and any(folder.iterdir()):
         raise BadUsage(f"{folder} is not empty: choose another folder")
     (folder / TASKS).mkdir(parents=True, exist_ok=True)
-    # The plan comes last: a folder that has it has all of it.
+    # Writes the plan last, so that a folder with a plan is complete.
     for name, text in ((LINES, lines), (PLAN, json.dumps(plan, indent=1) + "\n")):
         whole = own_name(folder, name)
         whole.write_text(text, encoding="utf-8")
@@ -199,9 +200,9 @@ def _lay_out(folder: Path, plan: dict[str, Any], tasks: list[Points], known: dic
 
 
 def _carry_out(folder: Path, plan: dict[str, Any], engine: str, work: _campaign_engines.Work, progress: Progress) -> None:
-    """Has the engine do what is not done; tasks that were killed or failed are handed over again."""
+    """Runs the unfinished tasks with the engine, and repeats tasks that failed or were killed."""
     count = plan["tasks"]
-    # A campaign that was interrupted left this mark.
+    # An interrupted campaign left this file.
     (folder / STOP).unlink(missing_ok=True)
     try:
         with Watcher(folder / TASKS, count, teller(progress)):
@@ -213,7 +214,7 @@ def _carry_out(folder: Path, plan: dict[str, Any], engine: str, work: _campaign_
                 _campaign_engines.start(engine, asked)
     except KeyboardInterrupt:
         done = count - len(_missing(folder, count))
-        raise KeyboardInterrupt(f"campaign interrupted: {done} of {count} tasks are done, in {folder / TASKS}. Call it again to go on.") from None
+        raise KeyboardInterrupt(f"campaign interrupted: {done} of {count} tasks are done, in {folder / TASKS}. The same call continues the campaign.") from None
     _sweep_out(folder)
     missing = _missing(folder, count)
     if missing:
@@ -222,18 +223,18 @@ def _carry_out(folder: Path, plan: dict[str, Any], engine: str, work: _campaign_
 
 
 def _missing(folder: Path, count: int) -> list[int]:
-    """The tasks that are not done."""
+    """The unfinished tasks."""
     return [task for task in range(count) if not (folder / TASKS / name_of(task)).is_dir()]
 
 
 def _is_hopeless(folder: Path, missing: list[int], count: int) -> bool:
-    """Every task failed, and by itself: another attempt would say the same."""
+    """True if every task failed and no signal ended it: another attempt would fail again."""
     said = [folder / FAILED / f"{name_of(task)}.txt" for task in missing]
     return len(missing) == count and all(path.is_file() and "exit code -" not in path.read_text()[:16] for path in said)
 
 
 def _sweep_out(folder: Path) -> None:
-    """Removes the half-done folders of killed tasks, the last of which may still be ending."""
+    """Removes the incomplete folders of killed tasks. Waits up to 10 s for tasks that have not ended yet."""
     patience = time.monotonic() + 10.0
     while parts := list((folder / TASKS).glob(".*")):
         for part in parts:
@@ -245,33 +246,33 @@ def _sweep_out(folder: Path) -> None:
 
 def _failure(folder: Path, missing: list[int], count: int) -> FreeplayError:
     done = count - len(missing)
-    words = f"{len(missing)} of {count} tasks are not done; {done} are, in {folder / TASKS}. Call it again to go on."
+    words = f"{len(missing)} of {count} tasks are not done; {done} are, in {folder / TASKS}. The same call continues the campaign."
     said = folder / FAILED / f"{name_of(missing[0])}.txt"
     if not said.is_file():
-        return InternalFault(f"{words} The tasks were killed, or their workers are gone.")
+        return InternalFault(f"{words} A signal ended the tasks, or their workers are gone.")
     code, _, log = said.read_text(encoding="utf-8").partition("\n")
     lines = [line.removeprefix("freeplay: ") for line in log.splitlines() if line.startswith(("freeplay: ", "error: "))] or log.splitlines()[-3:]
     number = int(code.rsplit(" ", 1)[-1])
     kind = {2: BadUsage, 3: BadInput}.get(number, InternalFault)
-    return kind(f"{words} The first of them: {' '.join(lines[-1:])} ({code})")
+    return kind(f"{words} Error of the first one: {' '.join(lines[-1:])} ({code})")
 
 
 class Campaign:
-    """A campaign's results.
+    """Results of a campaign.
 
     Attributes
     ----------
     folder : Path
-        The folder of the results; `Campaign(folder)` opens an earlier campaign, finished or not.
+        Folder of the results. `Campaign(folder)` opens an earlier campaign, finished or not.
     command : str
-        The command that was spread.
+        The distributed command.
     """
 
     def __init__(self, folder: PathLike) -> None:
         self.folder = Path(folder).absolute()
         plan = _plan_in(self.folder)
         if plan is None or plan.get("schema") != PLAN_SCHEMA:
-            raise BadInput(f"{self.folder} holds no campaign: it has no {PLAN} of schema {PLAN_SCHEMA}")
+            raise BadInput(f"{self.folder} contains no campaign: it has no {PLAN} with the schema {PLAN_SCHEMA}")
         self._plan = plan
         self.command: str = plan["command"]
 
@@ -281,12 +282,12 @@ class Campaign:
         return [task for task in range(self._plan["tasks"]) if self.folder_of(task).is_dir()]
 
     def folder_of(self, task: int) -> Path:
-        """The folder of a task: `result` with the command's files, `printed.json` with its output, `log.txt`, `task.json`."""
+        """The folder of a task. It contains `result` with the command's files, `printed.json` with its output, `log.txt` and `task.json`."""
         return self.folder / TASKS / name_of(task)
 
     @property
     def receipt(self) -> Path:
-        """`receipt.json`: the result of every case without times and machines, so that it is the same however the cases were spread."""
+        """Path of `receipt.json`: the result of every case, without times and machines. It does not depend on the distribution of the cases."""
         return self.folder / "receipt.json"
 
     @property
@@ -296,8 +297,8 @@ class Campaign:
         Returns
         -------
         DataFrame
-            For "blind" the cases as in `Proof.cases`; else a row for each entry that a task printed: the swept values, the entry's numbers
-            and words, and the task's duration in seconds.
+            For "blind" the cases as in `Proof.cases`. Otherwise one row for each entry that a command printed: the task, the swept values, the
+            numbers and texts of the entry, and the duration of the command, s.
         """
         import pandas as pd
 
@@ -313,14 +314,14 @@ class Campaign:
 
     @property
     def proof(self) -> Any:
-        """The merged `Proof` of "blind"."""
+        """The merged `Proof` of a campaign with "blind"."""
         from .proof import Proof
 
         return Proof(self.folder / "merged")
 
     def merge(self) -> Path:
-        """Merges the finished tasks into one receipt, in time linear in the cases and in memory that does not hold them. Two merges at once
-        leave the same.
+        """Merges the finished tasks into one receipt. The time is proportional to the number of cases; the memory does not grow with it.
+        Simultaneous merges give the same receipt.
 
         Returns
         -------
@@ -347,7 +348,7 @@ class Campaign:
         return self.receipt
 
     def _merged_proof(self) -> dict[str, Any]:
-        """Merges the receipts of the shards into one proof; the parts of its score that do not differ from run to run."""
+        """Merges the receipts of the shards into one proof. Returns the parts of its score that do not change from run to run."""
         part, merged, old = (own_name(self.folder, what) for what in ("merged", "merged", "replaced"))
         merged = self.folder / "merged"
         told = call(["blind", "--merge", *(self.folder_of(task) / RESULT for task in self.done), *options(out=part, format="json")])
@@ -356,14 +357,14 @@ class Campaign:
                 os.rename(merged, old)
             os.rename(part, merged)
         except OSError:
-            # Another merge was faster; it had the same shards or more.
+            # Another merge was faster. It had the same shards or more.
             shutil.rmtree(part, ignore_errors=True)
         shutil.rmtree(old, ignore_errors=True)
         score = told.json()
         return {"outcomes": score["outcomes"], "goals": [goal for goal in score["goals"] if goal.get("unit") != "s"]}
 
     def _printed(self) -> Iterator[tuple[int, dict[str, Any], Any, float]]:
-        """Of each finished case: the number of its task, the swept values, the printed document, and the duration, s."""
+        """For each finished case: the number of its task, the swept values, the printed document, and the duration, s."""
         with open(self.folder / LINES, encoding="utf-8") as lines:
             for task, line in enumerate(lines):
                 folder = self.folder_of(task)
@@ -378,7 +379,7 @@ class Campaign:
 
 
 def _documents(text: str) -> Iterator[Any]:
-    """The JSON documents that stand one after the other in `text`."""
+    """The consecutive JSON documents in `text`."""
     decoder, space, at = json.JSONDecoder(), re.compile(r"\s*"), 0
     while (match := space.match(text, at)) and (at := match.end()) < len(text):
         document, at = decoder.raw_decode(text, at)
@@ -386,7 +387,7 @@ def _documents(text: str) -> Iterator[Any]:
 
 
 def _entries(printed: Any) -> list[dict[str, Any]]:
-    """The rows of a printed document: its list of runs, verdicts, swaps or cells, or the document."""
+    """The rows of a printed document: its list of runs, faults, verdicts, swaps, cells or rows, else the document itself."""
     if isinstance(printed, list):
         return [each for each in printed if isinstance(each, dict)]
     for name in ("runs", "faults", "verdicts", "swaps", "cells", "rows"):
@@ -397,7 +398,7 @@ def _entries(printed: Any) -> list[dict[str, Any]]:
 
 
 def _flat(entry: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """The numbers and words of `entry`, those of its parts with dotted names."""
+    """The numbers and texts of `entry`. Nested ones have dotted names."""
     flat: dict[str, Any] = {}
     for name, held in entry.items():
         if name in _campaign_receipt.VOLATILE:

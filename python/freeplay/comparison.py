@@ -1,4 +1,4 @@
-"""Comparison of a model with a recording."""
+"""Comparison of a recording with the predictions of a model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def compare(
     trim: float | None = None,
     progress: Progress = None,
 ) -> Comparison:
-    """Compares measured channels with those that the model predicts for the recorded motion.
+    """Compares a recording with the predictions of a model for the recorded motion.
 
     Parameters
     ----------
@@ -33,13 +33,14 @@ def compare(
     recording : Recording, path or DataFrame
         The recording.
     mapping : path, optional
-        A mapping file for the recording, such as the `setup.toml` of a diagnosis.
+        Mapping file that defines the meaning of the columns, such as the `setup.toml` of a diagnosis.
     lowpass : float, optional
-        Cutoff of the low-pass that both sides pass, Hz. Without it: 3 % of the recording's rate, 10 to 40 Hz.
+        Cutoff frequency of the low-pass filter for both sides, Hz. Default: 3 % of the recording's sample rate, between 10 and 40 Hz, or less
+        if the motion is noisy.
     trim : float, optional
-        Time left out at both ends, s.
+        Time to leave out at both ends, s. Default: five periods of the cutoff frequency, at most an eighth of the recording.
     progress : callable or bool, optional
-        Gets a line for each stage; True prints them on standard error.
+        Function that receives one line for each stage. True: print the lines on standard error.
 
     Returns
     -------
@@ -48,7 +49,7 @@ def compare(
     Raises
     ------
     BadInput
-        A file can't be read, the joints do not fit, or there is nothing to compare.
+        A file can't be read, recording and model have different joints, or they have no channel to compare.
     """
     model = model_options(arm)
     scratch = Scratch()
@@ -66,16 +67,16 @@ class Comparison(Portable):
     json : dict
         The document `freeplay.compare/1`.
     text : str
-        The same, as the command printed it.
+        The same document as text, as the command printed it.
     notes : list of str
-        Notes on the comparison, such as channels that were left out.
+        Notes on the comparison, such as omitted channels.
     """
 
     def __init__(self, text: str, scratch: Scratch, recording: object = None) -> None:
         self.text = text
         self.json: dict[str, Any] = json.loads(text)
         self.notes: list[str] = self.json.get("notes", [])
-        # Keeps the folder of the recording, which the report names.
+        # Keeps the recording's folder alive, whose path the report contains.
         self._scratch, self._recording, self._folder = scratch, recording, scratch / "compared"
 
     @property
@@ -84,42 +85,42 @@ class Comparison(Portable):
 
         Returns
         -------
-        DataFrame, one row a channel, indexed by its name ("tau1", "x", …)
-            unit; joint; rmse, rms_measured, mean_error, max_error in that unit; nrmse, the error as a share of the measured RMS; nrmse_std, as
-            a share of the measured standard deviation; noise, the standard deviation of the channel's own noise, in its unit.
+        DataFrame, one row for each channel, indexed by its name ("tau1", "x", …)
+            unit; joint; rmse, rms_measured, mean_error, max_error, in that unit; nrmse, rmse divided by the RMS of the measured values;
+            nrmse_std, rmse divided by their standard deviation; noise, standard deviation of the channel's noise, in that unit.
         """
         return pd.DataFrame(self.json["channels"]).set_index("name")
 
     @property
     def setup(self) -> pd.DataFrame:
-        """Differences in convention between recording and model: kind, joint, value, unit, certainty, statement, remedy."""
+        """Differences between the conventions of recording and model: kind, joint, value, unit, certainty, statement, remedy."""
         return setup_frame(self.json.get("setup", []))
 
     @property
     def residuals(self) -> pd.DataFrame:
-        """Measured against model over time, both after the same low-pass; unfiltered where positions are compared with commanded ones alone.
+        """Measured and predicted values over time, after the low-pass filter. Positions that were simulated from commanded ones have no filter.
 
         Returns
         -------
-        DataFrame, M rows
-            t (s); stretch, the number of the stretch without gaps; for each channel NAME_measured and NAME_model in the channel's unit, NaN
-            where it was not measured.
+        DataFrame
+            t (s); stretch, number of the stretch without gaps; for each channel NAME_measured and NAME_model in the channel's unit, NaN where
+            the recording has no value.
         """
         return pd.read_parquet(self._folder / "residuals.parquet")
 
     def report(self) -> Path:
-        """The report, one HTML file with measured against model for every joint. It lives as long as this object."""
+        """Path of the report, one HTML file with measured and predicted values of every joint. The file is removed with this object."""
         return self._folder / "report.html"
 
     def __repr__(self) -> str:
         spread = self.channels["nrmse_std"].astype(float)
         worst = self.json.get("worst")
         if worst:
-            return f"<Comparison of {len(spread)} channels: worst {worst}, off by {spread[worst]:.1%} of its spread>"
+            return f"<Comparison of {len(spread)} channels: worst {worst}, error {spread[worst]:.1%} of its standard deviation>"
         return f"<Comparison of {len(spread)} channels>"
 
     def _repr_html_(self) -> str:
         shown = self.channels[["joint", "unit", "rms_measured", "rmse", "nrmse_std", "mean_error"]]
-        named = shown.rename(columns={"rms_measured": "measured RMS", "rmse": "error RMS", "nrmse_std": "of spread", "mean_error": "mean error"})
+        named = shown.rename(columns={"rms_measured": "measured RMS", "rmse": "error RMS", "nrmse_std": "of standard deviation", "mean_error": "mean error"})
         checks = [f"CHECK {statement}" for statement in self.setup["statement"]]
         return _html.page("Model against recording", "", [_html.bullets(checks), _html.table(named), _html.bullets(self.notes)])

@@ -1,4 +1,4 @@
-"""The SDK for controllers: implement `Controller`, call `serve`.
+"""SDK for controllers: derive a class from `Controller`, and call `serve`.
 
     import freeplay
 
@@ -14,13 +14,13 @@
     if __name__ == "__main__":
         freeplay.serve(Mine())
 
-Make the file executable and name it to `freeplay run --controller ./mine.py`; the same file takes part in
-`freeplay swap`, `freeplay faults` and `freeplay replay`. This module needs Python 3.10, `pip install iceoryx2==0.10.0` and nothing else
-of the package, so that a copy of it works by itself.
+Make the file executable and run it with `freeplay run --controller ./mine.py`. The same file works with `freeplay swap`,
+`freeplay faults` and `freeplay replay`. This module needs Python 3.10 and `pip install iceoryx2==0.10.0`, but no other
+module of the package: a copy of this file works alone.
 
-The messages are those of docs/messages.md, byte for byte. Units are SI: rad, m, s, N·m. In the order in which data
-passes through this file: State and Command (what is exchanged), Run and Answer (what you are told and may say),
-Controller (what you write), Link (the run in shared memory), Loop and serve (the process).
+The layout of the messages is that of docs/messages.md. Units are SI: rad, m, s, N·m. The classes, in the order of the
+data flow: State and Command (messages), Run and Answer (input and output of a controller), Controller (base class of
+your controller), Link (the run in shared memory), Loop and serve (the process).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ u32, u64, Joints = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_double * MAX_JOINT
 
 
 class Message(ctypes.Structure):
-    """A message under the name by which iceoryx2 tells types apart."""
+    """Base class of messages, with the type name for iceoryx2."""
 
     @classmethod
     def type_name(cls) -> str:
@@ -72,7 +72,7 @@ class Message(ctypes.Structure):
 
 
 class Reference(Message):
-    """Where the arm should be at one tick: positions, velocities and accelerations of the joints."""
+    """Reference for one tick: positions, velocities and accelerations of the joints."""
 
     q: Doubles
     qd: Doubles
@@ -82,7 +82,7 @@ class Reference(Message):
 
 
 class State(Message):
-    """The arm at one tick, from the plant. The answer to it is in force from the next tick on."""
+    """State of the arm at one tick, from the plant. The answer takes effect in the next tick."""
 
     magic: int
     layout: int
@@ -109,22 +109,22 @@ class State(Message):
     ]  # fmt: skip
 
     def has(self, flag: int) -> bool:
-        """Whether `flag`, one of FLAG_…, is set."""
+        """Returns True if `flag`, one of FLAG_…, is set."""
         return self.flags & flag == flag
 
     @property
     def in_charge(self) -> int:
-        """The slot whose command is in force during this tick."""
+        """Slot of the active controller, whose command is in force during this tick."""
         return self.flags >> IN_CHARGE_SHIFT & SLOT_MASK
 
     @property
     def next_in_charge(self) -> int:
-        """The slot whose answer to this state is to be put in force."""
+        """Slot of the controller whose answer to this state takes effect in the next tick."""
         return self.flags >> NEXT_SHIFT & SLOT_MASK
 
 
 class Command(Message):
-    """The answer of one controller to one state, to the plant."""
+    """Answer of one controller to one state, for the plant."""
 
     joints: int
     run: int
@@ -150,7 +150,7 @@ class Command(Message):
 
 
 class Hello(Message):
-    """What a controller says first. Frozen for all time."""
+    """First message of a controller. Its layout never changes."""
 
     _fields_ = [
         ("magic", u64), ("layout", u32), ("state_size", u32), ("command_size", u32), ("joints", u32), ("slot", u32),
@@ -160,7 +160,7 @@ class Hello(Message):
 
 
 class Welcome(Message):
-    """What the plant answers. Frozen for all time."""
+    """Reply of the plant to a `Hello`. Its layout never changes."""
 
     verdict: int
     joints: int
@@ -179,8 +179,8 @@ class Welcome(Message):
 
 
 class Run:
-    """What the plant says about the run: joints, mode (TORQUE, DRIVEN or SERVO), pace (LOCKSTEP or REALTIME), period, s,
-    and ticks."""
+    """Description of the run: joints (number), mode (TORQUE, DRIVEN or SERVO), pace (LOCKSTEP or REALTIME), period (s) and
+    ticks (number)."""
 
     def __init__(self, welcome: Welcome) -> None:
         self.joints = welcome.joints
@@ -191,11 +191,11 @@ class Run:
 
 
 class Answer:
-    """An answer with more than one number per joint.
+    """An answer with more than one number for each joint.
 
-    value: torques, N·m, or with modes DRIVEN and SERVO positions, rad; velocity and acceleration go with positions; deviation: the
-    predicted deviation of the tool, m, x y z; status: OK, QP_FAILED, QP_LIMIT or NO_ANSWER; predict_ns, qp_ns,
-    qp_iterations: what the answer took, for the table of latencies.
+    value: torques, N·m, or with the modes DRIVEN and SERVO positions, rad. velocity, acceleration: those of the positions.
+    deviation: predicted tool deviation x, y, z, m. status: OK, QP_FAILED, QP_LIMIT or NO_ANSWER. predict_ns, qp_ns,
+    qp_iterations: durations and iterations for the table of latencies.
     """
 
     __slots__ = (
@@ -224,26 +224,29 @@ class Answer:
 
 
 class Controller:
-    """What you write. An answer should depend on the task and the states alone, so that a recorded run can be
-    replayed."""
+    """Base class of controllers. Answers should depend only on the task and the states, so that `freeplay replay` can
+    reproduce them."""
 
     name = "python"
 
     def start(self, task: dict[str, Any], run: Run) -> None:
-        """Gets ready. `task` is the task file as a dict (model, gravity, rate, path, gains, options; the model's path
-        is absolute), `run` a Run. What takes time belongs here. An exception ends the process with its message."""
+        """Prepares the controller before the first state. `task` is the task file as a dict (model, gravity, rate, path,
+        gains, options; the model's path is absolute). Put slow computations here. An exception ends the process with its
+        message."""
 
     def answer(self, state: State) -> Answer | Sequence[float] | None:
-        """The answer to `state`: one number per joint (torques, or positions with modes DRIVEN and SERVO), an Answer, or None
-        for no answer, which the plant bridges. `state` is the same object every time: copy what you keep."""
+        """Returns the answer to `state`: one number for each joint (torques, or positions with the modes DRIVEN and SERVO),
+        an Answer, or None. With None the plant uses its fallback. Every call receives the same object `state`: copy values
+        that you keep."""
         raise NotImplementedError
 
     def take_over(self, state: State) -> None:
-        """Called before the first answer that is put in force after a planned swap: an integrator may be set here."""
+        """The loop calls this method after a planned swap, before the first answer that takes effect. Initialise
+        integrators here."""
 
 
 class Failure(Exception):
-    """Why a controller's process ends otherwise than at the last tick, with its exit code."""
+    """Reason why a controller's process ends before the last tick, with the exit code."""
 
     def __init__(self, code: int, message: str) -> None:
         super().__init__(message)
@@ -251,23 +254,23 @@ class Failure(Exception):
 
 
 VERDICTS = {
-    1: "its hello is not of this protocol",
-    2: "the plant speaks another layout of the messages: take the Python package and freeplay from one version",
+    1: "its hello message does not follow the protocol",
+    2: "the plant uses another message layout: install the Python package and freeplay of the same version",
     3: "the arm has another number of joints",
-    4: "the slot is held by another controller: end that one or take another slot",
-    5: "it has the address of another run",
-    6: "the run has no slot of that number",
+    4: "another controller holds the slot: end it, or use another slot",
+    5: "the address is that of another run",
+    6: "the run has no slot with this number",
 }
 
-# As in Rust: how often a seat is looked at; how long an unborn segment may live, ms; how often a door is tried, s.
+# As in Rust: attempts to lock a seat; age at which an empty segment is removed, ms; time between two attempts, s.
 LOOKS, BIRTH_MS, LOOK_AGAIN = 20, 200, 0.0005
-# How long before a tick is due a paced controller stops sleeping, and how long it may hear nothing, ns.
+# In real time: end of sleep before the next tick is due; period of the checks that the plant is alive, ns.
 EARLY_NS, LOOK_AROUND_NS = 300_000, 200_000_000
 SEGMENTS = Path("/dev/shm")
 
 
 class Link:
-    """A controller's end of a run in shared memory. Belongs to one thread."""
+    """Connection of a controller to a run in shared memory. Use it in one thread only."""
 
     def __init__(self, address: str, name: str, slot: int, patience: float) -> None:
         self.root, self.slot, self.patience = Path(address), slot, patience
@@ -280,7 +283,7 @@ class Link:
         self.share = self._share()
         self.node = self._node()
         door = self._until(
-            "the plant has not opened its door", lambda: self._service("hello").request_response(Hello, Welcome).open()
+            "the plant does not accept controllers yet", lambda: self._service("hello").request_response(Hello, Welcome).open()
         )
         client = door.client_builder().backpressure_strategy(iox().BackpressureStrategy.DiscardData).create()
         self.seat, self.plant = self._lock_file(f"slot-{slot}.lock"), self._lock_file("plant.lock")
@@ -291,11 +294,11 @@ class Link:
         if self.welcome.verdict != 0:
             raise Failure(
                 BAD_INPUT,
-                f"the plant refused this controller: {VERDICTS.get(self.welcome.verdict, 'no reason known here')}",
+                f"the plant refused this controller: {VERDICTS.get(self.welcome.verdict, 'unknown reason')}",
             )
 
     def next_state(self, state: State) -> bool:
-        """Copies the oldest state not yet taken into `state`; whether there was one."""
+        """Copies the oldest unread state to `state`. Returns False if no state waits."""
         sample = self.states.receive()
         if sample is None:
             return False
@@ -304,22 +307,22 @@ class Link:
         return True
 
     def newest_state(self, state: State) -> bool:
-        """Copies the newest waiting state into `state` and drops the others; whether there was one."""
+        """Copies the newest unread state to `state` and drops the others. Returns False if no state waits."""
         found = False
         while self.next_state(state):
             found = True
         return found
 
     def send(self, command: Command) -> None:
-        """Sends `command` to the plant. Never waits."""
+        """Sends `command` to the plant without waiting."""
         self.commands.send_copy(command)
 
     def plant_lives(self) -> bool:
-        """Whether the plant's process holds its seat."""
+        """Returns True if the process of the plant holds its lock."""
         return is_locked(self.plant)
 
     def close(self) -> None:
-        """Leaves the run in order: ports before the node, the seat and the share last."""
+        """Leaves the run: closes the ports before the node, and the locks last."""
         self.states = self.commands = None
         gc.collect()
         self.node = None
@@ -342,7 +345,8 @@ class Link:
         return folder
 
     def _node(self) -> Any:
-        """iceoryx2 kept inside the run's folder and prefix, leaving signals and the dead alone but here."""
+        """The iceoryx2 node, confined to the run's folder and prefix. It handles no signals; dead nodes are removed only
+        here."""
         iox().set_log_level_from_env_or(iox().LogLevel.Fatal)
         config = iox().config.default()
         place = config.global_cfg
@@ -363,7 +367,8 @@ class Link:
         return node
 
     def _remove_unborn(self) -> None:
-        """Removes segments that a process killed while making them left empty: iceoryx2 would wait for ever."""
+        """Removes empty segments, which a process leaves if it is killed while it creates them: iceoryx2 would wait for them
+        forever."""
         unborn = [path for path in SEGMENTS.glob(f"freeplay-{self.id}_*") if is_empty(path)]
         for _ in range(BIRTH_MS):
             if not unborn:
@@ -377,7 +382,7 @@ class Link:
         return self.node.service_builder(iox().ServiceName.new(f"freeplay/{name}"))
 
     def _open_ends(self) -> None:
-        """Opens commands and states; what has another layout stays shut, for the plant to say why."""
+        """Opens the ports for commands and states. With another layout they stay closed, and the plant reports the reason."""
         discard = iox().BackpressureStrategy.DiscardData
         try:
             commands = self._service(f"command/{self.slot}").publish_subscribe(Command).open()
@@ -401,7 +406,7 @@ class Link:
         return False
 
     def _knock(self, client: Any, name: str, claim: bool) -> Welcome:
-        """Says hello until the plant answers."""
+        """Sends a hello until the plant replies."""
         hello = Hello(
             magic=MAGIC, layout=LAYOUT_VERSION, state_size=ctypes.sizeof(State), command_size=ctypes.sizeof(Command),
             slot=self.slot, claim=claim, pid=os.getpid(), run=run_hash(self.id), name=cut(name, 64),
@@ -409,14 +414,14 @@ class Link:
         while True:
             pending = client.send_copy(hello)
             while True:
-                # The answer may come between a look for it and the look whether our hello is held: look once more.
+                # The reply may arrive between these two checks, so the order matters.
                 is_held = pending.number_of_server_connections > 0 and pending.is_connected
                 response = pending.receive()
                 if response is not None:
                     return Welcome.from_buffer_copy(
                         (ctypes.c_char * ctypes.sizeof(Welcome)).from_address(response.payload_ptr)
                     )
-                self._wait("the plant is there but does not greet")
+                self._wait("the plant runs but does not reply")
                 if not is_held:
                     break
 
@@ -434,7 +439,7 @@ class Link:
 
 
 class Loop:
-    """Wait for a state, answer it, send the answer."""
+    """The loop of a controller's process: waits for a state, answers it and sends the answer."""
 
     def __init__(self, link: Link, controller: Controller, stop: list[bool]) -> None:
         self.link, self.controller, self.stop = link, controller, stop
@@ -444,7 +449,7 @@ class Loop:
         self.command = Command(magic=MAGIC, layout=LAYOUT_VERSION, slot=link.slot)
 
     def play(self) -> bool:
-        """Answers state after state until the last of the run; False when a signal has come."""
+        """Answers every state until the last one of the run. Returns False after a signal."""
         state, command = self.state, self.command
         while self.wait():
             command.received_ns = time.monotonic_ns()
@@ -460,6 +465,7 @@ class Loop:
         return False
 
     def check(self) -> None:
+        """Checks that the state belongs to this run and has this layout."""
         state = self.state
         if (state.magic, state.layout, state.run, state.joints) != (
             MAGIC,
@@ -468,11 +474,11 @@ class Loop:
             self.run.joints,
         ):
             raise Failure(
-                BAD_INPUT, f"a state that is not of this run or layout: layout {state.layout}, {state.joints} joints"
+                BAD_INPUT, f"a state has another run or layout: layout {state.layout}, {state.joints} joints"
             )
 
     def fill(self, answer: Answer | Sequence[float] | None) -> None:
-        """Makes `answer` the command to the state at hand."""
+        """Fills the command with `answer` to the current state."""
         command, state, n = self.command, self.state, self.run.joints
         command.joints, command.run, command.tick = n, state.run, state.tick
         command.kind = KIND_TORQUE if state.mode == TORQUE else KIND_POSITION
@@ -490,7 +496,7 @@ class Loop:
         command.predict_ns, command.qp_ns, command.qp_iterations = answer.predict_ns, answer.qp_ns, answer.qp_iterations
 
     def wait(self) -> bool:
-        """Waits for the next state: in lockstep every one in order, else the newest. False when a signal has come."""
+        """Waits for a state: in lockstep the next one, in real time the newest one. Returns False after a signal."""
         lockstep = self.run.pace == LOCKSTEP
         take = self.link.next_state if lockstep else self.link.newest_state
         begun = looked = time.monotonic_ns()
@@ -506,7 +512,7 @@ class Loop:
         return False
 
     def pass_time(self, now: int, waited: int, lockstep: bool) -> None:
-        """Sleeps until a state is nearly due, polls hard about then, and backs off when nothing comes."""
+        """Sleeps until shortly before the next state is due, then polls. Sleeps between polls if the state is late."""
         early = 0 if lockstep else self.due_ns - EARLY_NS - now
         if early > 0:
             time.sleep(min(early, 100_000_000) * 1e-9)
@@ -516,7 +522,7 @@ class Loop:
             os.sched_yield()
 
     def look_around(self, waited: float) -> None:
-        """Nothing has come for `waited` seconds: does the run still live?"""
+        """After `waited` seconds without a state: raises Failure if the run has ended or the patience is exceeded."""
         if not self.link.plant_lives():
             cause = ": its process has ended"
         elif os.getppid() != self.parent:
@@ -531,9 +537,9 @@ class Loop:
 
 
 def serve(controller: Controller, arguments: Sequence[str] | None = None, patience: float = 10.0) -> NoReturn:
-    """Serves the run that the command line (--run, --slot) or the environment (FREEPLAY_RUN, FREEPLAY_SLOT) names until
-    it ends, and ends the process: 0 done, 2 usage, 3 bad input, 5 plant missing, 70 a fault of the controller,
-    130 interrupted."""
+    """Runs `controller` until the end of the run, and then ends the process. The command line (--run, --slot) or the
+    environment (FREEPLAY_RUN, FREEPLAY_SLOT) names the run. Exit codes: 0 done, 2 usage, 3 bad input, 5 plant missing, 70
+    exception in the controller, 130 interrupted."""
     stop: list[bool] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.append(True))
@@ -544,7 +550,7 @@ def serve(controller: Controller, arguments: Sequence[str] | None = None, patien
         code = failure.code
     except Exception:
         traceback.print_exc()
-        print(f"{controller.name}: the controller raised; the plant has been left to its fallback", file=sys.stderr)
+        print(f"{controller.name}: the controller raised an exception; the plant continues with its fallback", file=sys.stderr)
         code = INTERNAL
     sys.exit(code)
 
@@ -555,7 +561,7 @@ def _serve(controller: Controller, arguments: Sequence[str], patience: float, st
     try:
         loop = Loop(link, controller, stop)
         controller.start(load_task(link.welcome.task.decode()), loop.run)
-        # What was made so far stays; collections during the run look at what is new alone.
+        # Freezes all existing objects, so that garbage collections during the run examine only new ones.
         gc.collect()
         gc.freeze()
         return DONE if loop.play() else INTERRUPTED
@@ -564,7 +570,7 @@ def _serve(controller: Controller, arguments: Sequence[str], patience: float, st
 
 
 def _place(arguments: Sequence[str]) -> tuple[str, int]:
-    """The address and the slot: from the command line, else from the environment."""
+    """The address of the run and the slot, from the command line or from the environment."""
     found: dict[str, str | None] = {"--run": os.environ.get("FREEPLAY_RUN"), "--slot": os.environ.get("FREEPLAY_SLOT", "0")}
     rest = iter(arguments)
     for argument in rest:
@@ -582,7 +588,7 @@ def _place(arguments: Sequence[str]) -> tuple[str, int]:
 
 
 def load_task(path: str) -> dict[str, Any]:
-    """The task file as a dict; the paths in it, relative to the file, made absolute."""
+    """Reads the task file as a dict. Makes the path of the model, which is relative to the file, absolute."""
     try:
         import tomllib
     except ModuleNotFoundError:  # Python 3.10
@@ -598,7 +604,7 @@ def load_task(path: str) -> dict[str, Any]:
 
 
 def iox() -> Any:
-    """The iceoryx2 package, of the version that the plant is built with."""
+    """Imports iceoryx2 in the version of the plant."""
     global _iox
     if _iox is None:
         from importlib import metadata
@@ -609,7 +615,7 @@ def iox() -> Any:
             found = "none"
         if found != ICEORYX2:
             remedy = f"{sys.executable} -m pip install iceoryx2=={ICEORYX2}"
-            raise Failure(BAD_INPUT, f"iceoryx2 {ICEORYX2} is needed, this Python has {found}: {remedy}")
+            raise Failure(BAD_INPUT, f"this controller needs iceoryx2 {ICEORYX2}, but this Python has {found}: {remedy}")
         import iceoryx2
 
         _iox = iceoryx2
@@ -620,7 +626,7 @@ _iox: Any = None
 
 
 def run_hash(text: str) -> int:
-    """Hash of a run's id as it stands in messages: FNV-1a, 64 bit."""
+    """Hash of a run's id in messages: FNV-1a, 64 bit."""
     value = 0xCBF29CE484222325
     for byte in text.encode():
         value = (value ^ byte) * 0x100000001B3 & 0xFFFFFFFFFFFFFFFF
@@ -628,12 +634,12 @@ def run_hash(text: str) -> int:
 
 
 def cut(text: str, size: int) -> bytes:
-    """`text` in at most `size` bytes of UTF-8, cut at a character."""
+    """The first complete characters of `text` that fit into `size` bytes of UTF-8."""
     return text.encode()[:size].decode(errors="ignore").encode()
 
 
 def is_locked(file: int) -> bool:
-    """Whether another process has locked the open `file`."""
+    """Returns True if another process holds a lock on the open `file`."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -643,7 +649,7 @@ def is_locked(file: int) -> bool:
 
 
 def is_empty(path: Path) -> bool:
-    """Whether the file `path` is there and holds nothing."""
+    """Returns True if the file `path` exists and is empty."""
     try:
         return path.stat().st_size == 0
     except OSError:

@@ -1,4 +1,4 @@
-"""Diagnosis of recordings: the physics that a model lacks."""
+"""Diagnosis of recordings: finds the physics that a model lacks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .recording import Recording, RecordingLike, recording_of, setup_frame
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Columns of `Diagnosis.errors`, and the key of `fit` that each is from.
+# Columns of `Diagnosis.errors`, each with its key in the table `fit` of the document.
 ERRORS = {
     "noise_floor": "noise_floor",
     "as_given": "before",
@@ -48,34 +48,39 @@ def diagnose(
     force: bool = False,
     progress: Progress = None,
 ) -> Diagnosis:
-    """Finds the physics that a model of a machine lacks, from recordings of the machine.
+    """Finds where a model and recordings differ, names the missing physics, and writes a better model.
+
+    The search uses the first 70 % of each recording. No law is fitted to the last 30 %: the errors and gains come from there. With commanded
+    positions instead of torques, the last of several recordings takes the place of that part.
 
     Parameters
     ----------
     arm : Arm or path
         The model to complete.
     recordings : Recording, path or DataFrame, or a list of them
-        Recordings of one machine with the same columns. The last 30 % of each are the test part.
+        Recordings of one machine with the same columns.
     mapping : path, optional
-        A mapping file for the recordings.
+        Mapping file that defines the meaning of the columns, such as the `setup.toml` of a diagnosis.
     seed : int, optional
-        Seed of everything that is drawn; 1 without it.
+        Seed of all random numbers. Default: 1.
     lowpass : float, optional
-        Cutoff of the low-pass, Hz.
+        Cutoff frequency of the low-pass filter, Hz. Default: 3 % of the recording's sample rate, between 10 and 40 Hz, or less if the motion
+        is noisy.
     mass_tolerance, friction_tolerance : float, optional
-        Tolerances of masses with inertias, and of the friction that the model names, %.
+        Tolerance of masses and inertias, and tolerance of the friction in the model, %.
     zero_tolerance : float, optional
-        Tolerance of encoder zeros, mrad (mm for a slide).
+        Tolerance of encoder zeros, mrad (mm for a prismatic joint).
     length_tolerance : float, optional
         Tolerance of lengths, mm.
     delay_tolerance : float, optional
         Tolerance of delays between channels, ms.
     out : path, optional
-        Folder for `diagnosis.json`, `report.html` and `model.toml`. Without it they live as long as the result.
+        Folder for `diagnosis.json`, `report.html` and `model.toml`. Default: a temporary folder, which is removed together with the returned
+        object.
     force : bool
-        Whether results of an earlier call in `out` are replaced.
+        True: replace results of an earlier command in `out`.
     progress : callable or bool, optional
-        Gets a line for each stage; True prints them on standard error.
+        Function that receives one line for each stage. True: print the lines on standard error.
 
     Returns
     -------
@@ -84,7 +89,7 @@ def diagnose(
     Raises
     ------
     BadInput
-        A file can't be read, the joints do not match, or no channel can be compared.
+        A file can't be read, model and recordings have different joints, or they have no channel to compare.
 
     Examples
     --------
@@ -97,7 +102,7 @@ def diagnose(
     model = model_options(arm)
     read = [recording_of(each) for each in recordings]
     if not read:
-        raise BadUsage("no recording: give one or more of the same machine")
+        raise BadUsage("no recording: give one or more recordings of the same machine")
     scratch = Scratch()
     folder = scratch.path / "found" if out is None else Path(out)
     chosen = options(
@@ -111,20 +116,20 @@ def diagnose(
 
 
 class Diagnosis(Portable):
-    """The physics that a model lacks, with intervals, and the error of the model without and with it.
+    """Results of a diagnosis: the missing physics with intervals, and the errors of the model with and without it.
 
     Attributes
     ----------
     json : dict
         The document `freeplay.diagnosis/1`.
     text : str
-        The same, as the command printed it.
+        The same document as text, as the command printed it.
     verdict : str
         "named", "one_of", "unknown", "nothing_missing", "insufficient_data" or "setup".
     statement : str
         The finding in one sentence.
     notes : list of str
-        Notes on the quality of the recordings, and on data that was left out.
+        Notes on the quality of the recordings and on omitted data.
     recordings : list of Recording
         The diagnosed recordings.
     """
@@ -149,12 +154,12 @@ class Diagnosis(Portable):
 
     @property
     def setup(self) -> pd.DataFrame:
-        """Differences in convention between recordings and model: units, signs, order, zeros, gravity, clocks.
+        """Differences between the conventions of recordings and model: units, signs, order, zeros, gravity, clocks.
 
         Returns
         -------
         DataFrame
-            kind, joint, value, unit, certainty ("sure" or "likely"), statement, remedy. Empty where both agree.
+            kind, joint, value, unit, certainty ("sure" or "likely"), statement, remedy. Empty if the conventions agree.
         """
         return setup_frame(self.json.get("setup", []))
 
@@ -164,9 +169,9 @@ class Diagnosis(Portable):
 
         Returns
         -------
-        DataFrame, one row a parameter, indexed by the number of the finding (the `i` of `plot_found`)
-            what, the kind of effect; joint (None for the whole arm); parameter; value and interval (95 %, a pair) in unit (SI); share of the
-            error on held-out data that the finding removes, 0 to 1; NaN: unknown.
+        DataFrame, one row for each parameter, indexed by the number of the finding (the `i` of `plot_found`)
+            what, kind of effect; joint (None for the whole arm); parameter; value; interval, a pair (95 %); unit (SI); share, part of the
+            held-out error that the finding removes, 0 to 1 (NaN: unknown).
         """
         rows = []
         for number, effect in enumerate(self.json.get("effects", [])):
@@ -189,12 +194,13 @@ class Diagnosis(Portable):
 
     @property
     def alternatives(self) -> pd.DataFrame:
-        """Other effects that were tried in place of a finding.
+        """Alternatives: effects that the diagnosis tried in place of a finding.
 
         Returns
         -------
         DataFrame
-            what, joint, instead_of, why_not, indistinguishable (True: this recording can't tell them apart), what_would_separate.
+            what; joint; instead_of, the finding; why_not; indistinguishable, True if the recordings can't distinguish the two;
+            what_would_separate, a motion or measurement that would distinguish them.
         """
         rows = [
             {
@@ -212,14 +218,14 @@ class Diagnosis(Portable):
 
     @property
     def errors(self) -> pd.DataFrame:
-        """The error of each channel on held-out data, which no step of the search has seen.
+        """The errors of each channel on held-out data, to which no law is fitted.
 
         Returns
         -------
         DataFrame, indexed by channel ("tau1", "x", …)
-            unit; RMS errors in that unit: noise_floor (what the instruments alone leave), as_given (the model as it is), retuned (its masses,
-            lengths, frictions, zeros and delays moved inside their tolerances), with_findings (re-tuned, with the findings: the model that is
-            written), black_box (re-tuned, with splines in the place of the findings). NaN: not in the document.
+            unit; RMS errors in that unit: noise_floor (sensor noise alone), as_given (the given model), retuned (the given model with masses,
+            lengths, frictions, zeros and delays tuned within their tolerances), with_findings (the written model: tuned, with the findings),
+            black_box (tuned, with splines in place of the findings). NaN: not in the document.
         """
         fit = self.json.get("fit") or {}
         parts = {column: fit.get(key) or {} for column, key in ERRORS.items()}
@@ -234,13 +240,13 @@ class Diagnosis(Portable):
 
     @property
     def residuals(self) -> pd.DataFrame:
-        """Measured minus model over time, by the model as given and by the one with the findings.
+        """Errors over time (measured minus predicted) of the given model and of the model with the findings.
 
         Returns
         -------
         DataFrame
-            recording (its number), t (s), and for each channel NAME_measured, NAME_before and NAME_after in the channel's unit: the measured
-            value and the two errors. The first call computes them by two comparisons a recording.
+            recording (number); t (s); for each channel, in its unit: NAME_measured, the measured value, and NAME_before and NAME_after, the
+            errors of the two models. The first call runs two comparisons for each recording.
         """
         if self._residuals is None:
             frames = [self._residuals_of(number) for number in range(len(self.recordings))]
@@ -249,12 +255,12 @@ class Diagnosis(Portable):
 
     @property
     def untestable(self) -> pd.DataFrame:
-        """Effects that these motions do not excite: kind, joint, because."""
+        """Effects that the recorded motions do not excite, so that the diagnosis cannot test them: kind, joint, because (the reason)."""
         return pd.DataFrame(self.json.get("untestable", []), columns=["kind", "joint", "because"])
 
     @property
     def model(self) -> Arm:
-        """The model with the found effects and with parameters tuned inside their tolerances. `compare`, `diagnose` and `run` take it."""
+        """The model with the findings, and with parameters tuned within their tolerances. `compare`, `diagnose` and `run` accept it."""
         path = self._folder / (self.json.get("model") or "model.toml")
         if not path.is_file():
             return self._arm if isinstance(self._arm, Arm) else Arm.read(self._arm)
@@ -262,37 +268,37 @@ class Diagnosis(Portable):
 
     @property
     def mapping(self) -> Path | None:
-        """The mapping file with the conventions that the diagnosis found; None where the recordings needed no change."""
+        """Path of the mapping file with the conventions that the diagnosis found. None if the recordings need no correction."""
         path = self._folder / "setup.toml"
         return path if path.is_file() else None
 
     def report(self, path: PathLike | None = None) -> Path:
-        """The report with its charts, one HTML file.
+        """Path of the report, one HTML file, or of a copy.
 
         Parameters
         ----------
         path : path, optional
-            Place of a copy. Without it the file lives as long as this object, or in the folder that was given as `out`.
+            Path for a copy. Default: no copy. Unless `diagnose` had the argument `out`, the report itself is removed with this object.
         """
         report = self._folder / (self.json.get("report") or "report.html")
         return report if path is None else Path(shutil.copyfile(report, path))
 
     def save(self, folder: PathLike) -> Path:
-        """Copies `diagnosis.json`, `report.html`, `model.toml` and all other results into the new folder `folder`."""
+        """Copies `diagnosis.json`, `report.html`, `model.toml` and all other results to the new folder `folder`, and returns its path."""
         return Path(shutil.copytree(self._folder, folder))
 
     def plot_found(self, i: int = 0, *, theme: str = "auto") -> list[Axes]:
-        """Draws finding number `i`.
+        """Draws the finding with the number `i`.
 
-        Left: the error over time, as given and with the findings. Right: the error of the model that was only tuned inside its tolerances, over
-        the variable that shows it best.
+        Left: the error over time, of the given model and of the model with the findings. Right: the error of the given model, tuned within its
+        tolerances, over the variable that explains most of it.
 
         Parameters
         ----------
         i : int
             Number of the finding, the index of `found`.
         theme : {"auto", "light", "dark"}
-            Colours; "auto" follows matplotlib's style.
+            Colours. "auto" follows matplotlib's style.
 
         Returns
         -------
@@ -301,24 +307,24 @@ class Diagnosis(Portable):
         Raises
         ------
         IndexError
-            There is no such finding.
+            No finding has this number.
         """
         from . import plots
 
         return plots.found(self, i, theme)
 
     def plot_errors(self, *, theme: str = "auto") -> list[Axes]:
-        """Draws the error of each channel as given and with the findings, beside the noise.
+        """Draws the error of each channel, of the given model and with the findings, beside the noise floor.
 
         Parameters
         ----------
         theme : {"auto", "light", "dark"}
-            Colours; "auto" follows matplotlib's style.
+            Colours. "auto" follows matplotlib's style.
 
         Returns
         -------
         list of Axes
-            One for each unit.
+            One plot for each unit.
         """
         from . import plots
 
@@ -357,7 +363,7 @@ def _unit(channel: str) -> str:
 
 
 def _share(effect: Mapping[str, Any]) -> float:
-    """The share of the held-out error that `effect` takes away: a field of its own where the document has one."""
+    """The share of the held-out error that `effect` removes, from the field of the effect or of its evidence. NaN without such a field."""
     evidence = effect.get("evidence") or {}
     for holder in (effect, evidence):
         for name in ("share", "share_of_error", "error_share", "held_out_gain"):

@@ -1,4 +1,4 @@
-"""The errors of the package, with the words of the command."""
+"""The exceptions of the package, with the messages of the command."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 
 class FreeplayError(Exception):
-    """The command failed.
+    """A command failed.
 
-    `str(error)` has the words of the command: the file, the line, the value and the remedy.
+    `str(error)` is the message of the command. It names the file, the line, the value and the remedy.
 
     Attributes
     ----------
     code : int
-        Exit code of the command; negative: the number of the signal that ended it.
+        Exit code of the command. Negative: minus the number of the signal that ended the command.
     command : list of str
         The command line.
     """
@@ -28,43 +28,43 @@ class FreeplayError(Exception):
 
 
 class BadUsage(FreeplayError, ValueError):
-    """An argument or a key of a scenario is unknown or has a wrong form (exit code 2)."""
+    """An argument or a scenario key is unknown or malformed (exit code 2)."""
 
     exit_code = 2
 
 
 class BadInput(FreeplayError, ValueError):
-    """A file, a scenario or a recording is unusable (exit code 3). Nothing was written."""
+    """A file, a scenario or a recording is invalid (exit code 3)."""
 
     exit_code = 3
 
 
 class MachineNotFit(FreeplayError):
-    """The machine does not meet a requirement, such as a real-time kernel (exit code 4)."""
+    """The computer does not meet a requirement, such as a real-time kernel (exit code 4)."""
 
     exit_code = 4
 
 
 class PeerMissing(FreeplayError):
-    """Another process is missing: a controller does not come, the plant or a cluster is gone (exit code 5)."""
+    """Another process is missing: a controller did not start, or the plant or a cluster ended (exit code 5)."""
 
     exit_code = 5
 
 
 class InternalFault(FreeplayError):
-    """The program or the machine has a fault (exit code 70), or a signal ended the command."""
+    """The program or the computer failed (exit code 70), or a signal ended the command."""
 
     exit_code = 70
 
 
 class Interrupted(FreeplayError):
-    """The command was interrupted (exit code 130). It closed its recordings."""
+    """A signal interrupted the command, which closed its recordings (exit code 130)."""
 
     exit_code = 130
 
 
 class NotInstalled(FreeplayError, ImportError):
-    """The `freeplay` executable, or a package that an option needs, is not installed."""
+    """The `freeplay` executable, or a package or program that a call needs, is not installed."""
 
     exit_code = 5
 
@@ -75,5 +75,5 @@ _KINDS: dict[int, type[FreeplayError]] = {
 
 
 def error_of(code: int, message: str, command: Sequence[str]) -> FreeplayError:
-    """The exception for a command that ended with `code` and said `message`."""
+    """The exception for a command that ended with exit code `code` and the message `message`."""
     return _KINDS.get(code, InternalFault)(message, code, command)

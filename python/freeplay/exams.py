@@ -1,4 +1,4 @@
-"""The exam of a controller."""
+"""Fault tests of a controller."""
 
 from __future__ import annotations
 
@@ -29,37 +29,38 @@ def examine(
     force: bool = False,
     progress: Progress = None,
 ) -> Exam:
-    """Examines a controller: injects faults, and measures how the plant, its gate and a standby take each.
+    """Injects faults into a controller, and judges how the run handles each fault.
 
     Parameters
     ----------
     controller : str, path, or Controller class or object
-        The controller to examine.
+        Controller to test.
     kinds : sequence of str, optional
-        Kinds of fault, such as "nan", "hang", "crash"; without it all, one after the other.
+        Kinds of faults to inject, such as "nan", "hang", "crash". Default: all kinds, one after another.
     seeds : int
-        Faults of each kind.
+        Number of faults of each kind.
     standby : str, path, or Controller class or object
-        The controller that stands by.
+        Standby controller, which takes over from the tested one.
     scenario : path, optional
-        The scenario; without it: the arm of Erkaya (2018).
+        Scenario file. Default: the arm of Erkaya (2018).
     set : dict, optional
-        Keys of the scenario to change.
+        Scenario keys to change, dotted or nested.
     pace : {"lockstep", "realtime"}, optional
-        As fast as it goes, or by the wall clock.
+        Schedule of the ticks. "lockstep" is deterministic and as fast as possible; "realtime" follows the wall clock. Default: the value in
+        the scenario, or "lockstep".
     seed : int, optional
-        Seed of the ticks and of all noise.
+        Seed of the fault ticks, of the random parts of faults, and of all noise. Default: 1.
     out : path, optional
-        Folder for the results. Without it they live as long as the result.
+        Folder for the results. Default: a temporary folder, which is removed together with the returned object.
     force : bool
-        Whether results of an earlier exam in `out` are replaced.
+        True: replace results of an earlier command in `out`.
     progress : callable or bool, optional
-        Gets a line for each stage; True prints them on standard error.
+        Function that receives one line for each stage. True: print the lines on standard error.
 
     Returns
     -------
     Exam
-        Also where a verdict does not hold: see `Exam.passed`.
+        `Exam.passed` is False if a verdict does not hold.
 
     Raises
     ------
@@ -78,19 +79,19 @@ def examine(
     return Exam(done.stdout, folder, done.code == 0, scratch)
 
 
-# `set` is an argument of `examine`.
+# The parameter `set` of `examine` hides the type.
 Names = set[str]
 
 
 class Exam:
-    """The exam of a controller.
+    """Results of the fault tests of a controller.
 
     Attributes
     ----------
     passed : bool
-        Whether every verdict holds.
+        True if every verdict holds.
     json : dict
-        The document that the command printed.
+        The JSON output of the command.
     """
 
     def __init__(self, text: str, folder: Path, passed: bool, scratch: Scratch | None = None) -> None:
@@ -104,15 +105,15 @@ class Exam:
         Returns
         -------
         DataFrame, indexed by kind
-            holds; count and detected (faults); slowest, ticks until the slowest was detected; bad_applied, bad commands that reached the arm;
-            deviation_ratio, the tool's deviation as a multiple of that of a sound run, and deviation_peak_mm (mm).
+            holds; count, injected faults; detected, detected faults; slowest, longest time to a detection, ticks; bad_applied, bad commands
+            that reached the arm; deviation_ratio, tool deviation relative to a run without faults; deviation_peak_mm, largest deviation, mm.
         """
         names = ["kind", "holds", "count", "detected", "slowest", "bad_applied", "deviation_ratio", "deviation_peak_mm"]
         rows = [{name: each.get(name) for name in names} for each in self.json["verdicts"]]
         return pd.DataFrame(rows, columns=names).set_index("kind")
 
     def report(self) -> Path:
-        """The report, one HTML file."""
+        """Path of the report, one HTML file."""
         return self.folder / "faults.html"
 
     def __repr__(self) -> str:

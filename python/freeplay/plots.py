@@ -1,4 +1,4 @@
-"""Charts of a diagnosis by matplotlib, light and dark."""
+"""Charts of a diagnosis with matplotlib, in light and dark colours."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ if TYPE_CHECKING:
 
     from .diagnosis import Diagnosis
 
-# Colours of the model as given, with the findings, of noise; of the page, its words and its lines.
+# Colours of the given model, of the model with the findings, of noise, of the background, of text and of grid lines.
 LIGHT = {"given": "#c2452d", "after": "#00798c", "noise": "#7a7a7a", "page": "#ffffff", "ink": "#1b1b1b", "line": "#d9d9d9"}
 DARK = {"given": "#ff8c70", "after": "#52c7d9", "noise": "#9a9a9a", "page": "#111418", "ink": "#e8e8e8", "line": "#3a3f45"}
 
 
 def colours(theme: str) -> dict[str, str]:
-    """The colours of `theme`; "auto" is dark where matplotlib's figures are.
+    """The colours of `theme`. "auto" means dark if matplotlib's figures have a dark background.
 
     Raises
     ------
     ValueError
-        There is no such theme.
+        The theme is unknown.
     """
     if theme == "auto":
         theme = "dark" if np.dot(to_rgb(mpl.rcParams["figure.facecolor"]), (0.2126, 0.7152, 0.0722)) < 0.5 else "light"
     if theme not in ("light", "dark"):
-        raise ValueError(f'theme {theme!r}: there are "auto", "light" and "dark"')
+        raise ValueError(f'unknown theme {theme!r}: choose "auto", "light" or "dark"')
     return LIGHT if theme == "light" else DARK
 
 
 @contextmanager
 def themed(theme: str) -> Iterator[dict[str, str]]:
-    """matplotlib's parameters in the colours of `theme`."""
+    """Context manager that sets matplotlib's parameters to the colours of `theme`, and restores them."""
     palette = colours(theme)
     page, ink = palette["page"], palette["ink"]
     parameters: dict[str, Any] = {
@@ -51,7 +51,7 @@ def themed(theme: str) -> Iterator[dict[str, str]]:
         "axes.axisbelow": True, "font.size": 9.5, "axes.titlesize": 10.5, "axes.titlelocation": "left", "legend.frameon": False,
         "legend.labelcolor": ink, "figure.dpi": 110,
     }  # fmt: skip
-    # Restores these alone: `rc_context` would undo the settings that pyplot makes when a notebook first uses it.
+    # Restores only these parameters: `rc_context` would also undo the settings that pyplot makes on its first use in a notebook.
     before = {name: mpl.rcParams[cast("Any", name)] for name in parameters}
     mpl.rcParams.update(cast("Any", parameters))
     try:
@@ -61,7 +61,7 @@ def themed(theme: str) -> Iterator[dict[str, str]]:
 
 
 def shown(unit: str) -> tuple[float, str]:
-    """Factor and name by which a reader is shown numbers of `unit`."""
+    """Factor and unit for displaying numbers of the SI unit `unit`."""
     return SHOWN.get(unit, (1.0, unit))
 
 
@@ -70,7 +70,7 @@ def errors(diagnosis: Diagnosis, theme: str) -> list[Axes]:
     frame = diagnosis.errors.dropna(subset=["as_given"])
     groups = list(frame.groupby("unit", sort=False))
     if not groups:
-        raise ValueError(f"the diagnosis has no errors to draw: its verdict is {diagnosis.verdict}")
+        raise ValueError(f"the diagnosis contains no errors to draw: its verdict is {diagnosis.verdict}")
     with themed(theme) as palette:
         heights = [len(group) + 1.2 for _, group in groups]
         figure, grid = plt.subplots(
@@ -85,13 +85,13 @@ def errors(diagnosis: Diagnosis, theme: str) -> list[Axes]:
 
 
 def _dumbbells(ax: Axes, group: pd.DataFrame, unit: str, palette: dict[str, str]) -> None:
-    """One line a channel from its error as given to the one with findings, beside its noise."""
+    """Draws one line for each channel, from the error of the given model to the error with the findings, beside the noise floor."""
     factor, name = shown(unit)
     rows = np.arange(len(group))
     before, after, noise = (group[column].to_numpy(dtype=float) * factor for column in ("as_given", "with_findings", "noise_floor"))
     ax.hlines(rows, np.fmin(before, after), np.fmax(before, after), color=palette["noise"], linewidth=1.2)
     ax.scatter(noise, rows, marker="|", s=120, color=palette["noise"], label="noise floor")
-    # A ring and a dot: both can be seen where nothing changed.
+    # A ring and a dot: both are visible even if the error did not change.
     ax.scatter(before, rows, s=60, facecolors="none", edgecolors=palette["given"], linewidths=1.8, label="as given", zorder=3)
     ax.scatter(after, rows, s=26, color=palette["after"], label="with findings", zorder=4)
     values = np.concatenate([before, after, noise])
@@ -102,7 +102,7 @@ def _dumbbells(ax: Axes, group: pd.DataFrame, unit: str, palette: dict[str, str]
         ax.set_xlim(left=0.0)
     ax.set_yticks(rows, [str(channel) for channel in group.index])
     ax.set_ylim(len(group) - 0.4, -0.6)
-    ax.set_xlabel(f"error RMS on data that the search has not seen [{name}]")
+    ax.set_xlabel(f"error RMS on held-out data [{name}]")
     ax.grid(axis="y", visible=False)
 
 
@@ -110,7 +110,7 @@ def found(diagnosis: Diagnosis, i: int, theme: str) -> list[Axes]:
     """See `Diagnosis.plot_found`."""
     effects = diagnosis.json.get("effects", [])
     if not 0 <= i < len(effects):
-        raise IndexError(f"finding {i}: the diagnosis has {len(effects)}")
+        raise IndexError(f"no finding {i}: the diagnosis has {len(effects)} findings")
     effect = effects[i]
     channel = _channel(diagnosis, effect)
     best = _map(diagnosis, channel)
@@ -127,7 +127,7 @@ def found(diagnosis: Diagnosis, i: int, theme: str) -> list[Axes]:
 
 
 def _channel(diagnosis: Diagnosis, effect: dict[str, Any]) -> str:
-    """The channel in which the effect shows: the one that its evidence names, else the one whose error fell most."""
+    """The channel that shows `effect` best: of those in its evidence, else of all, the one whose squared error relative to the noise falls most."""
     errors = diagnosis.errors
     named = [channel for channel in (effect.get("evidence") or {}).get("channels", []) if channel in errors.index]
     pool = errors.loc[named] if named else errors
@@ -136,7 +136,7 @@ def _channel(diagnosis: Diagnosis, effect: dict[str, Any]) -> str:
 
 
 def _map(diagnosis: Diagnosis, channel: str) -> dict[str, Any] | None:
-    """The map of `channel` that explains most: the error of the model, tuned inside its tolerances, over one variable."""
+    """The error map of `channel` that explains most: the error of the tuned model over one variable. None without maps."""
     maps = [each for each in diagnosis.json.get("maps", []) if each.get("channel") == channel and each.get("at")]
     return max(maps, key=lambda each: float(each.get("explained", 0.0)), default=None)
 

@@ -1,4 +1,4 @@
-"""The proof of the diagnosis on concealed effects."""
+"""Blind test of the diagnosis on concealed effects."""
 
 from __future__ import annotations
 
@@ -24,26 +24,27 @@ def blind(
     force: bool = False,
     progress: Progress = None,
 ) -> Proof:
-    """Proves the diagnosis: makes recordings with concealed effects, seals the truth, diagnoses each once, opens and scores.
+    """Tests the diagnosis on concealed effects: seals recordings, diagnoses each one once, reveals the true effects, and scores the answers.
 
     Parameters
     ----------
     cases : int
         Number of cases.
     seed : int, optional
-        Seed of the set. Without it the operating system draws one, after the program is frozen.
+        Seed of the set. Default: a seed from the operating system, drawn after the freeze of the program.
     full : bool
-        The full set of 1,688 cases instead.
+        True: use the full set of 1,688 cases; `cases` has no effect.
     jobs : int, optional
-        Processes at work at a time; one a core without it.
+        Number of processes that run at a time. Default: one for each core.
     patience : int, optional
-        Longest time of a diagnosis, s.
+        Time limit of a diagnosis, s. A case that exceeds the limit counts as answered wrongly.
     out : path, optional
-        Folder for sealed recordings, receipt and report. Without it they live as long as the result.
+        Folder for the sealed recordings, the receipt and the report. Default: a temporary folder, which is removed together with the returned
+        object.
     force : bool
-        Whether an earlier set in `out` is replaced.
+        True: replace results of an earlier command in `out`.
     progress : callable or bool, optional
-        Gets a line for each stage; True prints them on standard error.
+        Function that receives one line for each stage. True: print the lines on standard error.
 
     Returns
     -------
@@ -59,14 +60,14 @@ def blind(
 
 
 class Proof(Portable):
-    """A set of concealed effects, diagnosed and scored.
+    """Results of a blind test.
 
     Attributes
     ----------
     folder : Path
-        The receipt, the report, and the sealed recordings.
+        Folder with the receipt, the report and the sealed recordings.
     receipt : Path
-        `receipt.json`, which binds recordings, answers and truths.
+        Path of `receipt.json`, which contains the hashes of recordings, answers and true effects.
     score : dict
         The score of the answers.
     """
@@ -85,7 +86,7 @@ class Proof(Portable):
         Returns
         -------
         DataFrame
-            quantity, goal, reached and interval (95 %) in unit, of (number of cases), met.
+            quantity, goal, reached, interval (95 %), unit, of (number of cases), met.
         """
         frame = pd.DataFrame(self.score["goals"])
         frame["interval"] = [tuple(pair) for pair in frame.pop("ci95")]
@@ -98,7 +99,7 @@ class Proof(Portable):
         Returns
         -------
         DataFrame, indexed by the case's name
-            machine; concealed and answered, the effects as "kind of joint"; verdict of the diagnosis; outcome.
+            machine; concealed, the true effects, each as "kind of joint"; verdict; answered, the effects in the answer; outcome.
         """
         rows = {}
         for name, record in self._receipt["cases"].items():
@@ -115,17 +116,17 @@ class Proof(Portable):
         return frame
 
     def verify(self) -> None:
-        """Computes every hash of the receipt anew.
+        """Recomputes every hash in the receipt.
 
         Raises
         ------
         FreeplayError
-            A hash does not match; the message names it.
+            A hash does not match. The message names it.
         """
         call(["blind", "--verify", self.receipt])
 
     def report(self) -> Path:
-        """The report with its tables, one HTML file."""
+        """Path of the report, one HTML file."""
         return self.folder / "report.html"
 
     def __repr__(self) -> str:

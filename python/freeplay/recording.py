@@ -15,37 +15,37 @@ from ._scratch import Portable, Scratch
 from .arm import Arm, ArmLike
 from .errors import BadInput
 
-# The groups of columns with one column a joint, and the unit that each has in a frame of ours.
+# Groups with one column for each joint, and their units in frames of this package.
 GROUPS = {"q": "rad", "qd": "rad/s", "tau": "N*m", "q_ref": "rad", "q_link": "rad"}
-# Those of the tool.
+# Columns of the tool's position and orientation.
 TOOL, ORIENTATION = ["x", "y", "z"], ["qx", "qy", "qz", "qw"]
-# The column of times, if it is not named.
+# Names of the time column, if `columns` does not name it.
 TIMES = ["t", "time", "timestamp"]
 
 
 class Recording(Portable):
     """A recording of a machine: time, joint positions, and other measured channels.
 
-    `Recording.read` and `Recording.from_frame` make one.
+    `Recording.read` and `Recording.from_frame` return one.
 
     Attributes
     ----------
     path : Path
-        The recording's file or folder.
+        File or folder of the recording.
     joints : list of str
-        Names of the joints from base to tool, length n; "q1", "q2", … where the file names none.
+        Names of the n joints, from base to tool. "q1", "q2", … if the file has no names.
     samples : int
         Number of samples N.
     duration : float
-        From the first to the last sample, s; NaN for fewer than two.
+        Time from the first to the last sample, s. NaN for fewer than two samples.
     rate : float
-        Median rate, Hz; NaN for fewer than two samples.
+        Median sample rate, Hz. NaN for fewer than two samples.
     tool_tracked : bool
-        Whether the tool was tracked.
+        True if the recording has the tool's position.
     notes : list of str
-        Notes on the file: values that were mended or left out.
+        Notes on the file: corrected and omitted values.
     metadata : dict of str to str
-        The file's metadata.
+        Metadata of the file.
     """
 
     def __init__(self, path: Path, scratch: Scratch | None = None) -> None:
@@ -77,16 +77,17 @@ class Recording(Portable):
         Parameters
         ----------
         path : path
-            CSV, MCAP, Parquet, `.npz`, `.mat`, a robot's log, a ROS 1 or ROS 2 bag (file or folder), or a LeRobot data set (its folder,
-            or one episode's file).
+            CSV, MCAP, Parquet, `.npz`, `.mat`, the log of a robot, a ROS 1 or ROS 2 bag (file or folder), or a LeRobot data set (its
+            folder, or the file of one episode).
         mapping : path, optional
-            A mapping file, which assigns the columns.
+            Mapping file that defines the meaning of the columns.
         joints : sequence of str, optional
-            The joints from base to tool, each by its name or a part of it that no other has. Without it: all, as the file has them.
+            The joints from base to tool, each by its name or by a part of the name that no other joint has. Default: all joints, in the
+            order of the file.
         topic : str, optional
-            The bag's topic of joint states. Without it: the only one, or `/joint_states`.
+            Topic of the joint states in a bag. Default: the only one, or `/joint_states`.
         pose_topic : str, optional
-            The bag's topic of the tool's poses. Without it: the only one.
+            Topic of the tool's poses in a bag. Default: the only one.
 
         Returns
         -------
@@ -117,23 +118,23 @@ class Recording(Portable):
         columns: Mapping[str, str | Sequence[str]] | None = None,
         scale: Mapping[str, float | Sequence[float]] | None = None,
     ) -> Recording:
-        """Makes a recording from a frame.
+        """Converts a frame to a recording.
 
         Parameters
         ----------
         frame : DataFrame, N rows
-            Times: a column `t`, `time` or `timestamp`, or an index of times, in s or as pandas dates. Positions `q1`…`qn`; optional
-            `qd1`…, `tau1`…, `q_ref1`…, `q_link1`…, the tool's `x`, `y`, `z` and `qx`, `qy`, `qz`, `qw`. With `joints`, `q_elbow` is as good
-            as `q3`, `elbow` alone is its position, and columns of two levels may be ("q", "elbow"). NaN: not measured.
+            Times: a column `t`, `time` or `timestamp`, or an index of times, in s or as pandas dates. Positions: `q1`…`qn`. Optional:
+            `qd1`…, `tau1`…, `q_ref1`…, `q_link1`…, the tool's `x`, `y`, `z` and `qx`, `qy`, `qz`, `qw`. With `joints`, the columns `q3`,
+            `q_elbow`, `elbow` and ("q", "elbow") all mean the position of the third joint if its name is elbow. NaN: not measured.
         joints : sequence of str, length n, optional
-            Names of the joints from base to tool, as in the arm's model: one for each position.
+            Names of the joints from base to tool, as in the model of the arm. Each needs a position.
         units : mapping, optional
-            Units that are not SI, by group: `{"q": "deg", "tau": "N*mm", "t": "ms", "tool": "mm"}`. Known are s, ms, us, ns; rad, deg, m,
+            Units that are not SI, by group: `{"q": "deg", "tau": "N*mm", "t": "ms", "tool": "mm"}`. Valid units: s, ms, us, ns; rad, deg, m,
             mm; rad/s, deg/s, rpm, m/s, mm/s; N*m, N*mm, N.
         columns : mapping, optional
-            Names of the columns of a group: a name with `{}` for the joint's number, or a list of n names.
+            Column names by group: a name with `{}` in place of the joint's number, or a list of n names.
         scale : mapping, optional
-            Factors by group, one or n of them: `{"tau": [38.2, 41.0]}` makes torques of motor currents.
+            Factors by group, one number or n numbers: `{"tau": [38.2, 41.0]}` converts motor currents to torques.
 
         Returns
         -------
@@ -142,7 +143,9 @@ class Recording(Portable):
         Raises
         ------
         BadInput
-            The frame has no time or lacks the position of a joint, a unit is unknown, or times do not increase.
+            The frame has no time or no position of a joint, a unit is unknown, or the times do not increase.
+        ValueError
+            `units`, `columns` or `scale` has a key that is not a group.
 
         Examples
         --------
@@ -161,13 +164,13 @@ class Recording(Portable):
         return cls(out, scratch)
 
     def to_frame(self) -> pd.DataFrame:
-        """All columns as a frame.
+        """Converts the recording to a frame with all its columns.
 
         Returns
         -------
         DataFrame, N rows
-            `t` (s), `q1`…`qn` (rad), and where recorded `qd1`… (rad/s), `tau1`… (N*m), `q_ref1`…, `q_link1`… (rad), `x`, `y`, `z` (m),
-            `qx`…`qw`, then columns of other names. `attrs["joints"]` has the names of the joints, `attrs["units"]` the units by column.
+            `t` (s), `q1`…`qn` (rad), and if recorded `qd1`… (rad/s), `tau1`… (N*m), `q_ref1`…, `q_link1`… (rad), `x`, `y`, `z` (m),
+            `qx`…`qw`, then other columns. `attrs["joints"]` contains the names of the joints, `attrs["units"]` the units by column.
         """
         if self._frame is None:
             scratch = Scratch()
@@ -179,12 +182,12 @@ class Recording(Portable):
         return self._frame.copy()
 
     def save(self, path: PathLike, *, force: bool = False) -> Path:
-        """Writes the recording to `path`, in the format of its ending: `.mcap`, `.parquet` or `.csv`.
+        """Writes the recording to `path`. The extension determines the format: `.mcap`, `.parquet` or `.csv`.
 
         Raises
         ------
         BadUsage
-            The file exists and `force` is False, or the ending is another one.
+            The file exists and `force` is False, or the extension is unknown.
         """
         path = Path(path)
         form = path.suffix.lstrip(".").lower()
@@ -192,12 +195,12 @@ class Recording(Portable):
         return path
 
     def check(self, arm: ArmLike) -> pd.DataFrame:
-        """Checks that recording and model agree in units, signs, order of joints, zeros, gravity and clocks.
+        """Finds differences between recording and model in units, signs, order of joints, zeros, gravity and clocks.
 
         Returns
         -------
-        DataFrame
-            One row for each difference: kind, joint, value, unit, certainty ("sure" or "likely"), statement, remedy.
+        DataFrame, one row for each difference
+            kind, joint, value, unit, certainty ("sure" or "likely"), statement, remedy.
         """
         model = arm.path if isinstance(arm, Arm) else arm
         info = call(["record", "info", self.path, *options(model=model, format="json")]).json()
@@ -221,12 +224,12 @@ class Recording(Portable):
         return _html.page(f"Recording {self.path.name}", words, [_html.table(frame, limit=12), _html.bullets(self.notes)])
 
 
-#: A recording, the path of one, or a frame with its columns.
+#: A recording, the path of one, or a frame.
 RecordingLike = Union[Recording, PathLike, pd.DataFrame]
 
 
 def recording_of(given: RecordingLike) -> Recording:
-    """The recording that `given` is or names."""
+    """Converts `given` to a recording: reads a path, converts a frame."""
     if isinstance(given, Recording):
         return given
     if isinstance(given, pd.DataFrame):
@@ -237,7 +240,7 @@ def recording_of(given: RecordingLike) -> Recording:
 
 
 def setup_frame(findings: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """The field `setup` of a document as a frame."""
+    """Converts the field `setup` of a document to a frame."""
     names = ["kind", "joint", "value", "unit", "certainty", "statement", "remedy"]
     return pd.DataFrame([{name: finding.get(name) for name in names} for finding in findings], columns=names)
 
@@ -247,14 +250,14 @@ def _number(value: float | None) -> float:
 
 
 def _with_one_level(frame: pd.DataFrame) -> pd.DataFrame:
-    """`frame` with names of columns that are words: ("q", "elbow") is `q_elbow`."""
+    """`frame` with one level of column names: ("q", "elbow") becomes `q_elbow`."""
     if not isinstance(frame.columns, pd.MultiIndex):
         return frame
     return frame.set_axis(["_".join(str(level) for level in column if str(level)) for column in frame.columns], axis=1)
 
 
 def _with_time(frame: pd.DataFrame, columns: Mapping[str, object]) -> pd.DataFrame:
-    """`frame` with its times as the column `t`: s since the first where they are dates or spans, else as they are."""
+    """`frame` with a column of times: dates and time spans in s since the first sample, other times unchanged."""
     named = columns.get("t")
     column = next((name for name in ([named] if named else TIMES) if name in frame.columns), None)
     index = frame.index
@@ -273,7 +276,7 @@ def _with_time(frame: pd.DataFrame, columns: Mapping[str, object]) -> pd.DataFra
 
 
 def _listed(names: Sequence[object] | pd.Index, limit: int = 12) -> str:
-    """The first of `names`, in words."""
+    """The first `limit` of `names`, separated by commas, and the number of the others."""
     shown = [str(name) for name in names[:limit]]
     return ", ".join(shown) + (f" and {len(names) - limit} more" if len(names) > limit else "")
 
@@ -285,7 +288,7 @@ def _mapping(
     columns: dict[str, str | Sequence[str]],
     scale: dict[str, float | Sequence[float]],
 ) -> str:
-    """The mapping file of a frame."""
+    """The text of the mapping file for `frame`."""
     names = [str(name) for name in frame.columns]
     lines = [f"joints = {_toml.value(list(joints))}"] if joints else []
     for group in ["t", *GROUPS, "tool", "orientation"]:
@@ -306,12 +309,12 @@ def _mapping(
 
 
 def _check_positions(found: str | Sequence[str] | None, names: list[str], joints: list[str]) -> None:
-    """There is a position for each joint, and a joint for each position.
+    """Checks that each joint has a position, and each position a joint.
 
     Raises
     ------
     BadInput
-        It is not so.
+        A position or a joint is missing.
     """
     if not found:
         raise BadInput(f"the frame has no positions: give columns q1, q2, …, or columns={{'q': …}}; its columns are {_listed(names)}")
@@ -323,16 +326,16 @@ def _check_positions(found: str | Sequence[str] | None, names: list[str], joints
         raise BadInput(f"the frame has no position of joint {_listed(without)}: looked for {tried}; its columns are {_listed(names)}")
     more = f"q{len(joints) + 1}"
     if "q1" in found and more in names:
-        raise BadInput(f"{len(joints)} names of joints ({_listed(joints)}), but the frame has {more}: give a name for each position, or leave the others out")
+        raise BadInput(f"{len(joints)} names of joints ({_listed(joints)}), but the frame has {more}: give a name for each position, or drop the other columns")
 
 
 def _names_of(group: str, joint: str) -> list[str]:
-    """The customary names of the column of a joint, beside the numbered one."""
+    """Common names of a joint's column in `group`, besides the numbered one."""
     return [f"{group}_{joint}", f"{joint}_{group}", *([joint] if group == "q" else [])]
 
 
 def _columns_of(group: str, names: list[str], joints: list[str]) -> str | list[str] | None:
-    """The columns of `group` by their customary names."""
+    """The columns of `group` with common names. None if `names` contains none of them."""
     whole = {"t": TIMES, "tool": TOOL, "orientation": ORIENTATION}.get(group)
     if whole is not None:
         found = [name for name in whole if name in names]

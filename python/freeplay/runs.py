@@ -1,4 +1,4 @@
-"""Scenarios played under controllers."""
+"""Simulated runs of scenarios with controllers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .recording import Recording
 if TYPE_CHECKING:
     from hdrh.histogram import HdrHistogram
 
-# `set` is an argument of `run`.
+# The parameter `set` of `run` hides the type.
 Names = set[str]
 
 #: The path of a scenario, or its keys as a dict.
@@ -44,39 +44,40 @@ def run(
     force: bool = False,
     progress: Progress = None,
 ) -> Run:
-    """Plays a scenario: a simulated arm in one process, a controller in another, one run for each controller.
+    """Runs a scenario: one process simulates an arm, and another process runs the controller. Several controllers run one after another.
 
     Parameters
     ----------
     scenario : path or dict, optional
-        A scenario file, or its keys: `{"duration": 2.0, "path": {"kind": "circle"}}`. Without it: the arm of Erkaya (2018) with 0.6 mm of play
-        in joint 5.
+        Scenario file, or its keys: `{"duration": 2.0, "path": {"kind": "circle"}}`. Default: the arm of Erkaya (2018), 0.6 mm of play in joint
+        5, the smooth path in 6 s.
     controllers : list, optional
-        Built-in names ("computed-torque", "quasi-static", "narx-qp"), paths of executables or FMUs, and classes or objects of Python that are a
-        `Controller`. Without it: the scenario's.
+        Built-in names ("computed-torque", "quasi-static", "narx-qp"), paths of executables or FMUs, and subclasses or objects of `Controller`.
+        Default: the controller in the scenario.
     standby : list
-        Controllers that run beside each of them and take over where it fails.
+        Standby controllers. They run beside each controller and take over when it fails.
     model : Arm or path, optional
-        The plant's arm: the truth.
+        Arm of the plant.
     believed : Arm or path, optional
-        The arm that the controllers believe in, such as `Diagnosis.model`.
+        The controllers' model of the arm, such as `Diagnosis.model`. Default: the plant's arm with its clearances.
     pace : {"lockstep", "realtime"}, optional
-        "lockstep" runs as fast as it can, the same to the bit on every machine; "realtime" follows the wall clock.
+        Schedule of the ticks. "lockstep" is deterministic and as fast as possible; "realtime" follows the wall clock. Default: the value in
+        the scenario, or "lockstep".
     seed : int, optional
         Seed of all noise.
     set : dict, optional
-        Keys of the scenario to change, dotted or nested: `{"path.period": 12.0}`.
+        Scenario keys to change, dotted or nested: `{"path.period": 12.0}`.
     out : path, optional
-        Folder for the results. Without it they live as long as the result.
+        Folder for the results. Default: a temporary folder, which is removed together with the returned object.
     force : bool
-        Whether results of an earlier run in `out` are replaced.
+        True: replace results of an earlier command in `out`.
     progress : callable or bool, optional
-        Gets a line for each stage; True prints them on standard error.
+        Function that receives one line for each stage. True: print the lines on standard error.
 
     Returns
     -------
     Run
-        Also where an arm was stopped or a limit was broken: see `Run.failures`.
+        `Run.failures` lists the reasons if the run stopped the arm or the arm exceeded a limit.
 
     Raises
     ------
@@ -114,7 +115,7 @@ def run(
         model=None if model is None else _model(model), tip=model.tip if isinstance(model, Arm) else None, pace=pace, seed=seed,
         recording="mcap", format="json", out=folder, force=force,
     )  # fmt: skip
-    # Exit code 1: the run was played, and the arm left its limits.
+    # Exit code 1: the run ended, but the arm exceeded a limit.
     done = call(words, accept=(0, 1), progress=progress)
     return Run(done.stdout, folder, scratch)
 
@@ -128,7 +129,7 @@ def _several(controllers: Sequence[ControllerLike] | ControllerLike | None) -> l
 
 
 def _in_words(item: object) -> str:
-    """A failure of a summary: its numbers by name, such as "rule stopped, tick 6, reason speed"."""
+    """Text of a failure in a summary, such as "rule stopped, tick 6, reason speed"."""
     if isinstance(item, Mapping):
         return ", ".join(f"{name} {value}" for name, value in item.items() if value is not None)
     return str(item)
@@ -140,18 +141,18 @@ def _model(arm: ArmLike) -> str:
 
 
 class Run(Portable):
-    """The results of a run, for each controller.
+    """Results of a scenario, for each controller.
 
     Attributes
     ----------
     json : dict
         The document `freeplay.summary/1`.
     text : str
-        The same, as the command printed it.
+        The same document as text, as the command printed it.
     folder : Path
-        Recordings, histograms, `summary.json`, `report.html`.
+        Folder with the recordings, histograms, `summary.json` and `report.html`.
     controllers : list of str
-        Names of the controllers, in the order of the runs: built-in names, `Controller.name` of classes, file names of executables.
+        Names of the controllers, in the order of their runs: built-in names, `Controller.name` of classes, file names of executables.
     """
 
     def __init__(self, text: str, folder: Path, scratch: Scratch | None = None) -> None:
@@ -164,13 +165,14 @@ class Run(Portable):
 
     @property
     def table(self) -> pd.DataFrame:
-        """The result of each controller.
+        """The results in numbers.
 
         Returns
         -------
-        DataFrame, one row a controller
-            rms, max, rms_after_start, max_after_start: deviation of the tool, mm, of the whole run and after its first 0.5 s, if it is longer; missed: ticks without
-            an answer in time; rejected: commands that the gate refused; state_hash: SHA-256 of every state and command.
+        DataFrame, one row for each controller
+            rms, max, tool deviation during the whole run, mm; rms_after_start, max_after_start, tool deviation after the first 0.5 s, mm (NaN
+            for shorter runs); missed, ticks without an answer in time; rejected, commands that the gate rejected; state_hash, SHA-256 of all
+            states and commands.
         """
         rows = []
         for each in self.json["runs"]:
@@ -182,7 +184,7 @@ class Run(Portable):
 
     @property
     def failures(self) -> dict[str, list[str]]:
-        """The reasons why a run failed, by controller: the arm was stopped, or left its limits. Empty: none failed."""
+        """Reasons for failed runs, by controller: the run stopped the arm, or the arm exceeded a limit. Empty: no run failed."""
         found: dict[str, list[str]] = {}
         for name, each in zip(self.controllers, self.json["runs"]):
             words = [_in_words(item) for item in each.get("failures") or []]
@@ -192,7 +194,7 @@ class Run(Portable):
 
     @property
     def latencies(self) -> pd.DataFrame:
-        """The durations of each stage of the loop.
+        """Latencies of each stage of the loop.
 
         Returns
         -------
@@ -208,26 +210,26 @@ class Run(Portable):
         return pd.DataFrame(rows, index=pd.MultiIndex.from_tuples(index, names=["controller", "stage"]))
 
     def histogram(self, stage: str = "round_trip", controller: str | None = None) -> HdrHistogram:
-        """The latencies of a stage as an HdrHistogram of nanoseconds, from the run's `.hlog`.
+        """The latencies of a stage as an HdrHistogram in nanoseconds, from the `.hlog` file of the run.
 
         Parameters
         ----------
         stage : str
             A stage of `latencies`.
         controller : str, optional
-            Without it: the first one.
+            Name of the controller. Default: the first one.
 
         Raises
         ------
         KeyError
-            There is no such controller or stage.
+            The controller or the stage does not exist.
         NotInstalled
             The package `hdrhistogram` is missing: `pip install hdrhistogram`.
         """
         try:
             from hdrh.histogram import HdrHistogram
         except ImportError:
-            raise NotInstalled("histograms need the package hdrhistogram: pip install hdrhistogram") from None
+            raise NotInstalled("histograms need a package: pip install hdrhistogram") from None
         path = self.folder / f"{self._file(controller)}.hlog"
         for line in path.read_text(encoding="utf-8").splitlines():
             if line.startswith(f"Tag={stage},"):
@@ -236,42 +238,43 @@ class Run(Portable):
 
     @property
     def recordings(self) -> dict[str, Recording]:
-        """The recording of each controller's run."""
+        """The recordings, by controller."""
         return {name: self.recording(name) for name in self.controllers}
 
     def recording(self, controller: str | None = None) -> Recording:
-        """The recording of the run under `controller`; without it: of the first."""
+        """The recording of the run with `controller`. Default: the first controller."""
         name = self._file(controller)
         if name not in self._recordings:
-            # The recording lies in the run's folder, which has to live as long.
+            # The recording is in the run's folder, and keeps it alive.
             self._recordings[name] = Recording(self.folder / f"{name}.mcap", self._scratch)
         return self._recordings[name]
 
     def frame(self, controller: str | None = None) -> pd.DataFrame:
-        """The recorded values of every tick.
+        """The recorded values of every tick. Default: the run with the first controller.
 
         Returns
         -------
-        DataFrame, one row a tick
-            The columns of `Recording.to_frame`, `deviation_x` … (m), `command_1` … (N*m, or rad with mode "driven"), and more.
+        DataFrame, one row for each tick
+            The columns of `Recording.to_frame`, `deviation_x` … (m), `command_1` … (N*m, or rad with the modes "driven" and "servo"), and
+            others.
         """
         return self.recording(controller).to_frame()
 
     @property
     def frames(self) -> dict[str, pd.DataFrame]:
-        """`frame` of every controller."""
+        """The recorded values of every tick, by controller."""
         return {name: self.frame(name) for name in self.controllers}
 
     def report(self, path: PathLike | None = None) -> Path:
-        """The report with its charts, one HTML file; with `path` a copy of it."""
+        """Path of the report, one HTML file. With `path`: copies the report to `path` and returns that path."""
         report = self.folder / "report.html"
         return report if path is None else Path(shutil.copyfile(report, path))
 
     def _file(self, controller: str | None) -> str:
-        """The name of the files of `controller`."""
+        """Base name of the files of `controller`."""
         names = self.controllers
         if controller is not None and controller not in names:
-            raise KeyError(f"no controller {controller!r} in this run: there are {', '.join(names)}")
+            raise KeyError(f"this run has no controller {controller!r}, only {', '.join(names)}")
         return names[0] if controller is None else controller
 
     def __repr__(self) -> str:

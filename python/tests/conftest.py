@@ -1,4 +1,4 @@
-"""What the tests share: one machine with a worn bearing, played and diagnosed once."""
+"""Common fixtures of the tests: a machine with a worn bearing, simulated and diagnosed once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import freeplay
 
 mpl.use("Agg")
 
-#: Joint 5 has 0.6 mm of play that the model does not know.
+#: Joint 5 has 0.6 mm of play, which the model lacks.
 WORN = {
     "path": {"kind": "lissajous", "period": 6.0},
     "patience": 60.0,
@@ -22,13 +22,13 @@ WORN = {
 
 
 def pytest_configure() -> None:
-    # Tests run the executable that is named; else the one that is installed.
+    # Child processes of the tests import this package.
     os.environ.setdefault("PYTHONPATH", os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
 @pytest.fixture(scope="session")
 def machine() -> Iterator[freeplay.Run]:
-    """The machine, played for one lap."""
+    """One simulated lap of the machine."""
     yield freeplay.run(WORN, controllers=["computed-torque"])
 
 
@@ -39,11 +39,11 @@ def recording(machine: freeplay.Run) -> freeplay.Recording:
 
 @pytest.fixture(scope="session")
 def told() -> list[str]:
-    """The lines of progress of the diagnosis."""
+    """The progress lines of the diagnosis."""
     return []
 
 
 @pytest.fixture(scope="session")
 def found(recording: freeplay.Recording, told: list[str]) -> freeplay.Diagnosis:
-    """What the rigid model leaves out of it."""
+    """The diagnosis of the recording with the rigid model."""
     return freeplay.diagnose("paper", recording, progress=told.append)

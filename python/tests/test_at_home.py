@@ -1,4 +1,4 @@
-"""What one tries who lives in notebooks: frames of all kinds, wrong names, copies, pickles, threads, Ctrl-C."""
+"""Typical use in notebooks: various frames, wrong names, copies, pickles, threads, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -114,9 +114,9 @@ def test_two_at_once_in_threads_say_the_same() -> None:
 
 
 def interrupted(script: str, ready: Path, tmp_path: Path) -> str:
-    """What a process says that is interrupted, as by Ctrl-C in a notebook, as soon as `ready` is there."""
+    """Interrupts a Python process, like Ctrl-C in a notebook, as soon as `ready` exists. Returns its standard error."""
     environment = {**os.environ, "FREEPLAY_EXECUTABLE": str(tmp_path / "freeplay")}
-    # A background job inherits SIGINT ignored, and hands it on.
+    # A background job ignores SIGINT, and its child processes inherit this.
     process = subprocess.Popen(
         [sys.executable, "-c", script], env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
@@ -130,7 +130,7 @@ def interrupted(script: str, ready: Path, tmp_path: Path) -> str:
 
 
 def waiting(tmp_path: Path, command: str) -> Path:
-    """An executable that hangs in `command` and leaves the files `begun` and, when it is interrupted or ended, `ended`."""
+    """Writes an executable that hangs in `command`. It creates the file `begun`, and `ended` when a signal ends it. Returns the path of `begun`."""
     script = tmp_path / "freeplay"
     hang = f'trap "touch {tmp_path}/ended; exit 130" INT TERM; touch {tmp_path}/begun; while :; do sleep 0.1; done'
     script.write_text(f'#!/bin/sh\n[ "$1" = {command} ] || exec {_command.executable()} "$@"\n{hang}\n')

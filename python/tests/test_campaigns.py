@@ -1,4 +1,4 @@
-"""Campaigns leave the same receipt however their tasks are spread, and whichever of them are killed."""
+"""The receipt of a campaign does not depend on the distribution of its tasks, nor on killed tasks."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from freeplay import _campaign_command, _command
 SWEEP: dict[str, Any] = {"sweep": {"--seed": range(8)}, "controller": "computed-torque", "set": "duration=0.05", "recording": "none"}
 
 
-#: The same on the command line.
+#: The same campaign on the command line.
 WORDS = ["run", "--controller", "computed-torque", "--set", "duration=0.05", "--recording", "none", "--sweep=--seed=0,1,2,3,4,5,6,7"]
 COMMAND = [sys.executable, "-m", "freeplay", "campaign", *WORDS]
 
-#: Cases that take a tenth of a second each.
+#: A generator whose cases take a tenth of a second each.
 GENERATOR = Path(__file__).resolve().parent.parent / "examples" / "pendulum_cases.py"
 
 
 def killing(folder: Path, command: str, most: int) -> Path:
-    """An executable that kills the task which calls it with `command`, so many tasks at the most: the first as the command begins, the next when it is done and
-    its results are not yet in their place. It leaves the folders `killed-1` and so on in `folder`."""
+    """Writes an executable that kills the task which calls it with `command`, at most `most` tasks. It kills the first task before the command, and
+    the others after the command, before the task moves the results. It creates the folders `killed-1` and so on in `folder`."""
     real, killer = _command.executable(), folder / "freeplay"
     lines = ["#!/bin/sh", f'[ "$1" = {command} ] || exec {real} "$@"']
     for number in range(1, most + 1):
@@ -46,7 +46,7 @@ def killing(folder: Path, command: str, most: int) -> Path:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The receipt of one process at a time."""
+    """The receipt of a campaign with one worker and no killed tasks."""
     out = tmp_path_factory.mktemp("campaign") / "one"
     return freeplay.campaign("run", **SWEEP, workers=1, out=out).receipt.read_bytes()
 
@@ -58,14 +58,15 @@ def test_killed_tasks_are_run_again_and_the_receipt_is_the_same(
     pytest.importorskip({"local": "freeplay", "hyperqueue": "hyperqueue", "dask": "distributed"}[engine])
     monkeypatch.setenv("FREEPLAY_EXECUTABLE", str(killing(tmp_path, "run", most=2)))
     found = freeplay.campaign("run", **SWEEP, engine=engine, workers=2, out=tmp_path / "many")
-    assert len(list(tmp_path.glob("killed-*"))) == 2, "it tests something"
+    assert len(list(tmp_path.glob("killed-*"))) == 2, "two tasks were killed"
     assert found.receipt.read_bytes() == undisturbed
     assert len(found.results) == 8 and found.results["--seed"].nunique() == 8
-    assert not list((tmp_path / "many/tasks").glob(".*")), "nothing half done is left"
+    assert not list((tmp_path / "many/tasks").glob(".*")), "no incomplete folder is left"
 
 
 def holding(folder: Path) -> Path:
-    """An executable that carries out two runs and holds the others while the folder `hold` is there; each leaves a file `at-work-N` or, when it is ended, `ended-N`."""
+    """Writes an executable that performs two runs, and holds the others while the folder `hold` exists. Each held run has a file `at-work-N`, which
+    becomes `ended-N` when a signal ends the run."""
     held = folder / "freeplay"
     (folder / "hold").mkdir()
     lines = [
@@ -82,16 +83,16 @@ def holding(folder: Path) -> Path:
 
 
 def wait_for_two(folder: Path, campaign: subprocess.Popen[str]) -> None:
-    """Waits until two tasks are done and two are held."""
+    """Waits until two tasks are finished and two are held."""
     while campaign.poll() is None and (len(list(folder.glob("at-work-*"))) < 2 or len(list((folder / "c/tasks").glob("0*"))) < 2):
         time.sleep(0.02)
 
 
 def wait_for_none(folder: Path) -> None:
-    """Waits until no task is held any more."""
+    """Waits until no task is held."""
     patience = time.monotonic() + 120.0
     while list(folder.glob("at-work-*")):
-        assert time.monotonic() < patience, "a task is still at work"
+        assert time.monotonic() < patience, "a task still runs"
         time.sleep(0.05)
 
 
@@ -107,8 +108,8 @@ def test_an_interrupted_campaign_ends_its_tasks_and_goes_on_later(engine: str, e
     said = process.communicate(timeout=300)[1]
     assert process.returncode == 130 and said.startswith("freeplay: campaign interrupted: 2 of 8 tasks are done"), said
     assert "Traceback" not in said and len(said.splitlines()) == 1, said
-    assert len(list(tmp_path.glob("ended-*"))) == 2 and not list(tmp_path.glob("at-work-*")), "what was at work ended, and nothing more began"
-    assert not list((tmp_path / "c/tasks").glob(".*")), "nothing half done is left"
+    assert len(list(tmp_path.glob("ended-*"))) == 2 and not list(tmp_path.glob("at-work-*")), "the held tasks ended, and no other task began"
+    assert not list((tmp_path / "c/tasks").glob(".*")), "no incomplete folder is left"
     (tmp_path / "hold").rmdir()
     assert subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, timeout=600).returncode == 0
     assert (tmp_path / "c/receipt.json").read_bytes() == undisturbed
@@ -124,7 +125,7 @@ def test_shards_of_a_proof_leave_the_receipt_of_one(tmp_path: Path, monkeypatch:
     assert len(two.results) == len(one.proof.cases) == 10
     assert two.results["machine"].eq("pendulum").all() and (two.results["outcome"] == "right").sum() >= 5
     two.proof.verify()
-    assert not (two.folder_of(0) / "result/sealed").exists(), "files a shard, not a case"
+    assert not (two.folder_of(0) / "result/sealed").exists(), "the sealed recordings are removed"
 
 
 def test_a_campaign_goes_on_where_it_was(undisturbed: bytes, tmp_path: Path) -> None:
@@ -135,7 +136,7 @@ def test_a_campaign_goes_on_where_it_was(undisturbed: bytes, tmp_path: Path) -> 
     assert len(freeplay.Campaign(tmp_path / "c").done) == 6
     again = freeplay.campaign("run", **SWEEP, out=tmp_path / "c")
     assert again.receipt.read_bytes() == undisturbed
-    assert (again.folder_of(1) / "task.json").stat().st_mtime_ns == stamp, "what was done is not done again"
+    assert (again.folder_of(1) / "task.json").stat().st_mtime_ns == stamp, "finished tasks do not run again"
     with pytest.raises(freeplay.BadUsage, match="another campaign"):
         freeplay.campaign("run", **{**SWEEP, "sweep": {"--seed": range(9)}}, out=tmp_path / "c")
 
@@ -163,7 +164,7 @@ def test_what_can_not_succeed_is_said_once_and_with_the_commands_words(tmp_path:
 
 
 def test_a_task_without_room_is_done_where_there_is_some(undisturbed: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk that is full while the first task writes: nothing half done counts, and the task is run again."""
+    """The disk is full while the first task writes: its incomplete results do not count, and the campaign repeats the task."""
     full = tmp_path / "freeplay"
     full.write_text(
         f'#!/bin/sh\nif [ "$1" = run ] && mkdir {tmp_path}/first 2>/dev/null; then ulimit -f 1; fi\nexec {_command.executable()} "$@"\n'
@@ -189,7 +190,7 @@ def test_a_sweep_cut_into_fewer_tasks_leaves_the_same_receipt_and_few_files(undi
 
 @contextlib.contextmanager
 def cluster_of(engine: str, folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A cluster of its own processes: its address, and the processes, the server first."""
+    """Starts a cluster. Yields its address and its processes, with the server first."""
     started: list[subprocess.Popen[bytes]] = []
 
     def start(*words: str) -> None:
@@ -236,7 +237,7 @@ def test_a_cluster_of_others_keeps_no_task_of_a_campaign_that_ended(engine: str,
         assert process.returncode == (130 if ending == "interrupted" else 5)
         if ending == "interrupted":
             wait_for_none(tmp_path)
-    # A lost cluster's tasks end with their workers.
+    # The tasks of a lost cluster end with their workers.
     wait_for_none(tmp_path)
     (tmp_path / "hold").rmdir()
     assert subprocess.run([*COMMAND, "--out", str(tmp_path / "c")], env=environment, stdout=subprocess.DEVNULL, timeout=600).returncode == 0
@@ -251,7 +252,7 @@ def test_a_cluster_that_does_not_answer_is_said_in_a_line(tmp_path: Path) -> Non
 
 
 def test_a_worker_that_is_gone_for_good_leaves_its_tasks_to_the_others(undisturbed: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two workers of Dask, each a process; the one that gets the first task is killed with it and is not started again."""
+    """Dask has two worker processes. The one with the first task is killed together with the task, and does not start again."""
     pytest.importorskip("distributed")
     gone = tmp_path / "freeplay"
     end = f"if mkdir {tmp_path}/gone 2>/dev/null; then read -r _ _ _ worker _ < /proc/$PPID/stat; kill -9 $worker $PPID; exit 1; fi"

@@ -1,4 +1,4 @@
-"""Comparisons and diagnoses say what the command says, as frames, pictures and pages."""
+"""Comparisons and diagnoses equal those of the command, and convert to frames, charts and pages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from freeplay.diagnosis import Diagnosis
 
 
 def command(*words: object) -> str:
-    """What the command prints, without the package between."""
+    """Runs the command directly and returns its standard output."""
     done = subprocess.run([_command.executable(), *map(str, words)], capture_output=True, text=True, check=True)
     return done.stdout
 
@@ -46,7 +46,7 @@ def test_a_diagnosis_is_that_of_the_command_to_the_byte(
 ) -> None:
     words = ["diagnose", "--quiet", "--model", "paper", "--recording", recording.path, "--format", "json", "--out", tmp_path / "out"]
     assert found.text == command(*words)
-    assert len(told) > 3, "progress is told line by line"
+    assert len(told) > 3, "progress arrives line by line"
 
 
 def test_the_play_is_found_where_it_is(found: Diagnosis) -> None:

@@ -1,4 +1,4 @@
-"""The Python blocks of the guide and of the READMEs say what the package understands: every name is there, every call fits its signature."""
+"""Checks the Python blocks of the guide and of the READMEs: every name exists, and every call fits its signature."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PAGES = sorted([*(ROOT / "docs/guide").glob("*.md"), ROOT / "README.md", ROOT / 
 
 
 def blocks() -> list[Any]:
-    """Every block of Python with its page and its place in it."""
+    """Every Python block, with its page and its number."""
     found = []
     for page in PAGES:
         text = page.read_text()
@@ -27,14 +27,14 @@ def blocks() -> list[Any]:
 
 
 class Known:
-    """What stands for a value of the package while a block is read: the class that it has, if the package says so."""
+    """Placeholder for a value while a test reads a block. `kind` is its class, if the package annotates it."""
 
     def __init__(self, kind: Any = None) -> None:
         self.kind = kind
 
 
 def returned(held: Any) -> Any:
-    """The class of what `held` gives when it is called; None where it is none of the package."""
+    """The class that a call of `held` returns. None for a class outside of the package."""
     if inspect.isclass(held):
         return held
     name = str(getattr(held, "__annotations__", {}).get("return", ""))
@@ -42,7 +42,7 @@ def returned(held: Any) -> Any:
 
 
 def looked_up(node: ast.expr, names: dict[str, Known]) -> Any:
-    """What the expression `node` names in the package; None where that is none of its affairs."""
+    """The object of the package that the expression `node` refers to. None for objects outside of the package."""
     if isinstance(node, ast.Name):
         return freeplay if node.id == "freeplay" else names.get(node.id)
     if isinstance(node, ast.Attribute):
@@ -59,7 +59,7 @@ def looked_up(node: ast.expr, names: dict[str, Known]) -> Any:
 
 
 def check_call(call: ast.Call, held: Any) -> None:
-    """Whether the arguments of `call` fit the signature of `held`."""
+    """Checks that the arguments of `call` fit the signature of `held`."""
     if any(isinstance(word, ast.Starred) for word in call.args) or any(word.arg is None for word in call.keywords):
         return
     method = inspect.isfunction(held) and "." in held.__qualname__
@@ -71,7 +71,7 @@ def check_call(call: ast.Call, held: Any) -> None:
 
 
 def checked(block: str) -> int:
-    """Reads a block; the number of its calls into the package."""
+    """Checks a block, and returns the number of its calls of the package."""
     names: dict[str, Known] = {}
     count = 0
     for statement in ast.parse(block).body:

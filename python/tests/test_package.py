@@ -1,4 +1,4 @@
-"""The package as a whole: its types, its names, its reference page, its notebooks."""
+"""Tests of the whole package: types, names, reference page, notebooks."""
 
 from __future__ import annotations
 

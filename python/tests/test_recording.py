@@ -1,4 +1,4 @@
-"""Recordings go in and out of pandas without loss, and errors have the command's words."""
+"""Recordings convert to and from pandas frames without loss, and errors have the command's messages."""
 
 from __future__ import annotations
 

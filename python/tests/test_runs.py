@@ -1,4 +1,4 @@
-"""Runs, controllers of Python handed over as they are, and exams."""
+"""Runs, Python controllers as classes and objects, and fault tests."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 import freeplay
 from freeplay import _toml
 
-#: Patience: a busy machine takes its time to start an interpreter.
+#: The patience is long, because a busy machine starts an interpreter slowly.
 SHORT = {"mode": "driven", "duration": 0.3, "patience": 60.0, "path": {"kind": "lissajous", "period": 6.0}}
 
 
 class Follower(freeplay.Controller):
-    """Passes the reference on."""
+    """Answers with the reference."""
 
     name = "follower"
 
@@ -31,7 +31,7 @@ class Follower(freeplay.Controller):
 def test_a_class_runs_as_a_built_in_controller_does() -> None:
     done = freeplay.run(SHORT, controllers=[Follower, "computed-torque"])
     assert done.controllers == ["follower", "computed-torque"] and not done.failures
-    assert done.table["state_hash"].nunique() == 1, "both pass the reference on: the same to the bit"
+    assert done.table["state_hash"].nunique() == 1, "both answer with the reference, so the runs are identical"
     assert len(done.frames["follower"]) == 300 and done.frame()["q1"].notna().all()
     assert ("follower", "round_trip") in done.latencies.index
     assert done.report().is_file() and "follower" in done._repr_html_()
@@ -64,7 +64,7 @@ def test_latencies_are_hdr_histograms() -> None:
 
 
 def test_a_script_runs_by_the_interpreter_of_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A notebook's environment need not be activated: its folder is not on the path."""
+    """The environment of a notebook may not be activated, so that its folder is not on the PATH."""
     script = tmp_path / "mine"
     answer = "def answer(self, state):\n        return freeplay.Answer(state.reference_next.q[:6], state.reference_next.qd[:6], state.reference_next.qdd[:6])"
     lines = ["#!/usr/bin/env python3", "import sys, freeplay", f"assert sys.prefix == {sys.prefix!r}, sys.prefix", "class Mine(freeplay.Controller):"]

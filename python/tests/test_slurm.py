@@ -1,4 +1,4 @@
-"""A campaign as a job array of Slurm, on a cluster of one node that the test starts: `apt-get install slurm-wlm`, and the right to start it (root)."""
+"""A campaign as a job array of Slurm, on a cluster of one node that the test starts. Requires `apt-get install slurm-wlm` and root."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def program(name: str) -> str | None:
 
 
 def free_ports(count: int) -> list[int]:
-    """Ports that nobody listens on."""
+    """Free TCP ports."""
     held = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
     ports = [each.getsockname()[1] for each in held]
     for each in held:
@@ -34,7 +34,7 @@ def free_ports(count: int) -> list[int]:
 
 @pytest.fixture
 def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """A cluster of this machine, with two cores and no authentication, as long as the test; the name of its partition."""
+    """A cluster on this machine, with two cores and without authentication. Yields the name of its partition."""
     if not all(map(program, PROGRAMS)) or os.geteuid() != 0:
         pytest.skip("needs slurm-wlm and root")
     folder, host, ports = tmp_path / "slurm", socket.gethostname().split(".")[0], free_ports(2)
@@ -50,7 +50,7 @@ def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         "SchedulerParameters": "sched_min_interval=100000,batch_sched_delay=0", "MessageTimeout": 60, "SlurmdTimeout": 600,
     }  # fmt: skip
     text = "".join(f"{name}={value}\n" for name, value in lines.items() if name != "SlurmctldParameters")
-    # Two cores for the scheduler, however many there are.
+    # The scheduler sees two cores, whatever the number of real ones.
     text += f"NodeName={host} NodeAddr=127.0.0.1 CPUs=2 RealMemory=100 State=UNKNOWN\nPartitionName=bench Nodes={host} Default=YES MaxTime=60 State=UP\n"
     config = folder / "slurm.conf"
     config.write_text(text + "SlurmdParameters=config_overrides\n")
@@ -69,7 +69,7 @@ def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 
 def wait_until_idle(folder: Path, daemons: list[subprocess.Popen[bytes]]) -> None:
-    """Waits for the node to take work."""
+    """Waits until the node accepts tasks."""
     patience = time.monotonic() + 180.0
     while time.monotonic() < patience and all(daemon.poll() is None for daemon in daemons):
         told = subprocess.run([str(program("sinfo")), "-h", "-o", "%T"], capture_output=True, text=True)

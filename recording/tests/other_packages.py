@@ -1,6 +1,6 @@
-"""Writes one motion in the forms of other people's packages, into the folder that is named.
+"""Writes one motion with other packages, in their formats, to the folder in the argument.
 
-The joints stand in the order elbow, shoulder, wrist where a form has names of them: q = sin(k t), tau = k cos(k t) for k = 1, 2, 3 of shoulder, elbow, wrist.
+Formats with joint names have the order elbow, shoulder, wrist: q = sin(k t), tau = k cos(k t) for k = 1, 2, 3 of shoulder, elbow, wrist.
 """
 
 import json
@@ -21,17 +21,17 @@ t = numpy.arange(400) * 0.01
 q = numpy.sin(t[:, None] * factors)
 tau = factors * numpy.cos(t[:, None] * factors)
 
-# NumPy: with the time along the first index or along the second.
+# NumPy: time along the first or the second index.
 numpy.savez(out / "plain.npz", t=t, q=q, tau=tau, joint_names=numpy.array(names))
 numpy.savez_compressed(out / "deflated.npz", time=t, position=q.T, effort=tau.T, names=numpy.array(names))
 
-# SciPy: arrays, and a structure that is compressed.
+# SciPy: arrays, and a compressed structure.
 cell = numpy.array(names, dtype=object)
 scipy.io.savemat(out / "plain.mat", {"t": t, "q": q, "tau": tau, "names": cell})
 structure = {"time": t[:, None], "pos": q.T, "torque": tau.T}
 scipy.io.savemat(out / "struct.mat", {"log": structure, "names": cell}, do_compression=True)
 
-# pandas: a date for an index, or none.
+# pandas: an index of dates, or no index.
 columns = [f"{name}_pos" for name in names] + [f"{name}_effort" for name in names]
 dates = pandas.to_datetime("2024-11-20T10:00:00") + pandas.to_timedelta(t, unit="s")
 dated = pandas.DataFrame(numpy.column_stack([q, tau]), columns=columns, index=dates)
@@ -44,7 +44,7 @@ counted.to_csv(out / "counted.csv")
 for compression in ["snappy", "zstd", "gzip", "lz4", None]:
     counted.to_parquet(out / f"{compression}.parquet", compression=compression)
 
-# LeRobot: lists in cells, whose names are in another file; each episode counts from zero.
+# LeRobot: cells contain lists, and another file has the names of their elements. Each episode starts at zero.
 data = out / "lerobot" / "data" / "chunk-000"
 meta = out / "lerobot" / "meta"
 data.mkdir(parents=True)
@@ -78,7 +78,7 @@ def messages(store):
         yield ns, state(header(**fields), names, q[k].copy(), numpy.full(3, numpy.nan), tau[k].copy())
 
 
-# ROS 2: a folder with one file, and one with two.
+# ROS 2: a folder with one file, and a folder with two files.
 ros2 = get_typestore(Stores.ROS2_HUMBLE)
 for store in [StoragePlugin.SQLITE3, StoragePlugin.MCAP]:
     with Writer2(out / f"bag_{store.name.lower()}", version=9, storage_plugin=store) as writer:

@@ -1,4 +1,4 @@
-"""Reads a MCAP with the reference packages (mcap, mcap-ros2-support) and prints what it finds.
+"""Reads a MCAP with the reference packages (mcap, mcap-ros2-support) and prints its content.
 
 First line: the topics with their message counts from the index (or "no index").
 Then one line per row: log time in ns, and the fields as name=hexadecimal float.
@@ -19,7 +19,7 @@ with open(path, "rb") as stream:
         print(*(f"{c.topic}:{counts.get(c.id, 0)}" for c in summary.channels.values()), len(summary.chunk_indexes))
         print(*(f"{m.name}:{m.metadata}" for m in reader.iter_metadata()))
     try:
-        # In the order of the file: sorting would read to the end first, which a cut file does not have.
+        # Without an index, in the order of the file: sorting would first read to the end, which a truncated file lacks.
         messages = reader.iter_decoded_messages(topics=["/freeplay/tick"], log_time_order=indexed)
         for _, _, message, row in messages:
             fields = (f"{name}={float(getattr(row, name)).hex()}" for name in row.__slots__)

@@ -1,9 +1,9 @@
-"""Processor time of a rollout of an arm on servos, and of MuJoCo's steps of the same arm along the same commands, alternately.
+"""Compares the processor time of Freeplay's rollouts with that of MuJoCo's steps, for the same arm on servos and the same commands.
 
     cargo build --release -p freeplay-servo --example rollout_speed
     python servo/examples/rollout_speed.py target/release/examples/rollout_speed
 
-Five joints with gravity, dry friction and servos, 20 s of commands at 50 Hz. Both start in the same state. Position errors are differences from rollouts in steps of 0.1 ms.
+Five joints with gravity, dry friction and servos, 20 s of commands at 50 Hz. Both start in the same state, and their runs alternate. Position errors are differences from rollouts with steps of 0.1 ms.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COUNT, TURNS = 40, 7
 
 
 def arm_file() -> str:
-    """The arm as Freeplay reads it."""
+    """Text of the arm file for Freeplay."""
     parts = ['name = "five joints"\n']
     for number, (name, axis) in enumerate(zip(NAMES, AXES)):
         place = LENGTH if number else 0.0
@@ -45,7 +45,7 @@ def arm_file() -> str:
 
 
 def mjcf(step: float) -> str:
-    """The same arm as MuJoCo reads it."""
+    """MJCF of the same arm."""
     body, actuators = "", ""
     for number, (name, axis) in reversed(list(enumerate(zip(NAMES, AXES)))):
         place = LENGTH if number else 0.0
@@ -61,14 +61,14 @@ def mjcf(step: float) -> str:
 
 
 def commands() -> tuple[np.ndarray, np.ndarray]:
-    """Stamps, and a command a joint at each."""
+    """Time stamps, and a command for each joint at each of them."""
     t = np.arange(0.0, DURATION, 1.0 / RATE)
     waves = [0.5 * np.sin((0.9 + 0.2 * j) * t) + 0.2 * np.sin((2.7 - 0.3 * j) * t) for j in range(len(NAMES))]
     return t, np.stack(waves, axis=1)
 
 
 class Freeplay:
-    """Rollouts by the executable of the example."""
+    """Rollouts with the executable of the example."""
 
     def __init__(self, executable: str, folder: Path, step: float) -> None:
         self.name, self.step = f"rollouts, arm in steps of {1e3 * step:g} ms", step
@@ -80,7 +80,7 @@ class Freeplay:
         return np.array([[float(x) for x in line.split(",")] for line in done.stdout.splitlines()])
 
     def seconds(self) -> float:
-        """Processor time of a rollout: that of many, less that of one."""
+        """Processor time of a rollout, from the difference between many rollouts and one."""
 
         def spent(count: int) -> float:
             before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
@@ -91,7 +91,7 @@ class Freeplay:
 
 
 class MuJoCo:
-    """MuJoCo's own loop over steps."""
+    """Runs with MuJoCo's own loop over steps."""
 
     def __init__(self, step: float) -> None:
         self.name = f"MuJoCo {mujoco.__version__}, steps of {1e3 * step:g} ms"
@@ -121,7 +121,7 @@ class MuJoCo:
 
 
 def main() -> None:
-    """The table."""
+    """Prints the table."""
     executable = str(Path(sys.argv[1]).resolve())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -1,8 +1,8 @@
-"""Drives an FMU by FMPy: validates it, steps it with what standard input gives, and prints every output after every step as hex.
+"""Runs an FMU with FMPy: validates it, steps it with the inputs from standard input, and prints every output after every step as hex.
 
 Input: {"fmu", "parameters": {name: value}, "brakes": [bool per step], "given": [[per joint] or null per step], "names": [outputs],
-"inputs": [names], "rewind": step or null}. With `rewind` the state at that step is taken, serialised, and put back into the instance at the end; what is played from
-there again has to be the same.
+"inputs": [names], "rewind": step or null}. With `rewind` the script saves and serialises the state at that step, and restores it at the end. The repeated steps
+must give the same outputs.
 """
 
 import json

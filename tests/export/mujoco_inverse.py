@@ -1,6 +1,6 @@
-"""Torques and tool of an MJCF or URDF file along the motions on standard input, by MuJoCo's inverse dynamics.
+"""Computes torques and tool positions of an MJCF or URDF file for the motions on standard input, with MuJoCo's inverse dynamics.
 
-The joints of gears and play, which have no drive, stand where their springs and bounds hold them.
+Passive joints, those of gears and play, have the position in which their springs and limits balance the load.
 """
 
 import json
@@ -26,10 +26,10 @@ def dead_band(index):
 
 
 def hold():
-    """Puts gears and journals where the load presses them: the load is what the inverse dynamics ask for at their joints."""
+    """Moves gears and journals to the positions to which the load presses them. The load is the torque of the inverse dynamics at their joints."""
     data.qpos[passive] = 0.0
     for _ in range(6):
-        # Without what bounds and springs of gears do, so that the load alone is left.
+        # Subtracts limits and springs of gears, so that the load alone remains.
         mujoco.mj_inverse(model, data)
         bare = data.qfrc_inverse + data.qfrc_passive + data.qfrc_constraint
         for index in [index for index in passive if model.dof_jntid[index] >= 0]:
@@ -46,7 +46,7 @@ def hold():
 
 
 def measured():
-    """The controls under which the actuators give the torques of the inverse dynamics."""
+    """The controls with which the actuators produce the torques of the inverse dynamics."""
     torque = data.qfrc_inverse[dof].copy()
     if model.nu == 0:
         return torque

@@ -1,4 +1,4 @@
-"""Torques of a URDF file along the motions on standard input, by Pinocchio's recursive Newton-Euler algorithm."""
+"""Computes torques of a URDF file for the motions on standard input, with Pinocchio's recursive Newton-Euler algorithm."""
 
 import json
 import sys
@@ -12,7 +12,7 @@ data = model.createData()
 
 
 def packed(values):
-    """Velocities in Pinocchio's order."""
+    """Velocities, in Pinocchio's order of the joints."""
     vector = np.zeros(model.nv)
     for name, value in zip(names, values):
         vector[model.joints[model.getJointId(name)].idx_v] = value
@@ -21,7 +21,7 @@ def packed(values):
 
 rows = []
 for q, v, a in motions:
-    # A joint without limits is a point on a circle there: integrate from the neutral position.
+    # Pinocchio represents a joint without limits as a point on a circle: integrate from the neutral position.
     position = pinocchio.integrate(model, pinocchio.neutral(model), packed(q))
     torque = pinocchio.rnea(model, data, position, packed(v), packed(a))
     rows.append([[torque[model.joints[model.getJointId(name)].idx_v] for name in names], []])
