@@ -8,7 +8,7 @@ use freeplay_arm::{Joint, JointKind};
 use freeplay_harness::setup::load_selected;
 use freeplay_model::{ArmFile, Selection};
 use freeplay_report::one_line;
-use freeplay_report::text::{Digits, NOTHING, number};
+use freeplay_report::text::{Digits, MISSING_NUMBER, number};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::layout::text_table;
@@ -79,7 +79,7 @@ fn in_words(model: &str, file: &ArmFile) -> String {
     table.set_header(["joint", "kind", "lower", "upper", "velocity", "effort", "viscous", "coulomb", "mass"]);
     let brief = |value: f64| match value.is_finite() {
         true => number(value, Digits::Significant(4)),
-        false => NOTHING.to_owned(),
+        false => MISSING_NUMBER.to_owned(),
     };
     for joint in file.arm.joints() {
         let (limits, friction) = (&joint.limits, &joint.friction);

@@ -10,8 +10,8 @@ use freeplay_diagnosis::{Channel, ChannelError, Comparison, Kind, Residuals, Set
 use freeplay_laws::Effects;
 use freeplay_model::{ArmFile, EffectTable};
 use freeplay_recording::Recording;
-use freeplay_report::paste::pasted;
-use freeplay_report::text::{Digits, NOTHING, number};
+use freeplay_report::paste::shell_word;
+use freeplay_report::text::{Digits, MISSING_NUMBER, number};
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Series, Table, Verdict};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
@@ -162,7 +162,7 @@ impl View<'_> {
             let _ = writeln!(text, "note: {remark}");
         }
         let next = match report {
-            Some(path) => format!("report      {}", pasted(path)),
+            Some(path) => format!("report      {}", shell_word(path)),
             None if flags::is_quiet() => return text,
             None => "next        add --out DIR for the curves, measured against model; --lowpass HZ for another filter".into(),
         };
@@ -304,11 +304,11 @@ impl View<'_> {
             let (scale, unit) = shown_in(channel.unit);
             let mut row = vec![
                 channel.name.clone(),
-                channel.joint.clone().unwrap_or_else(|| NOTHING.into()),
+                channel.joint.clone().unwrap_or_else(|| MISSING_NUMBER.into()),
                 unit.into(),
             ];
             row.extend(numbers(channel, scale).into_iter().take(columns - 3).map(brief));
-            let lag = || channel.lag_s.map_or_else(|| NOTHING.into(), |lag| brief(lag * 1e3));
+            let lag = || channel.lag_s.map_or_else(|| MISSING_NUMBER.into(), |lag| brief(lag * 1e3));
             row.extend(self.has_lags().then(lag));
             table.add_row(row);
         }

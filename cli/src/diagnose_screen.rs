@@ -9,14 +9,14 @@ use freeplay_diagnosis::page::{MODELS, channels, in_words, kind_title, meanings,
 use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
-use freeplay_report::units::{people, written};
+use freeplay_report::units::{display_unit, written};
 use freeplay_terminal::flags::is_quiet;
 use freeplay_terminal::messages::width;
 use freeplay_terminal::styles::{GOOD, UNDECIDED, styled};
 
 use crate::diagnose_view::{View, file_name};
 use crate::margin::{MARGIN, wrapped};
-use freeplay_report::paste::pasted;
+use freeplay_report::paste::shell_word;
 
 /// Width of the longest bar, characters.
 const BAR: f64 = 24.0;
@@ -65,15 +65,16 @@ fn next(view: &View) -> String {
         Some(out) => {
             if view.diagnosis.changes_model() {
                 let model = out.join("model.toml");
-                let _ = writeln!(text, "{:MARGIN$}{}", "MODEL", pasted(&model));
+                let _ = writeln!(text, "{:MARGIN$}{}", "MODEL", shell_word(&model));
                 let commands = view.commands(&model).into_iter().filter(|_| !is_quiet());
                 commands.for_each(|command| text.push_str(&format!("{:MARGIN$}{command}\n", "")));
             }
-            let _ = writeln!(text, "{:MARGIN$}{}", "REPORT", pasted(&out.join("report.html")));
+            let _ = writeln!(text, "{:MARGIN$}{}", "REPORT", shell_word(&out.join("report.html")));
         }
         None if view.file().is_some() => {
             let file = view.file().filter(|file| file.is_file());
-            let words = file.map_or_else(|| "none is written: there is no model to give".to_owned(), pasted);
+            let words =
+                file.map_or_else(|| "none is written: there is no model to give".to_owned(), shell_word);
             let _ = writeln!(text, "{:MARGIN$}{words}", "FILE");
         }
         None if is_quiet() => {}
@@ -249,7 +250,7 @@ fn bars(fit: &Fit, channels: &[&str]) -> String {
             (MODELS[3].0, GOOD, &fit.after),
         ];
         let longest = rows.iter().map(|(_, _, table)| table[channel].rmse).fold(f64::MIN_POSITIVE, f64::max);
-        let (scale, unit) = people(fit.units.get(channel).copied().unwrap_or(""), longest);
+        let (scale, unit) = display_unit(fit.units.get(channel).copied().unwrap_or(""), longest);
         let floor = written(fit.noise_floor[channel].rmse * scale);
         let _ = writeln!(text, "{:MARGIN$}{channel}, {unit}, noise floor {floor}", "");
         for (name, style, table) in rows {
@@ -270,7 +271,7 @@ fn one_line_each(fit: &Fit, channels: &[&str]) -> String {
         let all = [&fit.before, &fit.retuned, &fit.black_box, &fit.after, &fit.noise_floor];
         let all = all.map(|table| table[channel].rmse);
         let longest = all.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-        let (scale, unit) = people(fit.units.get(channel).copied().unwrap_or(""), longest);
+        let (scale, unit) = display_unit(fit.units.get(channel).copied().unwrap_or(""), longest);
         let mut row = vec![format!("{channel}, {unit}")];
         row.extend(all.map(|rmse| number(rmse * scale, Digits::Significant(3))));
         row.push("█".repeat((BAR * all[3] / longest).round() as usize));

@@ -14,7 +14,7 @@ use freeplay_harness::setup::{PAPER_MODEL, load_selected};
 use freeplay_model::{ArmFile, Selection};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
-use freeplay_report::paste::{pasted, seen_from};
+use freeplay_report::paste::{seen_from, shell_word};
 use freeplay_report::units::power_of_ten;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
@@ -393,7 +393,7 @@ pub fn sentence(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     let names: Vec<String> = found.rivals.iter().map(|rival| name(rival, file)).collect();
     format!(
         "the motion in {} ({:.0} s) would separate {} with odds of about {} : 1",
-        pasted(path),
+        shell_word(path),
         found.motion.duration,
         names.join(" and "),
         power_of_ten(least(&found.log_odds))
@@ -427,11 +427,11 @@ fn text(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     let _ = writeln!(
         text,
         "path    {}   {:.0} s, from rest to rest",
-        pasted(&path.with_extension("csv")),
+        shell_word(&path.with_extension("csv")),
         found.motion.duration
     );
     if !flags::is_quiet() {
-        let _ = writeln!(text, "next    freeplay run {}", pasted(path));
+        let _ = writeln!(text, "next    freeplay run {}", shell_word(path));
     }
     text
 }

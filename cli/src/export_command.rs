@@ -75,7 +75,7 @@ pub fn export(args: &ExportArgs) -> Result<Exit, Failure> {
     };
     let Some(out) = &args.out else {
         say(&exported.text)?;
-        exported.unsaid.iter().for_each(|line| messages::note(format_args!("not expressed: {line}")));
+        exported.not_expressed.iter().for_each(|line| messages::note(format_args!("not expressed: {line}")));
         return Ok(Exit::Done);
     };
     write(out, &exported.text)?;
@@ -94,7 +94,7 @@ fn fmu(args: &ExportArgs, file: &ArmFile) -> Result<Exit, Failure> {
     let program = std::env::current_exe().map_err(Failure::internal)?;
     freeplay_fmi::write_fmu(file, &program, out)
         .map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
-    let all = Exported { text: String::new(), unsaid: Vec::new() };
+    let all = Exported { text: String::new(), not_expressed: Vec::new() };
     match args.format {
         Format::Json => say(&format!("{:#}\n", described(args, out, &all)))?,
         Format::Text => show(&in_words(args, out, file, &all))?,
@@ -105,7 +105,7 @@ fn fmu(args: &ExportArgs, file: &ArmFile) -> Result<Exit, Failure> {
 fn described(args: &ExportArgs, out: &Path, exported: &Exported) -> serde_json::Value {
     json!({
         "schema": "freeplay.export/1", "model": args.model, "to": args.to.name().to_lowercase(), "file": out,
-        "unsaid": exported.unsaid,
+        "unsaid": exported.not_expressed,
     })
 }
 
@@ -117,12 +117,12 @@ fn in_words(args: &ExportArgs, out: &Path, file: &ArmFile, exported: &Exported) 
         count => format!(", {count} effects"),
     };
     let mut text = format!("{}: {name}, {joints} joints{effects} as {}\n", out.display(), args.to.name());
-    if exported.unsaid.is_empty() {
+    if exported.not_expressed.is_empty() {
         text.push_str("the file expresses the whole model\n");
     } else {
         text.push_str("the file cannot express:\n");
     }
-    for line in &exported.unsaid {
+    for line in &exported.not_expressed {
         let _ = writeln!(text, "- {}", one_line(line));
     }
     text

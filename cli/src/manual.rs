@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap_complete::Shell;
-use freeplay_report::paste::pasted;
+use freeplay_report::paste::shell_word;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::make_folder;
 use freeplay_terminal::output::{raw, say};
@@ -66,7 +66,7 @@ pub fn man(args: &ManArgs, command: clap::Command) -> Result<Exit, Failure> {
     say(&format!(
         "{}: freeplay.1 and a page for each command; man -l {1}\n",
         out.display(),
-        pasted(&out.join("freeplay.1"))
+        shell_word(&out.join("freeplay.1"))
     ))?;
     Ok(Exit::Done)
 }

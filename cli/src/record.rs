@@ -8,7 +8,7 @@ use freeplay_diagnosis::examine;
 use freeplay_diagnosis::page::diagnose_command;
 use freeplay_recording::{BagOptions, Group, ImportOptions, Mapping, Recording};
 use freeplay_report::one_line;
-use freeplay_report::text::{Digits, NOTHING, number};
+use freeplay_report::text::{Digits, MISSING_NUMBER, number};
 use freeplay_storage::same_file;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
@@ -247,8 +247,8 @@ fn in_words(recording: &Recording) -> String {
             odd if odd == values.len() => "missing".to_owned(),
             odd => format!("missing in {odd}"),
         };
-        let [least, most] =
-            range.map_or([(); 2].map(|()| NOTHING.to_owned()), |both| both.map(|value| fixed(value, 6)));
+        let [least, most] = range
+            .map_or([(); 2].map(|()| MISSING_NUMBER.to_owned()), |both| both.map(|value| fixed(value, 6)));
         table.add_row([name.as_str(), unit(&name), &least, &most, &note]);
     }
     for column in [2, 3] {

@@ -5,18 +5,18 @@
 //! then throws the journal back with more energy than the restitution removes, and with play in two joints the bouncing never ends
 //! (decisions/0018). The detector therefore softens the feedback for some time after an impact. With play in more than one joint, it does so after
 //! every impact. With play in one joint, bouncing ends by itself on most arms and soft feedback costs accuracy at corners, so the detector waits
-//! until the bouncing has lasted for [`PATIENCE`]. While the bouncing lasts, the feedback becomes softer and softer.
+//! until the bouncing has lasted for [`LONGEST_LANDING`]. While the bouncing lasts, the feedback becomes softer and softer.
 
 use crate::task::Gains;
 
 /// Speed change within a tick that counts as an impact, rad/s (m/s). With play in joints 3 and 5, 0.05, 0.1 and 0.3 all end the bouncing.
-pub const KNOCK: f64 = 0.05;
-/// Factor on the natural frequency of the feedback after an impact, applied again after each further [`PATIENCE`] of bouncing.
-pub const SOFTER: f64 = 0.5;
+pub const IMPACT_SPEED_CHANGE: f64 = 0.05;
+/// Factor on the natural frequency of the feedback after an impact, applied again after each further [`LONGEST_LANDING`] of bouncing.
+pub const FREQUENCY_FACTOR: f64 = 0.5;
 /// Longest bouncing that counts as a normal landing, s; a play of 0.6 mm on the paper's arm needs 0.23 s.
-pub const PATIENCE: f64 = 0.3;
+pub const LONGEST_LANDING: f64 = 0.3;
 /// Least factor on the natural frequency.
-pub const SOFTEST: f64 = 0.125;
+pub const LEAST_FREQUENCY_FACTOR: f64 = 0.125;
 /// Time for which the feedback stays softer after an impact, s.
 const SOFT_TIME: f64 = 0.015;
 /// Time in which the gain then rises back to its full value, s.
@@ -37,7 +37,7 @@ pub struct ImpactDetector {
 impl ImpactDetector {
     /// Creates a detector without impacts, in ticks of `period` seconds, for an arm with play in `plays` joints.
     pub fn new(period: f64, plays: usize) -> ImpactDetector {
-        let patience = if plays > 1 { 0.0 } else { PATIENCE };
+        let patience = if plays > 1 { 0.0 } else { LONGEST_LANDING };
         ImpactDetector { period, calm: SOFT_TIME + GAIN_RECOVERY_TIME, bouncing: 0.0, patience }
     }
 
@@ -45,7 +45,7 @@ impl ImpactDetector {
     pub fn observe(&mut self, expected: Option<&[f64]>, found: &[f64]) {
         self.calm = (self.calm + self.period).min(SOFT_TIME + GAIN_RECOVERY_TIME);
         let knocked = |expected: &[f64]| {
-            expected.iter().zip(found).any(|(expected, found)| (found - expected).abs() > KNOCK)
+            expected.iter().zip(found).any(|(expected, found)| (found - expected).abs() > IMPACT_SPEED_CHANGE)
         };
         if expected.is_some_and(knocked) {
             self.calm = 0.0;
@@ -59,8 +59,8 @@ impl ImpactDetector {
         if self.bouncing < self.patience {
             return 1.0;
         }
-        let steps = 1.0 + ((self.bouncing - self.patience) / PATIENCE).floor();
-        SOFTER.powf(steps).max(SOFTEST)
+        let steps = 1.0 + ((self.bouncing - self.patience) / LONGEST_LANDING).floor();
+        FREQUENCY_FACTOR.powf(steps).max(LEAST_FREQUENCY_FACTOR)
     }
 
     /// `gains` with the softened natural frequency.
@@ -73,7 +73,10 @@ impl ImpactDetector {
 
 #[cfg(test)]
 mod tests {
-    use super::{GAIN_RECOVERY_TIME, ImpactDetector, KNOCK, SOFT_TIME, SOFTER, SOFTEST};
+    use super::{
+        FREQUENCY_FACTOR, GAIN_RECOVERY_TIME, IMPACT_SPEED_CHANGE, ImpactDetector, LEAST_FREQUENCY_FACTOR,
+        SOFT_TIME,
+    };
     use crate::task::Gains;
 
     #[test]
@@ -81,11 +84,14 @@ mod tests {
         let gains = Gains::default();
         let mut knocks = ImpactDetector::new(1e-3, 2);
         knocks.observe(None, &[9.0]);
-        knocks.observe(Some(&[0.0, 1.0]), &[0.9 * KNOCK, 1.0 - 0.9 * KNOCK]);
+        knocks.observe(Some(&[0.0, 1.0]), &[0.9 * IMPACT_SPEED_CHANGE, 1.0 - 0.9 * IMPACT_SPEED_CHANGE]);
         assert_eq!(knocks.soften(gains), gains);
-        knocks.observe(Some(&[0.0, 1.0]), &[0.0, 1.0 - 1.1 * KNOCK]);
+        knocks.observe(Some(&[0.0, 1.0]), &[0.0, 1.0 - 1.1 * IMPACT_SPEED_CHANGE]);
         let soft = knocks.soften(gains);
-        assert!((soft.natural_frequency / gains.natural_frequency - SOFTER).abs() < 1e-12, "{soft:?}");
+        assert!(
+            (soft.natural_frequency / gains.natural_frequency - FREQUENCY_FACTOR).abs() < 1e-12,
+            "{soft:?}"
+        );
         let ticks = ((SOFT_TIME + GAIN_RECOVERY_TIME) / 1e-3).round() as usize;
         let shares: Vec<f64> = (0..=ticks)
             .map(|_| {
@@ -110,7 +116,17 @@ mod tests {
         let just_after = |seconds: f64| shares[20 * (seconds * 50.0).round() as usize];
         let found = [0.1, 0.28, 0.34, 0.64, 0.94, 1.9].map(just_after);
         println!("shares {found:?}");
-        assert_eq!(found, [1.0, 1.0, SOFTER, SOFTER * SOFTER, SOFTEST, SOFTEST]);
+        assert_eq!(
+            found,
+            [
+                1.0,
+                1.0,
+                FREQUENCY_FACTOR,
+                FREQUENCY_FACTOR * FREQUENCY_FACTOR,
+                LEAST_FREQUENCY_FACTOR,
+                LEAST_FREQUENCY_FACTOR
+            ]
+        );
         let calm = (1..=50).map(|tick| at(2000 + 20 * tick + 1)).last();
         assert_eq!(calm, Some(1.0), "after a calm it starts anew");
     }

@@ -109,7 +109,7 @@ pub fn drive_frictions(arm: &Arm) -> Vec<DriveFriction> {
 /// Friction torque divided by velocity, N·m·s/rad, ≥ 0; at rest, its limit.
 fn resistance(friction: &DriveFriction, v: f64) -> f64 {
     if v == 0.0 {
-        friction.viscous + friction.coulomb / DriveFriction::SMOOTHING
+        friction.viscous + friction.coulomb / DriveFriction::SMOOTHING_SPEED
     } else {
         friction.resisting(v) / v
     }

@@ -13,8 +13,8 @@
 //! its own command is in force, the controller uses the measured joints for another `SETTLING`, and then blends to the plan within
 //! `RETURN`.
 //!
-//! Bounces are no slow residual. One step of the filter is limited to [`LONGEST_STEP`] of the reach, and the estimate is frozen while r
-//! moves by more than [`BOUNCE`] of the reach within `BOUNCE_TICKS` ticks.
+//! Bounces are no slow residual. One step of the filter is limited to [`LARGEST_STEP`] of the reach, and the estimate is frozen while r
+//! moves by more than [`BOUNCE_MOVEMENT`] of the reach within `BOUNCE_TICKS` ticks.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_shm::{Joints, State};
@@ -24,13 +24,13 @@ use crate::compensation::Motion;
 use crate::tracking::Plan;
 
 /// Longest innovation that is not limited, share of the reach.
-pub const LONGEST_STEP: f64 = 0.05;
+pub const LARGEST_STEP: f64 = 0.05;
 /// Movement of the residual that counts as a bounce, share of the reach.
-pub const BOUNCE: f64 = 0.05;
+pub const BOUNCE_MOVEMENT: f64 = 0.05;
 /// Ticks within which that movement counts as a bounce, and for which the estimate is frozen after it.
 const BOUNCE_TICKS: usize = 10;
 /// Largest estimate, share of the reach.
-pub const LARGEST: f64 = 0.5;
+pub const LARGEST_ESTIMATE: f64 = 0.5;
 /// Time constant of the first filter, s.
 const FILTER: f64 = 0.05;
 /// Time constant of the second filter, s; it smooths the signal for two differentiations.
@@ -130,15 +130,15 @@ impl ToolResidual {
         let moved = (residual - self.latest[oldest]).norm();
         self.latest[oldest] = residual;
         self.measured += 1;
-        if self.measured <= BOUNCE_TICKS || moved > BOUNCE * self.reach {
+        if self.measured <= BOUNCE_TICKS || moved > BOUNCE_MOVEMENT * self.reach {
             self.frozen_ticks = BOUNCE_TICKS;
         }
         if self.frozen_ticks > 0 {
             self.frozen_ticks -= 1;
         } else {
-            let step = shortened(residual - self.estimate, LONGEST_STEP * self.reach);
+            let step = shortened(residual - self.estimate, LARGEST_STEP * self.reach);
             let estimate = self.estimate + step * (self.period / FILTER).min(1.0);
-            self.estimate = shortened(estimate, LARGEST * self.reach);
+            self.estimate = shortened(estimate, LARGEST_ESTIMATE * self.reach);
         }
         self.smooth += (self.estimate - self.smooth) * (self.period / SMOOTHING).min(1.0);
     }

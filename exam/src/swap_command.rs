@@ -26,7 +26,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::recorded::{check_solo_run, play_recorded};
-use crate::swap_measures::{Measured, SETTLING, SoloRun, measure, steady_change};
+use crate::swap_measures::{Measured, SETTLING_TICKS, SoloRun, measure, steady_change};
 
 /// The schema of `swap.json`.
 const SCHEMA: &str = "freeplay.swap/1";
@@ -175,7 +175,7 @@ impl Played {
 impl Stage {
     /// Runs until `count` swaps took place; fewer if interrupted.
     fn play_all(&self, count: u32, per_run: u32, bar: &ProgressBar) -> Result<Played, Failure> {
-        let window = (self.scenario.swap_blend * self.scenario.rate).round() as usize + SETTLING;
+        let window = (self.scenario.swap_blend * self.scenario.rate).round() as usize + SETTLING_TICKS;
         let mut played = Played { runs: 0, window, held_alone: 0.0, swaps: Vec::new() };
         let mut alone = Vec::new();
         let asked = &self.scenario.controllers;

@@ -12,9 +12,9 @@ use serde_json::Value;
 /// Code of a held command in the column `in_force`.
 pub(crate) const HELD_COMMAND: f64 = 2.0;
 /// A stall of the machine affects a swap or a fault that follows within this many ticks.
-pub const AROUND: u64 = 2;
+pub const STALL_REACH_TICKS: u64 = 2;
 /// Ticks after the blend during which the arm settles.
-pub const SETTLING: usize = 200;
+pub const SETTLING_TICKS: usize = 200;
 
 /// One controller's run alone.
 #[derive(Clone, Debug)]
@@ -27,7 +27,7 @@ pub struct SoloRun {
     steady: Vec<f64>,
     /// The command in force at each tick, by joint.
     applied: Vec<Vec<f64>>,
-    /// Ticks for which the last command was held, after the first [`SETTLING`].
+    /// Ticks for which the last command was held, after the first [`SETTLING_TICKS`].
     held: u64,
 }
 
@@ -59,10 +59,10 @@ pub struct Measured {
     pub deviation_peak_mm: f64,
     /// Ratio to the greatest deviation in the same ticks of the runs without swap of the controllers active before.
     pub deviation_ratio: f64,
-    /// Stalls of the machine (see [`freeplay_plant::MissCause::is_the_machines`]) from one settling time before the planned tick until the arm had settled. A
+    /// Stalls of the machine (see [`freeplay_plant::MissCause::is_machine`]) from one settling time before the planned tick until the arm had settled. A
     /// swap with stalls measures the machine more than the swap.
     pub stalls: u64,
-    /// Stalls among these from [`AROUND`] ticks before the planned tick to the swap; with such a stall the gap does not count either.
+    /// Stalls among these from [`STALL_REACH_TICKS`] ticks before the planned tick to the swap; with such a stall the gap does not count either.
     pub stalls_in_gap: u64,
     /// True if the journals came into contact or lost it in these ticks.
     pub contact_event: bool,
@@ -91,7 +91,7 @@ impl SoloRun {
         let column = |joint: usize| recording.column(&format!("applied_{joint}")).map(<[f64]>::to_vec);
         let applied = (1..=recording.joints()).filter_map(column).collect();
         let in_force = recording.column("in_force").unwrap_or_default();
-        let held = in_force.iter().skip(SETTLING).filter(|&&code| code == HELD_COMMAND).count() as u64;
+        let held = in_force.iter().skip(SETTLING_TICKS).filter(|&&code| code == HELD_COMMAND).count() as u64;
         Ok(Self { name: name.to_owned(), deviation: deviation(recording)?, steady, applied, held })
     }
 
@@ -114,9 +114,9 @@ pub fn steady_change(alone: &[SoloRun]) -> Vec<f64> {
 }
 
 impl SoloRun {
-    /// Share of the ticks for which the last command was held, after the first [`SETTLING`].
+    /// Share of the ticks for which the last command was held, after the first [`SETTLING_TICKS`].
     pub fn held_share(&self) -> f64 {
-        self.held as f64 / self.deviation.len().saturating_sub(SETTLING).max(1) as f64
+        self.held as f64 / self.deviation.len().saturating_sub(SETTLING_TICKS).max(1) as f64
     }
 
     /// The greatest deviation in `ticks`, m.
@@ -221,7 +221,7 @@ impl Run<'_> {
             jump: self.relative_to_solo(&numbers(&swap["jump"]), slots, &ticks),
             blend_change: self.relative_to_solo(&numbers(&swap["greatest_change"]), slots, &ticks),
             stalls: stalls_in(&self.stalls, &(planned.saturating_sub(self.window as u64)..ticks.end as u64)),
-            stalls_in_gap: stalls_in(&self.stalls, &(planned.saturating_sub(AROUND)..tick + 1)),
+            stalls_in_gap: stalls_in(&self.stalls, &(planned.saturating_sub(STALL_REACH_TICKS)..tick + 1)),
             deviation_peak_mm: peak * 1e3,
             deviation_ratio: if without > 0.0 { peak / without } else { f64::NAN },
             contact_event: self

@@ -43,7 +43,7 @@ const TICK_COLUMNS: [TickColumn; 15] = [
     ("predicted_z", |r| predicted(r, 2)),
     ("base_force", |r| r.peak_base_force),
     ("predict_us", |r| r.command.as_ref().map_or(f64::NAN, |c| c.predict_ns as f64 * 1e-3)),
-    ("in_charge", |r| f64::from(r.state.in_charge())),
+    ("in_charge", |r| f64::from(r.state.active_slot())),
     ("marks", |r| f64::from(r.marks)),
     ("qp_us", |r| r.command.as_ref().map_or(f64::NAN, |c| c.qp_ns as f64 * 1e-3)),
 ];
@@ -166,7 +166,7 @@ pub fn path_columns(recording: &Recording) -> Option<Vec<&[f64]>> {
 }
 
 /// The differences between the controllers of a recorded run; `None` if it had no standby.
-pub fn usual(recording: &Recording) -> Option<ReferenceDivergence> {
+pub fn reference_divergence(recording: &Recording) -> Option<ReferenceDivergence> {
     let of_slot = |slot: usize| {
         let columns: Option<Vec<&[f64]>> =
             (1..=recording.joints()).map(|joint| recording.column(&difference_column(slot, joint))).collect();

@@ -15,7 +15,7 @@ use freeplay_shm::{CommandStatus, Mode, Pace, Reference, State};
 
 use crate::scenario::{Drive, Scenario};
 use crate::setup::Setup;
-use crate::terminal_summary::BOUNCING;
+use crate::terminal_summary::BOUNCING_SHARE;
 use freeplay_terminal::exit::Failure;
 
 /// Excluded time for the drop of a centred journal, s.
@@ -134,7 +134,7 @@ impl Trial<'_> {
         let flown = self.system.tallies().map(|tally| tally.free).zip(before);
         let shares = flown.map(|(after, before)| (after - before) / seconds);
         let most = shares.enumerate().max_by(|(_, one), (_, other)| one.total_cmp(other));
-        match most.filter(|(_, share)| *share > BOUNCING) {
+        match most.filter(|(_, share)| *share > BOUNCING_SHARE) {
             Some((play, share)) => {
                 let joint = self.system.play().plays()[play].joint;
                 let name = &self.plant.arm.joints()[joint].name;

@@ -89,7 +89,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let period = setup.plant.period_ns as f64 * 1e-9;
     let tracked = scenario.sensors.track_tool;
     let columns = RunColumns::new(setup.plant.arm.dof(), plays.clone(), tracked, period)
-        .with_links(plant.system().parted().next().is_some())
+        .with_links(plant.system().decoupled_joints().next().is_some())
         .with_commands(setup.plant.mode == Mode::Servo)
         .with_standbys(names.len() - 1);
     let (console, observer) = if args.live {

@@ -89,7 +89,7 @@ fn keep(
             }
         }
         if let Some(observer) = &mut observer {
-            observer.tell(last);
+            observer.send_if_due(last);
         }
         if last {
             break;

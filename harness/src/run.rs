@@ -147,14 +147,14 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
             // If a terminal shows a progress bar, the plant's snapshots move it.
             let is_told = scenario.pace == Pacing::Lockstep && !progress.is_hidden();
             is_told.then(|| {
-                Watch::behind(
+                Watch::for_progress_bar(
                     progress.clone(),
                     title(contestant, &scenario, &setup),
                     &said(contestant, &files),
                 )
             })
         };
-        let left = watch.as_ref().map(Watch::left);
+        let left = watch.as_ref().map(Watch::quit_flag);
         let ended = play_watched(&scenario, contestant, &files, args.controller_delay, &stop, watch);
         progress.finish_and_clear();
         match ended {

@@ -10,7 +10,7 @@ use freeplay_controller::Gains;
 use freeplay_laws::ClearanceTable;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::{ReflexSpec, SensorsSpec};
-use freeplay_report::paste::pasted;
+use freeplay_report::paste::shell_word;
 use freeplay_storage::plain_words;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -231,7 +231,7 @@ pub enum ScenarioError {
     #[error("cannot read the scenario {}: {}; {}", .0.path.display(), .0.source, .0.remedy())]
     Unreadable(#[from] freeplay_storage::StorageError),
     /// The file is an arm file, not a scenario.
-    #[error("{0} is an arm file, not a scenario: run it with freeplay run --model {command}", path.display(), command = pasted(path))]
+    #[error("{0} is an arm file, not a scenario: run it with freeplay run --model {command}", path.display(), command = shell_word(path))]
     Arm {
         /// The file.
         path: PathBuf,

@@ -140,7 +140,7 @@ fn line_up(plant: &Plant, names: &[String]) -> Value {
                 .filter(|(_, count)| *count > 0)
                 .map(|(reason, count)| (reason.name().to_owned(), json!(count)))
                 .collect();
-            json!({ "name": name, "ticks_in_charge": line_up.ticks_in_charge(slot), "rejected": refused })
+            json!({ "name": name, "ticks_in_charge": line_up.active_ticks(slot), "rejected": refused })
         })
         .collect();
     let name = |slot: usize| names.get(slot).map_or("?", String::as_str);

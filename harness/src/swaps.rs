@@ -34,7 +34,7 @@ impl CompareTable {
 /// The differences between the `controllers` controllers of the sound run recorded in `file`.
 fn usual_of(file: &Path, controllers: usize) -> Result<ReferenceDivergence, Failure> {
     let recording = freeplay_recording::read(file, None).map_err(Failure::input)?;
-    columns::usual(&recording).filter(|usual| usual.slots() == controllers).ok_or_else(|| {
+    columns::reference_divergence(&recording).filter(|usual| usual.slots() == controllers).ok_or_else(|| {
         Failure::input(format!(
             "scenario: compare.sound = {} is not a recording of a run with {controllers} controllers; give one that `freeplay run` made with the same controllers and standbys, in the same order",
             file.display()

@@ -11,7 +11,7 @@ use crate::scenario::{Pacing, Scenario};
 use crate::setup::Setup;
 use crate::summary::RunSummary;
 use crate::verdict::{failure_words, limit_words};
-use freeplay_report::paste::pasted;
+use freeplay_report::paste::shell_word;
 use freeplay_terminal::flags::is_quiet;
 use freeplay_terminal::layout::text_table;
 
@@ -46,28 +46,28 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
             let _ = writeln!(text, "{}: {note}", run.controller);
         }
     }
-    let _ = writeln!(text, "report      {}", pasted(report));
-    let _ = writeln!(text, "summary     {}", pasted(&out.join("summary.json")));
+    let _ = writeln!(text, "report      {}", shell_word(report));
+    let _ = writeln!(text, "summary     {}", shell_word(&out.join("summary.json")));
     if let Some(run) = runs.last() {
         if let Some(recording) = &run.recording {
             let others = if runs.len() > 1 { "   (each controller has its own)" } else { "" };
-            let _ = writeln!(text, "recording   {}{others}", pasted(&out.join(recording)));
+            let _ = writeln!(text, "recording   {}{others}", shell_word(&out.join(recording)));
         }
-        let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", pasted(out));
+        let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", shell_word(out));
     }
     if is_quiet() { text } else { text + &next(scenario, runs, out) }
 }
 
 /// Suggested next commands, with the same arm, path and settings.
 fn next(scenario: &Scenario, runs: &[RunSummary], out: &Path) -> String {
-    let file = pasted(&out.join("scenario.toml"));
+    let file = shell_word(&out.join("scenario.toml"));
     let pace = match scenario.pace {
         Pacing::Lockstep => "realtime",
         Pacing::Realtime => "lockstep",
     };
     let mut lines = vec![format!("freeplay run {file} --pace {pace}")];
     if let Some(run) = runs.last() {
-        let controller = pasted(Path::new(&run.controller));
+        let controller = shell_word(Path::new(&run.controller));
         lines.push(format!("freeplay faults {controller} --scenario {file}"));
     }
     lines.push("freeplay doctor".to_owned());
@@ -181,7 +181,7 @@ fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
 }
 
 /// Share of a run in free flight above which a journal counts as not coming to rest.
-pub const BOUNCING: f64 = 0.25;
+pub const BOUNCING_SHARE: f64 = 0.25;
 
 /// The joints whose journals do not come to rest, with suggestions: in light arms, feedback may throw the journals repeatedly.
 fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {
@@ -193,7 +193,7 @@ fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {
     let flies = joints.filter_map(|(name, tally)| Some((name, tally["free"].as_f64()?)));
     let hard = scenario.controller.gains.natural_frequency;
     flies
-        .filter(|&(_, share)| share > BOUNCING)
+        .filter(|&(_, share)| share > BOUNCING_SHARE)
         .map(|(name, share)| {
             let share = 100.0 * share;
             format!(

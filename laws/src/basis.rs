@@ -53,13 +53,13 @@ impl Term {
     }
 
     /// The same with the usual value `value`.
-    pub fn usually(mut self, value: f64) -> Term {
+    pub fn with_usual_value(mut self, value: f64) -> Term {
         self.usual = Some(value);
         self
     }
 
     /// The same, clamped to its bounds.
-    pub fn held(mut self) -> Term {
+    pub fn clamped(mut self) -> Term {
         self.held = true;
         self
     }

@@ -19,12 +19,12 @@ pub struct DriveFriction {
 
 impl DriveFriction {
     /// v_ε, rad/s (m/s): the speed for smoothing the sign of a recorded velocity.
-    pub const SMOOTHING: f64 = 1e-4;
+    pub const SMOOTHING_SPEED: f64 = 1e-4;
 
     /// The sign of the recorded velocity `v`, −1 to 1.
     #[inline]
     pub fn sign(v: f64) -> f64 {
-        (v / Self::SMOOTHING).tanh()
+        (v / Self::SMOOTHING_SPEED).tanh()
     }
 
     /// The friction of a joint in an arm file.

@@ -102,7 +102,7 @@ pub enum Start {
 
 impl Start {
     /// The value in an arm file, for `joint`.
-    pub fn said_of(self, joint: &Joint) -> Value {
+    pub fn file_value(self, joint: &Joint) -> Value {
         match self {
             Start::Between(place) => Value::Float(place),
             Start::Within([first, second]) => {

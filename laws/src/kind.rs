@@ -74,7 +74,7 @@ impl Seen {
 /// Name of the entry of a shape that holds an operating point: the coefficient at which the only term of an effect is evaluated. The term's
 /// column is then the law with this coefficient, divided by it. For a non-linear law, such as a delay of more than a few samples, the
 /// column is then accurate near that coefficient.
-pub const ABOUT: &str = "about";
+pub const OPERATING_POINT: &str = "about";
 
 /// Name of a shape's entry and of a parameter: the initial state of a memory, a number from −1 to 1 between its stops or a vector in its
 /// bearing, see [`crate::Start`]. It depends on the motion before the recording. It is therefore a state of each recording, not a property
@@ -149,9 +149,9 @@ pub fn one_shape(_: &Place) -> Vec<toml::Table> {
     vec![toml::Table::new()]
 }
 
-/// `shape` for small coefficients of its only term, and with each of `coefficients` as [`ABOUT`], for a strongly non-linear law.
+/// `shape` for small coefficients of its only term, and with each of `coefficients` as [`OPERATING_POINT`], for a strongly non-linear law.
 pub fn small_and_about(shape: toml::Table, coefficients: impl IntoIterator<Item = f64>) -> Vec<toml::Table> {
-    let about = coefficients.into_iter().map(|about| with(&shape, [(ABOUT, about)]));
+    let about = coefficients.into_iter().map(|about| with(&shape, [(OPERATING_POINT, about)]));
     std::iter::once(shape.clone()).chain(about).collect()
 }
 
@@ -202,7 +202,7 @@ impl Kind {
         let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });
         let is_state = self.memory().is_some_and(|start| start.name == name);
         let is_chosen = self.parameter(name).is_some_and(|parameter| is_choice(&parameter.range));
-        !(is_state || is_chosen || [ABOUT, NOMINAL].contains(&name))
+        !(is_state || is_chosen || [OPERATING_POINT, NOMINAL].contains(&name))
     }
 
     /// The parameter with the initial state of its memory; `None` if it has none. The start time of a temporary effect has the same name
@@ -221,10 +221,12 @@ impl Kind {
         })
     }
 
-    /// The terms of the effect at `place` with `shape`, one of [`Kind::shapes`], which may hold a coefficient as [`ABOUT`].
+    /// The terms of the effect at `place` with `shape`, one of [`Kind::shapes`], which may hold a coefficient as [`OPERATING_POINT`].
     pub fn terms_at(&self, place: &Place, shape: &toml::Table) -> Vec<Term> {
         let mut terms = (self.terms.list)(self, place, shape);
-        if let (Some(about), [term]) = (shape.get(ABOUT).and_then(toml::Value::as_float), &mut terms[..]) {
+        if let (Some(about), [term]) =
+            (shape.get(OPERATING_POINT).and_then(toml::Value::as_float), &mut terms[..])
+        {
             (term.plus, term.minus, term.weight) = (self.compose(shape, &[about]), None, 1.0 / about);
         }
         terms
@@ -233,7 +235,7 @@ impl Kind {
     /// The parameters of the effect that has these `coefficients`, one for each of [`Kind::terms_at`], and `shape`.
     pub fn compose(&self, shape: &toml::Table, coefficients: &[f64]) -> toml::Table {
         let mut parameters = (self.terms.compose)(self, shape, coefficients);
-        parameters.remove(ABOUT);
+        parameters.remove(OPERATING_POINT);
         parameters
     }
 

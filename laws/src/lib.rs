@@ -89,7 +89,7 @@ pub use injection::{
     DriveLaw, DriveState, Injection, Readings, SensorLaw, ServoLaw, ToolForce, Transmission,
 };
 pub use joint_law::{AtJoint, Instant, JointLaw};
-pub use kind::{ABOUT, Kind, Occurrence, START, Seen, Terms, Tolerance};
+pub use kind::{Kind, OPERATING_POINT, Occurrence, START, Seen, Terms, Tolerance};
 pub use law_error::LawError;
 pub use lookup::{kind, kinds};
 pub use lubrication::Film;

@@ -17,7 +17,7 @@
 use std::f64::consts::PI;
 
 /// Eccentricity ratio of the thinnest film in the law.
-pub const THINNEST: f64 = 0.999;
+pub const MAX_ECCENTRICITY_RATIO: f64 = 0.999;
 
 /// A film of oil.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +72,7 @@ impl Film {
         let radial = force[0] * n[0] + force[1] * n[1];
         let tangential = force[0] * t[0] + force[1] * t[1];
         let [rate, slip] = self.rates(eps, radial, tangential);
-        let rate = if eps >= THINNEST * (1.0 - 1e-9) { rate.min(0.0) } else { rate };
+        let rate = if eps >= MAX_ECCENTRICITY_RATIO * (1.0 - 1e-9) { rate.min(0.0) } else { rate };
         let whirl = 0.5 * eps * turning - slip;
         [0, 1].map(|i| self.clearance * (rate * n[i] + whirl * t[i]))
     }
@@ -111,7 +111,7 @@ impl Film {
 
     fn inside(&self, offset: [f64; 2]) -> [f64; 2] {
         let e = length(offset[0], offset[1]);
-        let most = THINNEST * self.clearance;
+        let most = MAX_ECCENTRICITY_RATIO * self.clearance;
         if e > most { offset.map(|x| x * most / e) } else { offset }
     }
 
@@ -119,7 +119,7 @@ impl Film {
     fn place(&self, offset: [f64; 2]) -> (f64, [f64; 2], [f64; 2]) {
         let e = length(offset[0], offset[1]);
         let n = if e > 0.0 { [offset[0] / e, offset[1] / e] } else { [1.0, 0.0] };
-        ((e / self.clearance).clamp(1e-6, THINNEST), n, [n[1], -n[0]])
+        ((e / self.clearance).clamp(1e-6, MAX_ECCENTRICITY_RATIO), n, [n[1], -n[0]])
     }
 }
 

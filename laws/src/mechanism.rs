@@ -13,14 +13,16 @@ use crate::{Effects, Kind, LawError, Parameter, Placed, Range};
 pub fn mechanism(file: &ArmFile) -> Result<Mechanism, LawError> {
     let effects = Effects::of(file)?;
     let arm = effects.changed(&file.arm)?;
-    let mut mechanism = Mechanism { arm, elements: Vec::new(), unsaid: Vec::new() };
+    let mut mechanism = Mechanism { arm, elements: Vec::new(), not_expressed: Vec::new() };
     for placed in &effects.placed {
         let (name, mut elements) = (name(placed, file), Vec::new());
         match placed.effect.export_elements(&mut elements) {
             ExportCoverage::Whole => {}
-            ExportCoverage::But(part) => mechanism.unsaid.push(format!("{name}: {part}")),
-            ExportCoverage::Not => mechanism.unsaid.push(nothing(&name, placed.kind, reason(placed.kind))),
-            ExportCoverage::Never(why) => mechanism.unsaid.push(nothing(&name, placed.kind, why)),
+            ExportCoverage::But(part) => mechanism.not_expressed.push(format!("{name}: {part}")),
+            ExportCoverage::Not => {
+                mechanism.not_expressed.push(nothing(&name, placed.kind, reason(placed.kind)))
+            }
+            ExportCoverage::Never(why) => mechanism.not_expressed.push(nothing(&name, placed.kind, why)),
         }
         mechanism.elements.extend(elements.into_iter().map(|element| Named { name: name.clone(), element }));
     }

@@ -203,14 +203,14 @@ impl<'a> Baseline<'a> {
     /// # Errors
     /// [`LawError::Changed`] if they make the arm impossible.
     pub fn with(&self, more: &[&Placed]) -> Result<Prediction, LawError> {
-        Ok(self.upon(more)?.measured)
+        Ok(self.extended(more)?.measured)
     }
 
     /// The baseline with `more` effects after the present ones.
     ///
     /// # Errors
     /// [`LawError::Changed`] if they make the arm impossible.
-    pub fn upon<'b>(&self, more: &[&'b Placed]) -> Result<Baseline<'b>, LawError>
+    pub fn extended<'b>(&self, more: &[&'b Placed]) -> Result<Baseline<'b>, LawError>
     where
         'a: 'b,
     {
@@ -221,7 +221,7 @@ impl<'a> Baseline<'a> {
     ///
     /// # Errors
     /// [`LawError::Changed`] if they make the arm impossible.
-    pub fn upon_shared(&self, more: &[Rc<Placed>]) -> Result<Baseline<'a>, LawError> {
+    pub fn extended_shared(&self, more: &[Rc<Placed>]) -> Result<Baseline<'a>, LawError> {
         self.behind(more.iter().map(|placed| Held::Shared(Rc::clone(placed))).collect())
     }
 
@@ -250,7 +250,7 @@ impl<'a> Baseline<'a> {
     ///
     /// # Errors
     /// [`LawError::Changed`] if it makes the arm impossible.
-    pub fn instead(
+    pub fn with_replacement(
         &self,
         is_out: &dyn Fn(&Placed) -> bool,
         instead: Option<&Placed>,

@@ -52,7 +52,7 @@ impl Scene<'_> {
     }
 
     /// Derivative of the torque of `joint` by its own position along the motion, N·m/rad (N/m); computed once.
-    pub fn yielding(&self, joint: usize) -> &[f64] {
+    pub fn position_derivative(&self, joint: usize) -> &[f64] {
         self.yielding[joint].get_or_init(|| slopes(&self.arm, self.motion, &[], joint).swap_remove(joint))
     }
 

@@ -9,11 +9,11 @@ use crate::place::Place;
 
 impl Terms {
     /// The parameters of [`Role::Linear`] are the coefficients themselves, and the effect is proportional to each.
-    pub const PLAIN: Terms = Terms { list: plain_terms, compose: plain_compose };
+    pub const LINEAR: Terms = Terms { list: plain_terms, compose: plain_compose };
 
     /// The same for a sum with optional parts: no part is negative.
-    pub const PARTS: Terms = Terms {
-        list: |kind, place, shape| plain_terms(kind, place, shape).into_iter().map(Term::held).collect(),
+    pub const NON_NEGATIVE: Terms = Terms {
+        list: |kind, place, shape| plain_terms(kind, place, shape).into_iter().map(Term::clamped).collect(),
         compose: plain_compose,
     };
 

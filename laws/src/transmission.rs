@@ -17,7 +17,7 @@ impl Transmission {
         if self.gap == 0.0 {
             return self.stiffness * twist + self.damping * rate;
         }
-        let wound = self.wound(twist);
+        let wound = self.spring_twist(twist);
         if wound == 0.0 {
             return 0.0;
         }
@@ -27,7 +27,7 @@ impl Transmission {
 
     /// The part of the twist that deflects the spring: the twist beyond the gap, rad.
     #[inline]
-    pub fn wound(&self, twist: f64) -> f64 {
+    pub fn spring_twist(&self, twist: f64) -> f64 {
         let half = 0.5 * self.gap;
         twist - twist.clamp(-half, half)
     }
@@ -35,7 +35,7 @@ impl Transmission {
     /// Energy in the spring, J.
     #[inline]
     pub fn energy(&self, twist: f64) -> f64 {
-        let wound = self.wound(twist);
+        let wound = self.spring_twist(twist);
         0.5 * self.stiffness * wound * wound
     }
 

@@ -127,7 +127,7 @@ impl<'a> Fold<'a> {
     }
 
     /// The selected chain, and the treatment of the other links, in one line.
-    pub fn what_was_taken(&self, robot: &Robot<'_>) -> String {
+    pub fn selection_note(&self, robot: &Robot<'_>) -> String {
         let name = |link: usize| &robot.links[link].name;
         let mut root = self.chain.end;
         while let Some(index) = self.tree.parent_joint[root] {

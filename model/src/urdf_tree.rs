@@ -37,7 +37,7 @@ pub(super) fn arm(mut robot: Robot<'_>, selection: &Selection) -> Result<ArmFile
     let fitness = Fitness::of_file(sources(&robot, &chain), shortfall);
     let arm = Arm::derived(&robot.name, joints, tool, GRAVITY, &fitness)
         .map_err(|source| arm_error(&robot, source))?;
-    let mut ignored = vec![fold.what_was_taken(&robot)];
+    let mut ignored = vec![fold.selection_note(&robot)];
     ignored.append(&mut robot.notes);
     ignored.append(&mut fold.notes);
     ignored.extend(lacking(&arm));

@@ -96,7 +96,7 @@ impl Cell {
         let arm = paper_arm().arm;
         let search = CornerSearch { arm: &arm, with_play: &self.play, period: PERIOD, weights, options };
         let mut outlook = DisplacementPreview::new(self.path.clone(), &self.play, PERIOD, HALF);
-        let begin = (DeviationStatistics::START / PERIOD) as u64;
+        let begin = (DeviationStatistics::START_DURATION / PERIOD) as u64;
         let found = search.passages(&mut outlook, begin, self.ticks);
         for corner in found.unplanned() {
             messages::note(format_args!("T = {} s, tick {}: {}", self.period, corner.first, corner.fault));
@@ -113,7 +113,7 @@ impl Cell {
 
     /// RMS and maximum over the run of the deviations `norms` (mm) of the ticks in windows.
     fn figures(&self, start: f64, norms: &[f64]) -> Found {
-        let counted = self.ticks as f64 - DeviationStatistics::START / PERIOD;
+        let counted = self.ticks as f64 - DeviationStatistics::START_DURATION / PERIOD;
         let squares: f64 = norms.iter().map(|norm| norm * norm).sum();
         Found { start, rms: (squares / counted).sqrt(), max: norms.iter().copied().fold(0.0, f64::max) }
     }

@@ -122,7 +122,7 @@ fn in_words(all: &[Compared]) -> String {
     let least = all.iter().map(|one| one.closed[0]).fold(f64::INFINITY, f64::min);
     let mut text = format!(
         "Sharp square, joint 5, after {} s: deviation under the controllers, and the least deviation found with full knowledge of the arm\n{table}\n",
-        DeviationStatistics::START
+        DeviationStatistics::START_DURATION
     );
     let _ = writeln!(
         text,

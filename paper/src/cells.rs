@@ -69,7 +69,7 @@ pub struct CellsArgs {
     #[arg(long, value_delimiter = ',', default_value = "2+3,2+5,3+5,4+5", value_parser = pair)]
     pair: Vec<(usize, usize)>,
     /// Time from which the deviation counts, s.
-    #[arg(long, default_value_t = DeviationStatistics::START)]
+    #[arg(long, default_value_t = DeviationStatistics::START_DURATION)]
     after: f64,
     /// Option of narx-qp, as in --option passages=false.
     #[arg(long, value_name = "KEY=VALUE")]
@@ -157,7 +157,7 @@ impl Cell {
     /// A cell with play in joint 5 alone and a correct model, clearance in mm.
     pub fn plain(part: Part, path: PathSpec, clearance: f64) -> Self {
         let plays = vec![(ALONE, clearance * 1e-3)];
-        Self { part, path, believed: plays.clone(), plays, after: DeviationStatistics::START }
+        Self { part, path, believed: plays.clone(), plays, after: DeviationStatistics::START_DURATION }
     }
 
     /// Runs it under `controller` with `options`.

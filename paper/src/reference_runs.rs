@@ -83,7 +83,7 @@ fn scene(row: &Reference, substeps: u32, nudge: f64) -> Scene {
 /// Simulates `row` with its clearance changed by the fraction `nudge`.
 fn simulate(row: &Reference, substeps: u32, nudge: f64) -> Result<Figures, Failure> {
     let mut run = Simulation::new(&scene(row, substeps, nudge))?;
-    let mut deviation = DeviationStatistics::new(DeviationStatistics::START);
+    let mut deviation = DeviationStatistics::new(DeviationStatistics::START_DURATION);
     let ticks = (row.period / TICK).round() as u64;
     for tick in 0..=ticks {
         let now = run.deviation();

@@ -50,7 +50,7 @@ impl Blend {
     }
 
     /// Shortens the blend: the old controller has failed.
-    pub fn hurry(&mut self) {
+    pub fn shorten(&mut self) {
         if self.mode == Mode::Torque {
             self.length = self.ticks.min((AFTER_FAILURE / self.period).round() as u32);
             self.active &= self.length > 0;
@@ -151,7 +151,7 @@ mod tests {
         blend.shrink(&command(0.0), &command(1.0));
         assert_eq!(left(&blend, 0), 0.0);
         blend.begin(0, &command(9.0), &command(1.0));
-        blend.hurry();
+        blend.shorten();
         assert!(blend.holds(19) && !blend.holds(20), "after a failure it is short");
     }
 

@@ -6,10 +6,10 @@
 //! 1. **Where.** The link with the greatest excess over its usual latency is responsible. Without an answer this is the state or the
 //!    controller: the time until the deadline counts as the controller's, or as the state's if the controller was kept from running and
 //!    answered a later tick. If the plant itself is a period late, the excesses of its links since it was last in time add up. An excess of
-//!    less than [`LEAST`] of a period does not count; without a greater one, the cause is unknown.
+//!    less than [`LEAST_EXCESS`] of a period does not count; without a greater one, the cause is unknown.
 //! 2. **Why.** The first of these that accounts for half of the link's excess: the thread of the link waited for a core (`schedstat`:
 //!    scheduler); its page faults ([`MAJOR_NS`], [`MINOR_NS`] each: page fault); the hypervisor took time from this machine (`/proc/stat`), or
-//!    step and computing both took more than [`SLOW`] times their usual latency (machine).
+//!    step and computing both took more than [`SLOW_FACTOR`] times their usual latency (machine).
 //! 3. **Else** the link itself is the cause. A late wake-up is the clock's, and so is a state that waited for a controller that was kept
 //!    from running. Travelling is the transport's, stepping is the plant's. Computing is the machine's if the controller was kept from running
 //!    meanwhile, the quadratic programme's if that took half of the excess and more iterations than usual, else the controller's.
@@ -19,9 +19,9 @@
 use serde::Serialize;
 
 /// Least excess of a responsible link, as a share of the period.
-pub const LEAST: f64 = 0.1;
+pub const LEAST_EXCESS: f64 = 0.1;
 /// On a slow machine a link takes at least this multiple of its usual latency.
-pub const SLOW: u64 = 2;
+pub const SLOW_FACTOR: u64 = 2;
 /// Assumed least cost of a page fault that reads from a disk, ns.
 pub const MAJOR_NS: u64 = 100_000;
 /// Assumed cost of a page fault that finds its page in memory, ns.
@@ -66,7 +66,7 @@ impl Cause {
     ];
 
     /// True if the machine is the cause, not the loop itself: no core, a page not in memory, stolen time, a late wake-up.
-    pub fn is_the_machines(self) -> bool {
+    pub fn is_machine(self) -> bool {
         matches!(self, Self::Scheduler | Self::PageFault | Self::Machine | Self::Clock)
     }
 
@@ -193,7 +193,7 @@ pub fn cause(evidence: &Evidence) -> Cause {
     let Some(&(link, excess)) = excesses.iter().max_by_key(|(_, excess)| *excess) else {
         return Cause::Unknown;
     };
-    if (excess as f64) < LEAST * evidence.period_ns as f64 {
+    if (excess as f64) < LEAST_EXCESS * evidence.period_ns as f64 {
         return Cause::Unknown;
     }
     let explains = |ns: u64| ns >= excess.div_ceil(2);
@@ -207,7 +207,7 @@ pub fn cause(evidence: &Evidence) -> Cause {
     if explains(thread.faults_ns()) {
         return Cause::PageFault;
     }
-    let slow = |is: u64, usual: u64| usual > 0 && is > usual.saturating_mul(SLOW);
+    let slow = |is: u64, usual: u64| usual > 0 && is > usual.saturating_mul(SLOW_FACTOR);
     let all_slow = slow(is.step_ns, usual.step_ns) && slow(is.compute_ns, usual.compute_ns);
     if explains(evidence.stolen_ns) || (all_slow && evidence.answered) {
         return Cause::Machine;

@@ -178,12 +178,12 @@ impl ControllerManager {
     }
 
     /// The active slot.
-    pub fn in_charge(&self) -> usize {
+    pub fn active(&self) -> usize {
         self.in_charge
     }
 
     /// The slot whose answer to `tick` shall be put in force.
-    pub fn next_in_charge(&self, tick: u64) -> usize {
+    pub fn next_active(&self, tick: u64) -> usize {
         self.due(tick).map_or(self.in_charge, |swap| swap.to)
     }
 
@@ -198,7 +198,7 @@ impl ControllerManager {
     }
 
     /// Ticks in which `slot` was active.
-    pub fn ticks_in_charge(&self, slot: usize) -> u64 {
+    pub fn active_ticks(&self, slot: usize) -> u64 {
         self.slots[slot].in_charge
     }
 
@@ -452,7 +452,7 @@ impl ControllerManager {
             None => self.blend.end(),
         }
         if cause != Cause::Planned {
-            self.blend.hurry();
+            self.blend.shorten();
         }
         if let (Cause::Failed(Rejection::Disagrees), Some(comparison)) = (cause, &self.comparison) {
             // The command in force is already wrong: the blend keeps no more of it than two valid controllers may differ by.

@@ -51,7 +51,7 @@ pub struct DeviationStatistics {
 
 impl DeviationStatistics {
     /// Until this time the drop of a centred journal dominates, which no controller can compensate, s.
-    pub const START: f64 = 0.5;
+    pub const START_DURATION: f64 = 0.5;
 
     /// Statistics whose "after the start" begins at `start` s.
     pub fn new(start: f64) -> Self {

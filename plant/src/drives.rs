@@ -42,7 +42,7 @@ impl Motor {
     pub fn carry(&mut self, motor: [f64; 2], link: [f64; 2]) -> f64 {
         let (twist, rate) = (motor[0] - link[0], motor[1] - link[1]);
         self.carried = self.law.torque(twist, rate);
-        self.damped = self.carried - self.law.stiffness * self.law.wound(twist);
+        self.damped = self.carried - self.law.stiffness * self.law.spring_twist(twist);
         self.carried
     }
 
@@ -131,7 +131,7 @@ impl Drives {
 
     /// True if the drives have nothing but nominal friction: no laws of effects, torque limits, transmissions or servos.
     #[inline]
-    pub fn plain(&self) -> bool {
+    pub fn has_only_nominal_friction(&self) -> bool {
         self.plain
     }
 
@@ -217,7 +217,7 @@ impl Drives {
 
     /// Torque of the motor of `joint`, N·m (N): that of its servo, or `torque` without one, clamped to its limit.
     #[inline]
-    pub fn given(&self, joint: usize, torque: f64) -> f64 {
+    pub fn motor_torque(&self, joint: usize, torque: f64) -> f64 {
         self.saturated(joint, self.servos.get(joint).map_or(torque, PositionServo::torque))
     }
 
@@ -241,7 +241,7 @@ impl Drives {
 
     /// Computes the losses of all drives at the time `t`, s, of a sub-step of `step` s.
     #[inline]
-    pub fn lose(&mut self, t: f64, step: f64) {
+    pub fn compute_losses(&mut self, t: f64, step: f64) {
         for joint in 0..self.v.len() {
             let v = self.v[joint];
             self.rub(joint, v, v + 0.5 * step * self.a[joint]);

@@ -16,7 +16,7 @@ pub struct Used {
     /// Greatest magnitude of the run; includes the bounces of a journal that starts in the centre of its bearing, which accelerate a light
     /// joint.
     pub peak: f64,
-    /// Greatest magnitude after [`DeviationStatistics::START`].
+    /// Greatest magnitude after [`DeviationStatistics::START_DURATION`].
     pub peak_after_start: f64,
     /// The limit; `None` if the arm file gives none.
     pub limit: Option<f64>,
@@ -101,7 +101,7 @@ impl JointUse {
     fn raise(&mut self, joint: usize, time: f64, values: [f64; 3]) {
         for (peak, value) in self.peaks[joint].iter_mut().zip(values) {
             peak[0] = peak[0].max(value.abs());
-            if time >= DeviationStatistics::START {
+            if time >= DeviationStatistics::START_DURATION {
                 peak[1] = peak[1].max(value.abs());
             }
         }

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::cause::{Cause, Evidence, LEAST, ThreadDelays, TickLatencies, cause};
+use crate::cause::{Cause, Evidence, LEAST_EXCESS, ThreadDelays, TickLatencies, cause};
 use crate::thread_watch::{StealWatch, ThreadWatch};
 use crate::{Stage, Stages};
 
@@ -188,7 +188,7 @@ impl Misses {
         let Ended { tick, in_charge, missed, awaited, unanswered_ns, over_ns, links } = *ended;
         let unanswered = TickLatencies { compute_ns: unanswered_ns, ..links.of_the_plant() };
         self.in_charge = in_charge;
-        if (links.wake_up_ns as f64) < LEAST * self.period_ns as f64 {
+        if (links.wake_up_ns as f64) < LEAST_EXCESS * self.period_ns as f64 {
             self.forget();
         }
         let is_late = links.wake_up_ns > self.period_ns;
@@ -340,7 +340,7 @@ impl Misses {
     }
 
     fn enter(&mut self, slot: Option<usize>, was_in_charge: bool, miss: &Miss) {
-        if miss.cause.is_the_machines() {
+        if miss.cause.is_machine() {
             self.note_stall(miss.tick, slot);
         }
         if !was_in_charge {

@@ -30,12 +30,12 @@ impl ResponseTimeouts {
     }
 
     /// True if the plant does not wait for `slot` at `tick`.
-    pub fn is_away(&self, slot: usize, tick: u64) -> bool {
+    pub fn is_unresponsive(&self, slot: usize, tick: u64) -> bool {
         tick < self.seats[slot].back
     }
 
     /// Marks the controller of `slot` as ended.
-    pub fn left(&mut self, slot: usize) {
+    pub fn mark_ended(&mut self, slot: usize) {
         self.seats[slot].back = u64::MAX;
     }
 
@@ -48,7 +48,7 @@ impl ResponseTimeouts {
     pub fn note(&mut self, slot: usize, tick: u64, came: bool, several: bool) {
         if came {
             self.seats[slot] = PRESENT;
-        } else if !self.is_away(slot, tick) {
+        } else if !self.is_unresponsive(slot, tick) {
             let absence = self.seats[slot].absence;
             let back = if several { tick.saturating_add(absence) } else { u64::MAX };
             self.seats[slot] = Seat { back, absence: absence.saturating_mul(2) };
@@ -65,24 +65,24 @@ mod tests {
         let mut timeouts = ResponseTimeouts::new(2);
         let mut waits = Vec::new();
         for tick in 100..1000 {
-            if !timeouts.is_away(1, tick) {
+            if !timeouts.is_unresponsive(1, tick) {
                 waits.push(tick);
             }
             timeouts.note(1, tick, false, true);
-            assert!(!timeouts.is_away(0, tick));
+            assert!(!timeouts.is_unresponsive(0, tick));
         }
         assert_eq!(waits, [100, 150, 250, 450, 850]);
         timeouts.note(1, 1650, true, true);
-        assert!(!timeouts.is_away(1, 1651));
+        assert!(!timeouts.is_unresponsive(1, 1651));
     }
 
     #[test]
     fn the_only_controller_and_one_that_ended_are_not_waited_for_again() {
         let mut timeouts = ResponseTimeouts::new(1);
         timeouts.note(0, 7, false, false);
-        assert!(!timeouts.is_away(0, u64::MAX) && timeouts.is_away(0, u64::MAX - 1));
+        assert!(!timeouts.is_unresponsive(0, u64::MAX) && timeouts.is_unresponsive(0, u64::MAX - 1));
         timeouts.renew(0);
-        timeouts.left(0);
-        assert!(timeouts.is_away(0, 1_000_000));
+        timeouts.mark_ended(0);
+        assert!(timeouts.is_unresponsive(0, 1_000_000));
     }
 }

@@ -333,7 +333,7 @@ impl System {
             self.q[i] = self.middle_q[i] + half * self.v[i];
             self.middle_v[i] = 0.5 * (before + self.v[i]);
         }
-        if self.drives.plain() {
+        if self.drives.has_only_nominal_friction() {
             self.book_plain_drives(step, input);
         } else {
             self.turn_motors(step, input);
@@ -349,7 +349,7 @@ impl System {
             input.motion.at(time, q, v, a);
         }
         self.drive.fill(Drive::Torque(0.0));
-        if self.drives.plain() {
+        if self.drives.has_only_nominal_friction() {
             self.actuate_plain(step, input);
         } else {
             self.actuate_all(time, step, input);
@@ -386,7 +386,7 @@ impl System {
             self.drives.place(joint, prescribed, link, 0.5 * step);
             self.drives.act(joint, time, step);
         }
-        self.drives.lose(time, step);
+        self.drives.compute_losses(time, step);
         for (joint, &acceleration) in a.iter().enumerate() {
             let at = self.play.joint(joint);
             let state = [self.drives.q[joint], self.drives.v[joint]];
@@ -394,7 +394,7 @@ impl System {
                 Some(motor) => Drive::Torque(motor.carry(state, [self.middle_q[at], self.middle_v[at]])),
                 None if input.driven[joint] => Drive::Acceleration(acceleration),
                 None => {
-                    let torque = self.drives.given(joint, input.torque[joint]);
+                    let torque = self.drives.motor_torque(joint, input.torque[joint]);
                     Drive::Torque(torque + self.drives.loss[joint])
                 }
             };
@@ -422,7 +422,7 @@ impl System {
         for joint in 0..self.motor.len() {
             let at = self.play.joint(joint);
             let (driven, loss) = (input.driven[joint], self.drives.loss[joint]);
-            let asked = self.drives.given(joint, input.torque[joint]);
+            let asked = self.drives.motor_torque(joint, input.torque[joint]);
             let prescribed = self.prescribed[2][joint];
             (self.motor[joint], self.drives.a[joint]) = match &mut self.drives.motors[joint] {
                 None if driven => (self.total[at] - loss - self.forces.generalised_force(at), prescribed),
@@ -485,7 +485,7 @@ impl System {
             self.ledger.damping += step * (contact.normal - elastic) * approach.rate;
             self.ledger.contact_friction -= step * contact.tangential * approach.sliding;
         }
-        if !self.drives.plain() {
+        if !self.drives.has_only_nominal_friction() {
             for (load, (motor, loss)) in
                 self.drives.load.iter_mut().zip(self.motor.iter().zip(&self.drives.loss))
             {
@@ -574,7 +574,7 @@ impl System {
     }
 
     /// The nominal joints whose motor a transmission decouples from the link.
-    pub fn parted(&self) -> impl Iterator<Item = usize> + '_ {
+    pub fn decoupled_joints(&self) -> impl Iterator<Item = usize> + '_ {
         let motors = self.drives.motors.iter().enumerate();
         motors.filter_map(|(joint, motor)| motor.as_ref().map(|_| joint))
     }

@@ -3,7 +3,7 @@
 use std::path::{Component, Path, PathBuf};
 
 /// `path` for a command line: relative to the current folder if it is inside, quoted if a shell would change it otherwise.
-pub fn pasted(path: &Path) -> String {
+pub fn shell_word(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let near = path.strip_prefix(&here).unwrap_or(path);
     quoted(&if near.as_os_str().is_empty() { Path::new(".") } else { near }.to_string_lossy())
@@ -42,7 +42,7 @@ pub fn seen_from(folder: &Path, path: &Path) -> PathBuf {
 mod tests {
     use std::path::Path;
 
-    use super::{pasted, quoted, seen_from};
+    use super::{quoted, seen_from, shell_word};
 
     #[test]
     fn a_shell_reads_a_pasted_word_back() {
@@ -61,9 +61,9 @@ mod tests {
     #[test]
     fn what_lies_in_the_current_folder_is_named_from_there() {
         let here = std::env::current_dir().expect("a folder");
-        assert_eq!(pasted(&here.join("out/a b.toml")), "'out/a b.toml'");
-        assert_eq!(pasted(Path::new("/elsewhere/x")), "/elsewhere/x");
-        assert_eq!(pasted(&here), ".");
+        assert_eq!(shell_word(&here.join("out/a b.toml")), "'out/a b.toml'");
+        assert_eq!(shell_word(Path::new("/elsewhere/x")), "/elsewhere/x");
+        assert_eq!(shell_word(&here), ".");
     }
 
     #[test]

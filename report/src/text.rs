@@ -4,7 +4,7 @@
 //! pasted from a report into a spreadsheet.
 
 /// Text for a missing number.
-pub const NOTHING: &str = "–";
+pub const MISSING_NUMBER: &str = "–";
 
 /// Number of digits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,7 +15,7 @@ pub enum Digits {
     Significant(usize),
 }
 
-/// Writes a number; NaN becomes [`NOTHING`], infinity `∞`.
+/// Writes a number; NaN becomes [`MISSING_NUMBER`], infinity `∞`.
 ///
 /// Powers of ten appear in `Significant` below 1e-4 and from 1e7 on, and in `Fixed` from 1e15 on.
 ///
@@ -28,7 +28,7 @@ pub enum Digits {
 #[must_use]
 pub fn number(value: f64, digits: Digits) -> String {
     if value.is_nan() {
-        return NOTHING.to_owned();
+        return MISSING_NUMBER.to_owned();
     }
     if value.is_infinite() {
         return if value > 0.0 { "∞".to_owned() } else { "-∞".to_owned() };

@@ -3,7 +3,7 @@
 use crate::text::{Digits, number};
 
 /// Factor and unit for displaying a value of about `size` in `unit`.
-pub fn people(unit: &str, size: f64) -> (f64, String) {
+pub fn display_unit(unit: &str, size: f64) -> (f64, String) {
     let small = size.abs() < 0.1;
     match unit {
         "m" if size.abs() < 1e-4 => (1e6, "µm".to_owned()),
@@ -34,7 +34,7 @@ pub fn power_of_ten(natural_log: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{people, power_of_ten};
+    use super::{display_unit, power_of_ten};
 
     #[test]
     fn odds_are_short() {
@@ -44,8 +44,8 @@ mod tests {
 
     #[test]
     fn small_numbers_are_read_in_small_units() {
-        assert_eq!(people("m", 0.0006), (1e3, "mm".to_owned()));
-        assert_eq!(people("m", 0.5), (1.0, "m".to_owned()));
-        assert_eq!(people("N*m*s/rad", 2.0), (1.0, "N·m·s/rad".to_owned()));
+        assert_eq!(display_unit("m", 0.0006), (1e3, "mm".to_owned()));
+        assert_eq!(display_unit("m", 0.5), (1.0, "m".to_owned()));
+        assert_eq!(display_unit("N*m*s/rad", 2.0), (1.0, "N·m·s/rad".to_owned()));
     }
 }

@@ -9,7 +9,7 @@ use crate::track::{REACH, Track};
 impl Track {
     /// Each joint of `arm` as a track of its own, under the load from the measured motion of all joints. A rollout then simulates one joint
     /// without the others, at a fraction of the cost, and errors of the other servos do not affect it.
-    pub fn each_alone(&self, arm: &Arm) -> Vec<Track> {
+    pub fn by_joint(&self, arm: &Arm) -> Vec<Track> {
         let (rows, joints) = (self.stamps.len(), self.measured.len());
         let motions: Vec<Vec<[f64; 3]>> = (0..joints).map(|joint| self.motion(joint)).collect();
         let mut workspace = Workspace::new(arm);

@@ -46,11 +46,11 @@ pub fn lag(tracks: &[Track], joint: usize) -> f64 {
     let coarse = (0..=(LONGEST_LAG / step) as usize).map(|index| index as f64 * step);
     let best = coarse.map(|shift| (shift, error(shift))).min_by(|a, b| a.1.total_cmp(&b.1));
     let best = best.map_or(0.0, |(shift, _)| shift);
-    golden([(best - step).max(0.0), best + step], error)
+    golden_section([(best - step).max(0.0), best + step], error)
 }
 
 /// The minimum of `of` between two bounds, to a hundredth of their distance (Kiefer 1953).
-pub fn golden([mut low, mut high]: [f64; 2], of: impl Fn(f64) -> f64) -> f64 {
+pub fn golden_section([mut low, mut high]: [f64; 2], of: impl Fn(f64) -> f64) -> f64 {
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     let end = 0.01 * (high - low);
     while high - low > end {

@@ -113,7 +113,7 @@ impl Problem<'_> {
         self
     }
 
-    /// The problem of `joint` alone, on one thread; `tracks` are those of that joint ([`Track::each_alone`]).
+    /// The problem of `joint` alone, on one thread; `tracks` are those of that joint ([`Track::by_joint`]).
     pub fn alone<'a>(&self, joint: usize, tracks: &'a [Track]) -> Problem<'a> {
         let joints = self.rounding.len();
         let of_joint = |rows: &Vec<bool>| rows.iter().skip(joint).step_by(joints).copied().collect();
@@ -179,7 +179,7 @@ impl Problem<'_> {
     }
 
     /// `model` itself, as the result of a fit of `unknowns` without steps.
-    pub fn as_it_is(&self, model: &ServoArm, unknowns: &[Unknown]) -> Fitted {
+    pub fn unfitted(&self, model: &ServoArm, unknowns: &[Unknown]) -> Fitted {
         self.fitted(self.state(model.clone(), unknowns), unknowns, 0)
     }
 
@@ -192,7 +192,7 @@ impl Problem<'_> {
 
     /// Escapes from local minima of `fitted`: multiplies one parameter by each of 0, 0.5, 0.8 and 1.25, moves the others to their
     /// conditional optimum, and fits again, as long as the loss decreases. Stick-slip makes valleys that no derivative leads out of.
-    pub fn leap(
+    pub fn escape_local_minimum(
         &self,
         mut fitted: Fitted,
         unknowns: &[Unknown],
@@ -213,7 +213,7 @@ impl Problem<'_> {
         let leaps = positive.flat_map(|(index, _)| LEAPS.map(|share| (index, share)));
         let tried = leaps.map(|(index, share)| {
             let model = fitted.with(unknowns, index, share * state.x[index]);
-            (here - self.lost_by(&model, &state.noise, unknowns), model)
+            (here - self.loss_of(&model, &state.noise, unknowns), model)
         });
         tried.filter(|(gain, _)| *gain > 0.0).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, model)| model)
     }
@@ -271,7 +271,7 @@ impl Problem<'_> {
     }
 
     /// Loss of `model` under `noise`: negative log-likelihood and prior.
-    pub fn lost_by(&self, model: &ServoArm, noise: &Noise, unknowns: &[Unknown]) -> f64 {
+    pub fn loss_of(&self, model: &ServoArm, noise: &Noise, unknowns: &[Unknown]) -> f64 {
         self.lost(&self.residuals(model), noise, &values(model, unknowns), unknowns)
     }
 

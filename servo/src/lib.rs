@@ -32,7 +32,7 @@ mod solve;
 mod track;
 mod unknowns;
 
-pub use beginning::{Sight, golden, lag, servos, sights};
+pub use beginning::{Sight, golden_section, lag, servos, sights};
 pub use burden::Burden;
 pub use command::Commands;
 pub use fit::{Fitted, Problem};

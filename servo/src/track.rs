@@ -21,7 +21,7 @@ pub struct Track {
     pub measured: Vec<Vec<f64>>,
     /// Commands, one per joint.
     pub commands: Vec<Commands>,
-    /// The load of its only joint in each row ([`Track::each_alone`]); empty if the arm computes the loads.
+    /// The load of its only joint in each row ([`Track::by_joint`]); empty if the arm computes the loads.
     pub loads: Vec<Load>,
 }
 

@@ -185,20 +185,20 @@ impl State {
 
     /// The slot whose command is in force during this tick, from 0.
     #[must_use]
-    pub fn in_charge(&self) -> u32 {
+    pub fn active_slot(&self) -> u32 {
         self.flags >> Self::IN_CHARGE_SHIFT & Self::SLOT_MASK
     }
 
-    /// The slot whose answer to this state comes into force. It differs from [`State::in_charge`] if a swap is planned for this
+    /// The slot whose answer to this state comes into force. It differs from [`State::active_slot`] if a swap is planned for this
     /// tick.
     #[must_use]
-    pub fn next_in_charge(&self) -> u32 {
+    pub fn next_active_slot(&self) -> u32 {
         self.flags >> Self::NEXT_SHIFT & Self::SLOT_MASK
     }
 
     /// The bits of [`State::flags`] for these two slots.
     #[must_use]
-    pub fn charge_flags(in_charge: u32, next: u32) -> u32 {
+    pub fn slot_flags(in_charge: u32, next: u32) -> u32 {
         (in_charge & Self::SLOT_MASK) << Self::IN_CHARGE_SHIFT | (next & Self::SLOT_MASK) << Self::NEXT_SHIFT
     }
 

@@ -27,9 +27,9 @@ fn exported(text: &str) -> (TempDir, Vec<String>) {
     let asked = ["export", "arm.toml", "--to", "mjcf", "--out", "arm.xml", "--format", "json"];
     let ran = Call::new(ran.folder, &asked).run().expect(0);
     let json: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
-    let unsaid = json["unsaid"].as_array().expect("a list").iter();
-    let unsaid = unsaid.filter_map(|line| line.as_str().map(str::to_owned)).collect();
-    (ran.folder, unsaid)
+    let not_expressed = json["unsaid"].as_array().expect("a list").iter();
+    let not_expressed = not_expressed.filter_map(|line| line.as_str().map(str::to_owned)).collect();
+    (ran.folder, not_expressed)
 }
 
 /// The result of a script on `arm.xml`, which it gets as `model` and `data` of MuJoCo.
@@ -45,8 +45,8 @@ fn in_mujoco(folder: &Path, script: &str) -> Value {
 #[test]
 fn a_hard_stop_is_the_end_of_the_range_in_both_formats() {
     let stop = "[[effect]]\nkind = \"hard_stop\"\njoint = \"axis\"\nupper = 0.7\n";
-    let (folder, unsaid) = exported(&arm("revolute", 0.01, stop));
-    assert!(unsaid.is_empty(), "{unsaid:?}");
+    let (folder, not_expressed) = exported(&arm("revolute", 0.01, stop));
+    assert!(not_expressed.is_empty(), "{not_expressed:?}");
     for file in ["arm.xml", "arm.urdf"] {
         let limits = load(&folder.path().join(file)).expect(file).arm.joints()[0].limits;
         assert!((limits.lower + 2.0).abs() < 1e-9 && (limits.upper - 0.7).abs() < 1e-9, "{file}: {limits:?}");
@@ -57,8 +57,8 @@ fn a_hard_stop_is_the_end_of_the_range_in_both_formats() {
 fn what_belongs_to_a_time_is_listed_with_the_reason() {
     let push =
         "[[effect]]\nkind = \"external_torque\"\njoint = \"axis\"\ntorque = 3.0\nstart = 1.0\nend = 2.0\n";
-    let (_, unsaid) = exported(&arm("revolute", 0.01, push));
-    assert!(unsaid.len() == 1 && unsaid[0].contains("no clock"), "{unsaid:?}");
+    let (_, not_expressed) = exported(&arm("revolute", 0.01, push));
+    assert!(not_expressed.len() == 1 && not_expressed[0].contains("no clock"), "{not_expressed:?}");
 }
 
 /// MuJoCo softens friction by the effective inertia of the joint: a link with almost none would have no friction.
@@ -68,8 +68,8 @@ fn friction_of_a_joint_with_hardly_any_inertia_has_its_level_in_mujoco() {
         return;
     }
     let friction = "[[effect]]\nkind = \"coulomb_friction\"\njoint = \"axis\"\ncoulomb = 50.0\n";
-    let (folder, unsaid) = exported(&arm("revolute", 1e-9, friction));
-    assert!(unsaid.iter().any(|line| line.contains("friction of 50 needs it")), "{unsaid:?}");
+    let (folder, not_expressed) = exported(&arm("revolute", 1e-9, friction));
+    assert!(not_expressed.iter().any(|line| line.contains("friction of 50 needs it")), "{not_expressed:?}");
     let one = load(&folder.path().join("arm.urdf")).expect("an arm").arm;
     let motions = [[vec![0.1], vec![0.01], vec![0.0]], [vec![0.1], vec![-0.01], vec![0.0]]];
     let rows = Tool::Mujoco.inverse(&folder.path().join("arm.xml"), &one, &motions).expect("mujoco");

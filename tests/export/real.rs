@@ -75,18 +75,19 @@ fn exported(set: &Set, recordings: &Path) -> TempDir {
         let ran = Call::new(folder, &asked).run().expect(0);
         let json: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
         if to == "full.xml" {
-            let unsaid = json["unsaid"].as_array().expect("a list").clone();
-            unsaid.iter().for_each(|line| println!("  not said: {line}"));
+            let not_expressed = json["unsaid"].as_array().expect("a list").clone();
+            not_expressed.iter().for_each(|line| println!("  not said: {line}"));
             let text = std::fs::read_to_string(ran.folder.path().join(model)).expect("the model");
-            std::fs::write(ran.folder.path().join("said.toml"), without(&text, &unsaid)).expect("written");
+            std::fs::write(ran.folder.path().join("said.toml"), without(&text, &not_expressed))
+                .expect("written");
         }
         folder = ran.folder;
     }
     folder
 }
 
-/// The arm file `text` without the effects that the list `unsaid` names completely, and without the parts of shafts that it names.
-fn without(text: &str, unsaid: &[Value]) -> String {
+/// The arm file `text` without the effects that the list `not_expressed` names completely, and without the parts of shafts that it names.
+fn without(text: &str, not_expressed: &[Value]) -> String {
     let mut table: toml::Table = toml::from_str(text).expect("TOML");
     if let Some(effects) = table.get_mut("effect").and_then(toml::Value::as_array_mut) {
         for effect in effects.iter_mut().filter_map(toml::Value::as_table_mut) {
@@ -96,9 +97,9 @@ fn without(text: &str, unsaid: &[Value]) -> String {
             };
             for (part, words) in [("inertia", "inertia"), ("viscous", "viscous friction")] {
                 let line = format!("joint_coupling at {joint}: its {words} across the joints");
-                let is_lost = unsaid
-                    .iter()
-                    .any(|unsaid| unsaid.as_str().is_some_and(|unsaid| unsaid.starts_with(&line)));
+                let is_lost = not_expressed.iter().any(|not_expressed| {
+                    not_expressed.as_str().is_some_and(|not_expressed| not_expressed.starts_with(&line))
+                });
                 if is_lost && effect["kind"].as_str() == Some("joint_coupling") {
                     effect.insert(part.to_owned(), 0.0.into());
                 }
@@ -112,7 +113,9 @@ fn without(text: &str, unsaid: &[Value]) -> String {
                 Some(joint) => format!("{kind} at {joint}: {equation}"),
                 None => format!("{kind}: {equation}"),
             };
-            !unsaid.iter().any(|unsaid| unsaid.as_str().is_some_and(|unsaid| unsaid.starts_with(&line)))
+            !not_expressed.iter().any(|not_expressed| {
+                not_expressed.as_str().is_some_and(|not_expressed| not_expressed.starts_with(&line))
+            })
         });
     }
     toml::to_string(&table).expect("TOML")

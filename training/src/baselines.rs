@@ -18,7 +18,7 @@ use crate::bounds::around;
 use crate::choice::PAPER;
 use crate::data::{Channel, Data, OUTPUT_NAMES};
 use crate::held_out::{Answers, Tried, scored};
-use crate::structure::{Fitting, Structure, fit_with_split, said, split};
+use crate::structure::{Fitting, Structure, fit_with_split, predictions, split};
 
 /// Predictor of the windows of a held-out fold, m.
 type Say<'a> = dyn Fn(usize, &[Window]) -> Result<Vec<Vector3<f64>>, Failure> + 'a;
@@ -36,7 +36,7 @@ pub fn all(data: &Data, structure: &Structure, fitting: Fitting) -> Result<Vec<T
     let by = |name: &str, say: &Say<'_>| {
         let held = (0..data.fold_count()).map(|fold| {
             let windows = data.windows(fitting.stride, 0, |run| data.folds[run] == fold);
-            Ok(Answers { fold, said: say(fold, &windows)?, windows })
+            Ok(Answers { fold, predicted: say(fold, &windows)?, windows })
         });
         let held: Vec<Answers> = held.collect::<Result<_, Failure>>()?;
         Ok::<Tried, Failure>(scored(data, name.to_owned(), held.iter()))
@@ -78,7 +78,7 @@ fn nearest(
         let square =
             |there: &Vec<f64>| -> f64 { here.iter().zip(there).map(|(a, b)| (a - b) * (a - b)).sum() };
         let best = (0..rows.len()).min_by(|&a, &b| square(&rows[a]).total_cmp(&square(&rows[b])));
-        best.map_or_else(Vector3::zeros, |best| data.left(trained[best].run, trained[best].target))
+        best.map_or_else(Vector3::zeros, |best| data.residual(trained[best].run, trained[best].target))
     };
     windows.iter().map(closest).collect()
 }
@@ -120,7 +120,7 @@ fn paper(data: &Data, fitting: Fitting) -> Result<Option<Tried>, Failure> {
         let split = at_random(&some, Fractions::PAPER, fitting.seed).map_err(Failure::internal)?;
         let narx = fit_with_split(&series, &structure, &layout, fitting, &split, Vec::new())?;
         let windows = data.windows(fitting.stride, layout.memory(), |run| data.folds[run] == fold);
-        Ok(Answers { fold, said: said(&narx, &series, &windows)?, windows })
+        Ok(Answers { fold, predicted: predictions(&narx, &series, &windows)?, windows })
     })?;
     let name = "the paper's NARX (torques, path; 10-10-10-10), closed loop".to_owned();
     Ok(Some(scored(data, name, held.iter())))

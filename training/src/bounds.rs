@@ -20,7 +20,7 @@ struct Sample {
     fold: usize,
     distance: f64,
     truth: [f64; 3],
-    said: [f64; 3],
+    predicted: [f64; 3],
 }
 
 /// Creates the region around the `inputs` at `windows`, without trust.
@@ -41,11 +41,11 @@ pub fn confirmed(
     for one in held {
         let trained = data.windows(stride, 0, |run| data.folds[run] != one.fold);
         let region = around(data, inputs, &trained);
-        samples.extend(one.windows.iter().zip(&one.said).map(|(window, said)| Sample {
+        samples.extend(one.windows.iter().zip(&one.predicted).map(|(window, predicted)| Sample {
             fold: one.fold,
             distance: region.distance(&data.row(inputs, window.run, window.target)),
-            truth: data.left(window.run, window.target).into(),
-            said: (*said).into(),
+            truth: data.residual(window.run, window.target).into(),
+            predicted: (*predicted).into(),
         }));
     }
     samples.sort_by(|a, b| a.distance.total_cmp(&b.distance));
@@ -57,14 +57,14 @@ pub fn confirmed(
         let pairs: Vec<(usize, f64, f64)> = samples
             .iter()
             .map(|sample| {
-                (sample.fold, sample.truth[axis], sample.said[axis] * region.trust_at(sample.distance))
+                (sample.fold, sample.truth[axis], sample.predicted[axis] * region.trust_at(sample.distance))
             })
             .collect();
         let of_fold = |fold: usize| {
             let pairs = pairs.iter().filter(move |(of, ..)| *of == fold);
-            slope(pairs.map(|(_, truth, said)| (*truth, *said)))
+            slope(pairs.map(|(_, truth, predicted)| (*truth, *predicted)))
         };
-        let all = slope(pairs.iter().map(|(_, truth, said)| (*truth, *said)));
+        let all = slope(pairs.iter().map(|(_, truth, predicted)| (*truth, *predicted)));
         let share =
             (0..data.fold_count()).map(|fold| 2.0 * of_fold(fold)).fold(all, f64::min).clamp(0.0, 1.0);
         Axis {
@@ -72,8 +72,10 @@ pub fn confirmed(
             highest: highest[axis],
             share,
             rms_um: 1e6 * rms(pairs.iter().map(|(_, truth, _)| *truth)),
-            left_um: 1e6 * rms(pairs.iter().map(|(_, truth, said)| truth - share * said)),
-            r: correlation(&pairs.iter().map(|(_, truth, said)| (*truth, *said)).collect::<Vec<_>>()),
+            left_um: 1e6 * rms(pairs.iter().map(|(_, truth, predicted)| truth - share * predicted)),
+            r: correlation(
+                &pairs.iter().map(|(_, truth, predicted)| (*truth, *predicted)).collect::<Vec<_>>(),
+            ),
         }
     });
     (trust, axes)
@@ -81,8 +83,9 @@ pub fn confirmed(
 
 /// Σ yŷ / Σ ŷ² of pairs (y, ŷ); 0 if all answers are 0.
 fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
-    let (product, square) =
-        pairs.fold((0.0, 0.0), |(product, square), (y, said)| (product + y * said, square + said * said));
+    let (product, square) = pairs.fold((0.0, 0.0), |(product, square), (y, predicted)| {
+        (product + y * predicted, square + predicted * predicted)
+    });
     if square > 0.0 { product / square } else { 0.0 }
 }
 
@@ -122,9 +125,10 @@ struct Pool {
 
 impl Pool {
     fn of(part: &[Sample]) -> Pool {
-        let pairs = part.iter().flat_map(|sample| sample.truth.into_iter().zip(sample.said));
-        let sums =
-            pairs.fold([0.0, 0.0], |[product, square], (y, said)| [product + y * said, square + said * said]);
+        let pairs = part.iter().flat_map(|sample| sample.truth.into_iter().zip(sample.predicted));
+        let sums = pairs.fold([0.0, 0.0], |[product, square], (y, predicted)| {
+            [product + y * predicted, square + predicted * predicted]
+        });
         Pool { middles: vec![part[part.len() / 2].distance], sums }
     }
 
@@ -154,7 +158,7 @@ mod tests {
                 200..400 => 2.0,
                 _ => -1.0,
             };
-            Sample { fold: 0, distance, truth, said: truth.map(|truth| truth * factor) }
+            Sample { fold: 0, distance, truth, predicted: truth.map(|truth| truth * factor) }
         };
         let table = trust(&(0..600).map(sample).collect::<Vec<_>>());
         println!("{table:?}");
@@ -169,7 +173,12 @@ mod tests {
         let sample = |k: u32| {
             let truth = [f64::from(k % 7) - 3.0, 0.0, 1.0];
             let factor = if k < 75 { -0.01 } else { 1.0 };
-            Sample { fold: 0, distance: 0.01 * f64::from(k), truth, said: truth.map(|truth| truth * factor) }
+            Sample {
+                fold: 0,
+                distance: 0.01 * f64::from(k),
+                truth,
+                predicted: truth.map(|truth| truth * factor),
+            }
         };
         let table = trust(&(0..600).map(sample).collect::<Vec<_>>());
         println!("{table:?}");

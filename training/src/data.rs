@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use crate::recorded::RecordedRun;
 
 /// Duration of the excluded start of a run, s: a centred journal drops and a correction sets in.
-pub const START: f64 = 0.5;
+pub const START_DURATION: f64 = 0.5;
 /// Two runs have the same path if their joint positions differ nowhere by more than this share of the range over all runs.
 const SAME_PATH: f64 = 0.02;
 /// Names of the outputs.
@@ -105,7 +105,7 @@ impl Data {
     }
 
     /// Residual of the model at `point` of `run`, m.
-    pub fn left(&self, run: usize, point: usize) -> Vector3<f64> {
+    pub fn residual(&self, run: usize, point: usize) -> Vector3<f64> {
         self.runs[run].left[point]
     }
 
@@ -152,7 +152,7 @@ impl Data {
         let mut windows = Vec::new();
         for (run, recorded) in self.runs.iter().enumerate().filter(|(run, _)| is_in(*run)) {
             let begun = recorded.first_tick as f64 * recorded.period;
-            let start = ((START - begun).max(0.0) / recorded.period).ceil() as usize;
+            let start = ((START_DURATION - begun).max(0.0) / recorded.period).ceil() as usize;
             let first = start.max(memory + 1);
             let targets = (first..recorded.len()).step_by(stride);
             windows.extend(targets.map(|target| Window { run, present: target - 1, target }));

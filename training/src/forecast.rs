@@ -16,7 +16,7 @@ pub struct Forecast {
     /// Residual of the model in the tool's position along x, y and z, as the tracker measured it, m.
     pub tracked: [Vec<f64>; 3],
     /// Prediction by the network of the other paths, within its bounds, m.
-    pub said: [Vec<f64>; 3],
+    pub predicted: [Vec<f64>; 3],
     /// Distance from the training motions, in half ranges of the inputs.
     pub distance: Vec<f64>,
 }
@@ -34,15 +34,16 @@ pub fn forecasts(
     for one in held {
         let trained = data.windows(stride, 0, |run| data.folds[run] != one.fold);
         let region = Region { trust: trust.to_vec(), ..around(data, inputs, &trained) };
-        for (window, said) in one.windows.iter().zip(&one.said) {
+        for (window, predicted) in one.windows.iter().zip(&one.predicted) {
             let forecast = &mut all[window.run];
             let distance = region.distance(&data.row(inputs, window.run, window.target));
-            let left = data.left(window.run, window.target);
+            let left = data.residual(window.run, window.target);
             forecast.t.push(window.target as f64 * data.runs[window.run].period);
             forecast.distance.push(distance);
             for axis in 0..3 {
                 forecast.tracked[axis].push(left[axis]);
-                forecast.said[axis].push(axes[axis].bounded(said[axis]) * region.trust_at(distance));
+                forecast.predicted[axis]
+                    .push(axes[axis].bounded(predicted[axis]) * region.trust_at(distance));
             }
         }
     }

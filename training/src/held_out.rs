@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::data::Data;
-use crate::structure::{Fitting, Structure, fitted, said};
+use crate::structure::{Fitting, Structure, fitted, predictions};
 
 /// Predictions of one held-out path.
 pub struct Answers {
@@ -16,7 +16,7 @@ pub struct Answers {
     /// Windows of the predictions.
     pub windows: Vec<Window>,
     /// Predictions at these windows, m.
-    pub said: Vec<Vector3<f64>>,
+    pub predicted: Vec<Vector3<f64>>,
 }
 
 /// One held-out path with the network trained on the others.
@@ -56,22 +56,22 @@ fn one(
 ) -> Result<HeldOut, Failure> {
     let narx = fitted(data, series, structure, fitting, |run| data.folds[run] != fold)?;
     let windows = data.windows(fitting.stride, structure.layout().memory(), |run| data.folds[run] == fold);
-    let found = said(&narx, series, &windows)?;
+    let found = predictions(&narx, series, &windows)?;
     // Predictions are limited to the range of the training.
     let trained = data.windows(fitting.stride, 0, |run| data.folds[run] != fold);
     let (lowest, highest) = range(data, &trained);
-    let said = found
+    let predicted = found
         .iter()
-        .map(|said| Vector3::from_fn(|axis, _| said[axis].max(lowest[axis]).min(highest[axis])))
+        .map(|predicted| Vector3::from_fn(|axis, _| predicted[axis].max(lowest[axis]).min(highest[axis])))
         .collect();
-    Ok(HeldOut { narx, answers: Answers { fold, windows, said } })
+    Ok(HeldOut { narx, answers: Answers { fold, windows, predicted } })
 }
 
 /// Least and greatest remainder at `windows`, with zero included in the range, m.
 pub fn range(data: &Data, windows: &[Window]) -> (Vector3<f64>, Vector3<f64>) {
     let mut bounds = (Vector3::zeros(), Vector3::zeros());
     for window in windows {
-        let left = data.left(window.run, window.target);
+        let left = data.residual(window.run, window.target);
         bounds = (bounds.0.inf(&left), bounds.1.sup(&left));
     }
     bounds
@@ -81,13 +81,12 @@ pub fn range(data: &Data, windows: &[Window]) -> (Vector3<f64>, Vector3<f64>) {
 pub fn scored<'a>(data: &Data, name: String, all: impl Iterator<Item = &'a Answers> + Clone) -> Tried {
     let pairs = |axis: usize| {
         all.clone().flat_map(move |held| {
-            held.windows
-                .iter()
-                .zip(&held.said)
-                .map(move |(window, said)| (data.left(window.run, window.target)[axis], said[axis]))
+            held.windows.iter().zip(&held.predicted).map(move |(window, predicted)| {
+                (data.residual(window.run, window.target)[axis], predicted[axis])
+            })
         })
     };
-    let left = [0, 1, 2].map(|axis| rms(pairs(axis).map(|(truth, said)| truth - said)));
+    let left = [0, 1, 2].map(|axis| rms(pairs(axis).map(|(truth, predicted)| truth - predicted)));
     let r = [0, 1, 2].map(|axis| correlation(&pairs(axis).collect::<Vec<_>>()));
     Tried { name, left, r }
 }

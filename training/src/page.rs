@@ -92,7 +92,7 @@ fn along(forecast: &Forecast) -> Drawing {
     let panel = |axis: usize| {
         Chart::trace(AXES[axis], Axis::new("time", "s"), Axis::new("beyond the model", "µm"))
             .series(Series::line("tracked", &forecast.t, &um(&forecast.tracked[axis])))
-            .series(Series::line("forecast", &forecast.t, &um(&forecast.said[axis])).dashed())
+            .series(Series::line("forecast", &forecast.t, &um(&forecast.predicted[axis])).dashed())
             .in_view(0.0)
             .height(180)
     };

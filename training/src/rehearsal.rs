@@ -20,7 +20,7 @@ use freeplay_terminal::files::write;
 use freeplay_terminal::parallel::on_all_cores;
 use nalgebra::Vector3;
 
-use crate::data::{Data, START};
+use crate::data::{Data, START_DURATION};
 use crate::recorded::RecordedRun;
 use crate::significance::chance;
 
@@ -35,7 +35,7 @@ const EVERY: usize = 10;
 /// Longest part of a recording that is simulated, s.
 const LONGEST: f64 = 8.0;
 /// Ticks between points of a curve.
-const DRAWN: u64 = 10;
+const CURVE_STRIDE: u64 = 10;
 
 /// The tool's deviation along one run, for the page.
 #[derive(Clone, Debug, Default)]
@@ -129,7 +129,7 @@ impl RehearsalInputs<'_> {
         let without = self.played(run, None, &path, &beyond)?;
         let with = self.played(run, Some(believable.display().to_string()), &path, &beyond)?;
         let rehearsed = Rehearsed { name: run.name.clone(), without_mm: without.0, with_mm: with.0 };
-        let t = (0..without.1.len()).map(|k| (k as u64 * DRAWN) as f64 / RATE).collect();
+        let t = (0..without.1.len()).map(|k| (k as u64 * CURVE_STRIDE) as f64 / RATE).collect();
         Ok((rehearsed, DeviationCurve { name: run.name.clone(), t, without_mm: without.1, with_mm: with.1 }))
     }
 
@@ -157,14 +157,14 @@ impl RehearsalInputs<'_> {
             controller: NARX_QP,
             task: &task,
             tracked: false,
-            after: START,
+            after: START_DURATION,
             sensors: (SensorsSpec::default(), 0),
             beyond,
         };
         let mut course = Vec::new();
         let mut workspace = Workspace::new(&arm);
         let outcome = closed.run(|tick| {
-            if tick.state.tick % DRAWN == 0 {
+            if tick.state.tick % CURVE_STRIDE == 0 {
                 let desired = forward_kinematics(&arm, &mut workspace, &tick.state.reference.q[..arm.dof()]);
                 let tool = Vector3::from_column_slice(&tick.state.tool[..3]);
                 course.push(1e3 * (tool - desired.translation.vector).norm());
@@ -182,7 +182,7 @@ impl RehearsalInputs<'_> {
 /// The recorded remainder tick by tick, faded in over the start.
 fn course(run: &RecordedRun) -> Vec<Vector3<f64>> {
     let share = |k: usize| {
-        let x = (k as f64 * run.period / START).min(1.0);
+        let x = (k as f64 * run.period / START_DURATION).min(1.0);
         x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
     };
     run.left.iter().enumerate().map(|(k, left)| left * share(k)).collect()

@@ -29,8 +29,11 @@ const NEGLIGIBLE: f64 = 1e-7;
 /// The error of each path in `held`: the logarithm of the mean square of the residual over all axes, plus the negligible remainder.
 pub fn errors(data: &Data, held: &[HeldOut]) -> Vec<f64> {
     let of_path = |held: &HeldOut| {
-        let Answers { windows, said, .. } = &held.answers;
-        let left = windows.iter().zip(said).map(|(window, said)| data.left(window.run, window.target) - said);
+        let Answers { windows, predicted, .. } = &held.answers;
+        let left = windows
+            .iter()
+            .zip(predicted)
+            .map(|(window, predicted)| data.residual(window.run, window.target) - predicted);
         let (count, sum) =
             left.fold((0.0_f64, 0.0), |(count, sum), left| (count + 1.0, sum + left.norm_squared()));
         (sum / count.max(1.0) + NEGLIGIBLE * NEGLIGIBLE).ln()
@@ -214,9 +217,11 @@ mod tests {
         };
         for one in &held {
             let windows = &one.answers.windows;
-            let truth = |k: usize| data.left(windows[k].run, windows[k].target);
-            let (all, left) =
-                (square(&truth, windows.len()), square(&|k| truth(k) - one.answers.said[k], windows.len()));
+            let truth = |k: usize| data.residual(windows[k].run, windows[k].target);
+            let (all, left) = (
+                square(&truth, windows.len()),
+                square(&|k| truth(k) - one.answers.predicted[k], windows.len()),
+            );
             println!("path {}: {:.4} of the remainder is left", one.answers.fold, (left / all).sqrt());
             assert!((left / all).sqrt() < 0.1);
         }

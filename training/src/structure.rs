@@ -147,7 +147,7 @@ pub fn fit_with_split(
 ///
 /// # Errors
 /// A network whose own answers diverge.
-pub fn said(narx: &Narx, series: &Series, windows: &[Window]) -> Result<Vec<Vector3<f64>>, Failure> {
+pub fn predictions(narx: &Narx, series: &Series, windows: &[Window]) -> Result<Vec<Vector3<f64>>, Failure> {
     let vector = |row: &[f64]| Vector3::new(row[0], row[1], row[2]);
     if narx.layout().output_lags.is_empty() {
         let rows = narx.predict(series, windows).map_err(Failure::internal)?;

@@ -129,7 +129,7 @@ impl AnswerLoop {
             self.check(&state)?;
             let mut answer = Answer::BLANK;
             let at = || format!("at tick {}", state.tick);
-            let takes_over = state.next_in_charge() == self.slot && state.in_charge() != self.slot;
+            let takes_over = state.next_active_slot() == self.slot && state.active_slot() != self.slot;
             guarded(controller, at, |controller| {
                 if takes_over {
                     controller.take_over(&state);
@@ -161,7 +161,7 @@ impl AnswerLoop {
             if let Some(state) = state {
                 // If the clocks of the two sides disagree, the state is due one period from now at the latest.
                 self.due_ns = (state.scheduled_ns + self.run.period_ns).min(now_ns() + self.run.period_ns);
-                self.stands_by = state.next_in_charge() != self.slot;
+                self.stands_by = state.next_active_slot() != self.slot;
                 return Ok(Some(state));
             }
             let now = now_ns();

@@ -4,7 +4,8 @@ use std::rc::Rc;
 
 use freeplay_arm::Arm;
 use freeplay_laws::{
-    ABOUT, ArmParts, Injection, Kind as EffectKind, LawError, Place, Placed, Site, Start, Term, kinds,
+    ArmParts, Injection, Kind as EffectKind, LawError, OPERATING_POINT, Place, Placed, Site, Start, Term,
+    kinds,
 };
 use freeplay_model::EffectTable;
 use freeplay_recording::Group;
@@ -52,7 +53,7 @@ impl Form {
 
     /// True if the form linearises its law along a chord, from zero to one coefficient of the only term.
     pub fn is_chord(&self) -> bool {
-        self.shape.contains_key(ABOUT)
+        self.shape.contains_key(OPERATING_POINT)
     }
 }
 
@@ -239,7 +240,7 @@ impl Candidate {
     pub fn usual_form(&self) -> Option<Form> {
         let has_usual = self.terms.iter().all(|term| term.usual.is_some());
         let mut form = Form { is_usual: true, ..self.form.clone() };
-        form.shape.remove(ABOUT);
+        form.shape.remove(OPERATING_POINT);
         (has_usual && !self.form.is_usual).then_some(form)
     }
 
@@ -317,8 +318,8 @@ impl Candidate {
         }
         let mut form = self.form.clone();
         if let [coefficient] = coefficients {
-            let now = form.shape.get(ABOUT).and_then(Value::as_float).unwrap_or(0.0);
-            form.shape.insert(ABOUT.to_owned(), Value::Float(now + share * (coefficient - now)));
+            let now = form.shape.get(OPERATING_POINT).and_then(Value::as_float).unwrap_or(0.0);
+            form.shape.insert(OPERATING_POINT.to_owned(), Value::Float(now + share * (coefficient - now)));
             return (*coefficient != 0.0).then_some(form);
         }
         let mut around = self.all_coefficients(coefficients);

@@ -286,7 +286,7 @@ impl<'a> LinearisedRecording<'a> {
         start: Start,
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let mut begun = shape.clone();
-        begun.insert(START.to_owned(), start.said_of(&self.arm().joints()[joint]));
+        begun.insert(START.to_owned(), start.file_value(&self.arm().joints()[joint]));
         self.terms_as(kind, Some(joint), &begun)
     }
 
@@ -378,7 +378,7 @@ impl<'a> LinearisedRecording<'a> {
         if let Some(known) = self.beneath.borrow().get(&(level, rough)) {
             return Ok(Some(Rc::clone(known)));
         }
-        let baseline = Rc::new(if rough { &self.rough } else { &self.smooth }.upon_shared(&more)?);
+        let baseline = Rc::new(if rough { &self.rough } else { &self.smooth }.extended_shared(&more)?);
         self.beneath.borrow_mut().insert((level, rough), Rc::clone(&baseline));
         Ok(Some(baseline))
     }
@@ -416,7 +416,7 @@ impl<'a> LinearisedRecording<'a> {
         let left_of = |prediction: &Prediction, kind: Kind| {
             Some(residual(prediction, &self.channels[self.number_of(kind)?]))
         };
-        let best = predicted_with_initial_states(more, |more| self.rough.upon(more), left_of)?;
+        let best = predicted_with_initial_states(more, |more| self.rough.extended(more), left_of)?;
         Ok(self.channels.iter().map(|channel| residual(&best, channel)).collect())
     }
 
@@ -429,7 +429,7 @@ impl<'a> LinearisedRecording<'a> {
         is_out: &dyn Fn(&Placed) -> bool,
         instead: Option<&Placed>,
     ) -> Result<Vec<Vec<f64>>, LawError> {
-        let prediction = self.rough.instead(is_out, instead)?;
+        let prediction = self.rough.with_replacement(is_out, instead)?;
         let residual = |channel: &Channel| {
             let model = self.prepared.treatment.keep(channel.kind.of(&prediction));
             let off = difference(&channel.measured, &model);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_report::paste::{pasted, quoted};
+use freeplay_report::paste::{quoted, shell_word};
 
 /// The command that diagnoses `recordings`, read with `mapping`, against the `model`; its arm ends at the link `tip`, and the low-pass has its cutoff at
 /// `lowpass` Hz.
@@ -13,12 +13,12 @@ pub fn diagnose_command(
     lowpass: Option<f64>,
     mapping: Option<&Path>,
 ) -> String {
-    let tip = tip.map_or_else(String::new, |tip| format!(" --tip {}", pasted(Path::new(tip))));
-    let recordings: Vec<String> = recordings.iter().map(|path| pasted(path)).collect();
+    let tip = tip.map_or_else(String::new, |tip| format!(" --tip {}", shell_word(Path::new(tip))));
+    let recordings: Vec<String> = recordings.iter().map(|path| shell_word(path)).collect();
     let lowpass = lowpass.map_or_else(String::new, |lowpass| format!(" --lowpass {lowpass}"));
     format!(
         "freeplay diagnose --model {}{tip} --recording {}{lowpass}{}",
-        pasted(Path::new(model)),
+        shell_word(Path::new(model)),
         recordings.join(" "),
         mapping_option(mapping)
     )
@@ -34,8 +34,8 @@ pub fn commands(
 ) -> [String; 2] {
     let compare = format!(
         "freeplay compare --model {} --recording {}{}",
-        pasted(model),
-        pasted(recording),
+        shell_word(model),
+        shell_word(recording),
         mapping_option(mapping)
     );
     let run = match scenario {
@@ -43,13 +43,13 @@ pub fn commands(
             // The paths in a scenario are relative to its own folder.
             let absolute = std::path::absolute(model).unwrap_or_else(|_| model.to_owned());
             let key = quoted(&format!("controller.model={}", absolute.display()));
-            format!("freeplay run {} --controller narx-qp --set {key}", pasted(scenario))
+            format!("freeplay run {} --controller narx-qp --set {key}", shell_word(scenario))
         }
-        None => format!("freeplay run --model {}   # moves each joint on a sine", pasted(model)),
+        None => format!("freeplay run --model {}   # moves each joint on a sine", shell_word(model)),
     };
     [compare, run]
 }
 
 fn mapping_option(mapping: Option<&Path>) -> String {
-    mapping.map_or_else(String::new, |mapping| format!(" --mapping {}", pasted(mapping)))
+    mapping.map_or_else(String::new, |mapping| format!(" --mapping {}", shell_word(mapping)))
 }

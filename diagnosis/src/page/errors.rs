@@ -1,6 +1,6 @@
 //! Improvement of the model: held-out errors by channel, side by side, with intervals.
 
-use freeplay_report::units::people;
+use freeplay_report::units::display_unit;
 use freeplay_report::{Block, Cell, Column, Section, Table};
 
 use super::channels;
@@ -72,7 +72,7 @@ fn bars(diagnosis: &Diagnosis, channel: &str) -> Table {
         MODELS.iter().zip(PICKS).map(|((name, _), pick)| (*name, rms(&held, pick, diagnosis.seed))).collect();
     let largest = errors.iter().map(|(_, e)| e.value).fold(0.0, f64::max);
     let unit = held.first().map_or("", |(_, trace)| trace.unit);
-    let (scale, unit) = people(unit, largest);
+    let (scale, unit) = display_unit(unit, largest);
     let mut table = Table::new(format!("Held-out error of {channel}"))
         .column(Column::text("model"))
         .column(Column::number("error", unit.clone()).bars())

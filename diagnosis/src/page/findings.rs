@@ -1,6 +1,6 @@
 //! The findings: each effect in words, with its picture, its parameters and its evidence.
 
-use freeplay_report::units::{people, written};
+use freeplay_report::units::{display_unit, written};
 use freeplay_report::{Block, Cell, Column, Section, Table};
 
 use super::{Subject, picture};
@@ -91,7 +91,7 @@ fn parameters(effect: &Effect) -> Table {
     for (name, parameter) in &effect.parameters {
         let meaning = kind.and_then(|kind| kind.parameter(name)).map_or("", |parameter| parameter.meaning);
         let size = parameter.value.as_float().unwrap_or(f64::INFINITY);
-        let (scale, unit) = people(&parameter.unit, size);
+        let (scale, unit) = display_unit(&parameter.unit, size);
         let value = match (&parameter.value, parameter.ci95) {
             (toml::Value::Float(value), Some(_)) if parameter.is_least() => {
                 format!("at least {}", written(value * scale))

@@ -14,7 +14,7 @@ mod rest;
 use std::path::{Path, PathBuf};
 
 use freeplay_model::ArmFile;
-use freeplay_report::units::{people, written};
+use freeplay_report::units::{display_unit, written};
 use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Verdict};
 
 use crate::{Certainty, Diagnosis, Fit, Verdict as Outcome, sentences};
@@ -128,7 +128,7 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
         let on = effect.joint.as_deref().unwrap_or("the whole arm");
         for (name, parameter) in &effect.parameters {
             let Some(value) = parameter.value.as_float() else { continue };
-            let (scale, unit) = people(&parameter.unit, value);
+            let (scale, unit) = display_unit(&parameter.unit, value);
             let Some(interval) = findings::interval(parameter, scale) else { continue };
             let tile =
                 Figure::new(format!("{} of {on}", name.replace('_', " ")), written(value * scale), unit);
@@ -139,7 +139,7 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
     let Some(fit) = &diagnosis.fit else { return tiles };
     let (Some(gain), Some(first)) = (fit.gain, plainest(diagnosis, fit)) else { return tiles };
     let (before, after) = (fit.before[first].rmse, fit.after[first].rmse);
-    let (scale, unit) = people(fit.units[first], before);
+    let (scale, unit) = display_unit(fit.units[first], before);
     tiles.push(
         Figure::new(format!("error of {first}, held out"), written(after * scale), unit)
             .note(format!("{} before", written(before * scale))),
@@ -197,7 +197,7 @@ fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
         .note("Noise floor: what a machine leaves that is its model inside the tolerances, moved the same way and measured as badly; simulated.");
     for (channel, unit) in &fit.units {
         let (left, floor) = (fit.retuned[channel].rmse, fit.noise_floor[channel].rmse);
-        let (scale, unit) = people(unit, left);
+        let (scale, unit) = display_unit(unit, left);
         let times = if floor > 0.0 { left / floor } else { f64::NAN };
         table = table.row([
             channel.as_str().into(),

@@ -1,6 +1,6 @@
 //! Measured and modelled values over time, with the held-out part shaded.
 
-use freeplay_report::units::people;
+use freeplay_report::units::display_unit;
 use freeplay_report::{Axis, Block, Chart, Mark, Section, Series};
 
 use super::channels;
@@ -55,14 +55,14 @@ fn pair(channel: &str, part: &[(&Passage, &Trace)]) -> [Chart; 2] {
     let before = values(|trace| &trace.before);
     let retuned = values(|trace| &trace.retuned);
     let after = values(|trace| &trace.after);
-    let (scale, unit_of_values) = people(unit, largest(&measured));
+    let (scale, unit_of_values) = display_unit(unit, largest(&measured));
     let shown = chart(part, format!("{channel} of {recording}"), Axis::new(channel, unit_of_values));
     let up = |column: &[f64], scale: f64| -> Vec<f64> { column.iter().map(|x| x * scale).collect() };
     let shown = shown
         .series(Series::line("measured", &t, &up(&measured, scale)))
         .series(Series::line(MODELS[0].0, &t, &up(&difference(&measured, &before), scale)))
         .series(Series::line(MODELS[3].0, &t, &up(&difference(&measured, &after), scale)).dashed());
-    let (scale, unit) = people(unit, largest(&before));
+    let (scale, unit) = display_unit(unit, largest(&before));
     let errors =
         chart(part, format!("error of {channel}"), Axis::new("measured minus model", unit)).in_view(0.0);
     let errors = errors

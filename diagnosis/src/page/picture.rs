@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use freeplay_arm::Arm;
 use freeplay_laws::{BearingLoad, Clearance, Effects, tool_sensitivity};
-use freeplay_report::units::{people, written};
+use freeplay_report::units::{display_unit, written};
 use freeplay_report::{Axis, Chart, Drawing, Series};
 
 use super::points::{Over, Points, best_plot_variable, column, forwards, law, line, traces};
@@ -53,9 +53,9 @@ fn weight(diagnosis: &Diagnosis, effect: usize, channel: &str) -> f64 {
 
 /// Two panels with the same axes: without the effect and with it.
 fn pair(points: &Points, over: &Over, y: (&str, &str), title: String, caption: String) -> Drawing {
-    let (x_scale, x_unit) = people(&over.unit, magnitude(&over.x));
+    let (x_scale, x_unit) = display_unit(&over.unit, magnitude(&over.x));
     let without = points.without();
-    let (scale, unit) = people(y.1, magnitude(&without));
+    let (scale, unit) = display_unit(y.1, magnitude(&without));
     let x: Vec<f64> = over.x.iter().map(|x| x * x_scale).collect();
     let up = |column: &[f64]| -> Vec<f64> { column.iter().map(|y| y * scale).collect() };
     let (without, with, law) = (up(&without), up(&points.with), up(&points.law));
@@ -262,7 +262,7 @@ fn in_the_bearing(diagnosis: &Diagnosis, arm: &Arm, index: usize, joint: usize) 
         })
     };
     let (u, v) = (along(0)?, along(1)?);
-    let (scale, unit) = people("m", radius);
+    let (scale, unit) = display_unit("m", radius);
     let up = |column: Vec<f64>| -> Vec<f64> { column.iter().map(|x| x * scale).collect() };
     let panel = |title: &str, x: Vec<f64>, y: Vec<f64>| {
         let axis = |name: &str| Axis::new(name, unit.clone());
@@ -296,8 +296,8 @@ pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
         |map: &&Map| place.channels.contains(&map.channel) && map.mean.len() > 2 && map.p < SIGNIFICANT;
     let near = diagnosis.maps.iter().filter(drawable);
     let map: &Map = near.min_by(|a, b| a.p.total_cmp(&b.p).then(b.explained.total_cmp(&a.explained)))?;
-    let (x_scale, x_unit) = people(map.variable_unit, magnitude(&map.at));
-    let (scale, unit) = people(map.unit, magnitude(&map.mean));
+    let (x_scale, x_unit) = display_unit(map.variable_unit, magnitude(&map.at));
+    let (scale, unit) = display_unit(map.unit, magnitude(&map.mean));
     let x: Vec<f64> = map.at.iter().map(|x| x * x_scale).collect();
     let y: Vec<f64> = map.mean.iter().map(|y| y * scale).collect();
     let chart = Chart::xy(

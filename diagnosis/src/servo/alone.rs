@@ -47,7 +47,7 @@ pub fn fitted_alone(recorded: &Recorded, first: &ServoArm, all: &[Unknown]) -> V
 pub fn by_joint(tracks: &[Track], arm: &Arm) -> Vec<Vec<Track>> {
     let mut joints = vec![Vec::with_capacity(tracks.len()); arm.dof()];
     for track in tracks {
-        joints.iter_mut().zip(track.each_alone(arm)).for_each(|(joint, alone)| joint.push(alone));
+        joints.iter_mut().zip(track.by_joint(arm)).for_each(|(joint, alone)| joint.push(alone));
     }
     joints
 }
@@ -63,7 +63,7 @@ fn of_joint(recorded: &Recorded, joint: usize, tracks: &[Track], first: ServoArm
     let quick = few.as_ref().unwrap_or(&fit);
     let fits = beginnings(quick, &first, sights[0].lag).into_iter().map(|model| {
         let fitted = quick.fit(&model, &unknowns, &mut |_, _| {});
-        quick.leap(fitted, &unknowns, &mut |_, _| {})
+        quick.escape_local_minimum(fitted, &unknowns, &mut |_, _| {})
     });
     let best = fits.min_by(|a, b| usual(&a.noise).total_cmp(&usual(&b.noise)));
     let best = match (best, &few) {

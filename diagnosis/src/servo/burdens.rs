@@ -163,7 +163,7 @@ pub fn add_burden(
         progress(&format!("fitting the servos and the masses of links, step {step}"));
     });
     let left = |model: &ServoArm, all: &[Unknown]| {
-        [fit.lost_by(model, &plain.noise, all), lost(choice, model, &plain.noise)]
+        [fit.loss_of(model, &plain.noise, all), lost(choice, model, &plain.noise)]
     };
     let before = left(&plain.model, &beside);
     let mut tried: Vec<Tried> = Vec::new();

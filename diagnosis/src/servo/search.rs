@@ -1,7 +1,7 @@
 //! The search for the effects that a given model with servos lacks. All parameters of the given model are fitted within their tolerances. The search adds
 //! changes one after the other, each time the change with the smallest residual. It then removes the changes without which the recordings lose nothing.
 
-use freeplay_servo::{Fitted, Noise, Problem, ServoArm, Track, Unknown, each, golden};
+use freeplay_servo::{Fitted, Noise, Problem, ServoArm, Track, Unknown, each, golden_section};
 
 use super::alone::by_joint;
 use super::burdens::Rival;
@@ -153,7 +153,7 @@ impl<'a> Search<'a> {
 
     /// Loss of log-likelihood of the fit part under `changed`.
     fn loss(&self, changed: &Changed, noise: &Noise) -> f64 {
-        self.parts[0].lost_by(&changed.fitted.model, noise, &changed.unknowns)
+        self.parts[0].loss_of(&changed.fitted.model, noise, &changed.unknowns)
     }
 
     /// Loss of log-likelihood of the fit and the choice part under `changed`.
@@ -327,7 +327,7 @@ fn best_place(change: &Change, model: &ServoArm, far: impl Fn(&ServoArm) -> f64)
             [best.saturating_sub(1), (best + 1).min(tried.len() - 1)].map(|at| &change.places[at]);
         let between =
             |share: f64| low.iter().zip(high).map(|(a, b)| a + share * (b - a)).collect::<Vec<f64>>();
-        let nearer = between(golden([0.0, 1.0], |share| at(&between(share))));
+        let nearer = between(golden_section([0.0, 1.0], |share| at(&between(share))));
         let left = at(&nearer);
         if left < place.0 {
             place = (left, nearer);
@@ -355,7 +355,7 @@ fn nearer_along(
         moved
     };
     let here = place.1[number];
-    let nearer = moved(golden([here - reach, here + reach], |x| left(&moved(x))));
+    let nearer = moved(golden_section([here - reach, here + reach], |x| left(&moved(x))));
     let there = left(&nearer);
     if there < place.0 { (there, nearer) } else { place }
 }
@@ -414,7 +414,7 @@ fn with_stops(recorded: &Recorded, given: &ServoArm) -> ServoArm {
     // A joint has two.
     for _ in 0..2 * given.joints.len() {
         let known = recorded.given(&given).known();
-        let events = recorded.events(&fit.as_it_is(&given, &known), &known);
+        let events = recorded.events(&fit.unfitted(&given, &known), &known);
         if events.iter().filter(|event| stop(&mut given, event)).count() == 0 {
             break;
         }

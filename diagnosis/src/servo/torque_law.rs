@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use freeplay_recording::Recording;
-use freeplay_servo::{Commands, JointServo, golden};
+use freeplay_servo::{Commands, JointServo, golden_section};
 use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
 
 use super::scores::BLOCK;
@@ -108,7 +108,7 @@ impl TorqueLaw {
         if !least.is_finite() {
             return None;
         }
-        let delay = golden([best - APART, best + APART], loss);
+        let delay = golden_section([best - APART, best + APART], loss);
         let line = Line::fit(sheets, delay, late)?;
         let [k, c, d] = line.deviations(sheets, delay, late)?;
         let (left_in_test, size_in_test) = line.in_test(sheets, delay, late)?;

@@ -66,7 +66,7 @@ pub(crate) fn predicted_with_initial_states<'p>(
         let Some(now) = residual(&best) else { continue };
         let beside = open.iter().zip(&known).enumerate().filter(|(other, _)| *other != index);
         let beside: Vec<&Placed> = beside.map(|(_, (open, known))| known.as_ref().unwrap_or(open)).collect();
-        let others = others.upon(&beside)?;
+        let others = others.extended(&beside)?;
         let at = |start: Start| -> Result<Option<Trial>, LawError> {
             let Some(effect) = law.effect.with_initial_state(start) else { return Ok(None) };
             let law = Placed { kind: law.kind, joint: law.joint, effect, line: law.line };

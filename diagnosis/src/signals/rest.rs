@@ -46,7 +46,7 @@ pub(crate) fn clamp_at_rest(
         residuals_along(arm, effects, recording, treatment, &motion, sharpening)
     };
     // Ten times the speed over which the direction is smoothed: friction has its sign there, and is not viscous yet.
-    let creep = 10.0 * DriveFriction::SMOOTHING;
+    let creep = 10.0 * DriveFriction::SMOOTHING_SPEED;
     let (forwards, backwards) = (creeping(creep)?, creeping(-creep)?);
     let either_way = forwards.channels.iter().zip(&backwards.channels);
     for (channel, (forwards, backwards)) in residuals.channels.iter_mut().zip(either_way) {

@@ -6,10 +6,10 @@ use freeplay_report::{
 use freeplay_terminal::exit::Failure;
 use serde_json::Value;
 
-use crate::bench::bench_report::{BARE_TRANSPORT, CLOCK, Report, STAGES, causes_alone};
+use crate::bench::bench_report::{BARE_CLOCK, BARE_TRANSPORT, Report, STAGES, causes_alone};
 use crate::bench::blocks::ByStage;
 use crate::bench::figures::{QUANTILES, curve};
-use crate::bench::verdicts::{BROKEN, Step};
+use crate::bench::verdicts::{EXCEEDED_SHARE, Step};
 
 /// Misses that the page lists one by one.
 const MOST_SHOWN: usize = 20;
@@ -132,7 +132,7 @@ impl Report<'_> {
             Axis::new("added compute of each answer", "µs"),
             Axis::new("missed", "%"),
         )
-        .mark(Mark::Level { y: BROKEN * 100.0, label: "broken".into() });
+        .mark(Mark::Level { y: EXCEEDED_SHARE * 100.0, label: "broken".into() });
         let mut trip = Chart::trace(
             "Round trip, p99, against added compute",
             Axis::new("added compute of each answer", "µs"),
@@ -176,7 +176,7 @@ fn stage_section(measured: &[(String, ByStage)]) -> Section {
             table = table.row(cells);
             let (x, y) = curve(histogram);
             let line = Series::line(name, &x, &y);
-            let is_bare = name == CLOCK || name == BARE_TRANSPORT;
+            let is_bare = name == BARE_CLOCK || name == BARE_TRANSPORT;
             chart = chart.series(if is_bare { line.dashed() } else { line });
         }
         if !PAIRS.iter().any(|(_, pair)| pair.contains(&stage)) && !chart.series.is_empty() {

@@ -18,7 +18,7 @@ use crate::bench::verdicts::{
 /// The schema of `bench.json`.
 const SCHEMA: &str = "freeplay.bench/1";
 /// Name of the bare loop in tables and files.
-pub const CLOCK: &str = "bare clock loop";
+pub const BARE_CLOCK: &str = "bare clock loop";
 /// Name of the bare transport.
 pub const BARE_TRANSPORT: &str = "bare iceoryx2";
 /// The stages in the order of the tick, with their names.
@@ -56,7 +56,7 @@ impl Report<'_> {
     /// The measured controllers and yardsticks, yardsticks first, each with its histograms of all blocks.
     pub fn measured(&self) -> Vec<(String, ByStage)> {
         let mut all = vec![
-            (CLOCK.to_owned(), merged(self.blocks.iter().map(|block| &block.clock))),
+            (BARE_CLOCK.to_owned(), merged(self.blocks.iter().map(|block| &block.clock))),
             (BARE_TRANSPORT.to_owned(), merged(self.blocks.iter().map(|block| &block.exchange))),
         ];
         for (which, contest) in self.contests.iter().enumerate() {

@@ -16,7 +16,7 @@ pub const MOST_TRANSPORT: f64 = 1.15;
 /// Least share of missed deadlines with a known cause.
 pub const LEAST_CAUSED: f64 = 0.95;
 /// Share of missed deadlines at which the budget counts as exceeded.
-pub const BROKEN: f64 = 0.01;
+pub const EXCEEDED_SHARE: f64 = 0.01;
 
 /// One controller against the yardsticks.
 #[derive(Debug, Serialize)]
@@ -134,8 +134,10 @@ pub struct Step {
 /// The largest added compute time of `controller` that kept the budget, µs, and the first that exceeded it.
 pub fn cliff_of(cliff: &[Step], controller: &str) -> Option<(Option<f64>, f64)> {
     let steps = || cliff.iter().filter(|step| step.controller == controller);
-    let broken =
-        steps().filter(|step| step.missed_share > BROKEN).map(|step| step.load_us).reduce(f64::min)?;
+    let broken = steps()
+        .filter(|step| step.missed_share > EXCEEDED_SHARE)
+        .map(|step| step.load_us)
+        .reduce(f64::min)?;
     let held = steps().map(|step| step.load_us).filter(|&load| load < broken).reduce(f64::max);
     Some((held, broken))
 }

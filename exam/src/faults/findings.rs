@@ -9,8 +9,8 @@ use freeplay_recording::Recording;
 use freeplay_terminal::exit::Failure;
 use serde::Serialize;
 
-use crate::faults::kinds::{Expected, Injection, Kind, LENGTH};
-use crate::swap_measures::{AROUND, HELD_COMMAND, SoloRun, deviation, stalls_in};
+use crate::faults::kinds::{Expected, FAULT_TICKS, Injection, Kind};
+use crate::swap_measures::{HELD_COMMAND, STALL_REACH_TICKS, SoloRun, deviation, stalls_in};
 
 /// Largest ratio of the deviation with a fault to that without, for a fault that is to do no harm.
 const HARMLESS: f64 = 1.05;
@@ -73,7 +73,7 @@ impl FaultOutcome {
         let in_charge = column(recording, "in_charge")?;
         let begin = injection.tick as usize;
         let (end, faulty) =
-            ((begin + window).min(rejected.len()), (begin + LENGTH as usize).min(rejected.len()));
+            ((begin + window).min(rejected.len()), (begin + FAULT_TICKS as usize).min(rejected.len()));
         let refused = (begin..faulty).find(|&tick| rejected[tick] != 0.0);
         // The answer to tick k is in force during tick k + 1.
         let was_faulty = |tick: usize| in_force[tick] == 1.0 && in_charge[tick] == 0.0;
@@ -87,9 +87,10 @@ impl FaultOutcome {
         let name = |slot: usize| names.get(slot).cloned().unwrap_or_default();
         // A stalled standby cannot contradict the controller until it has agreed with it for a while.
         let is_compared = injection.kind.expected() == Expected::Compared;
-        let (before, unrefused) = if is_compared { (u64::from(PROBATION), faulty) } else { (AROUND, begin) };
+        let (before, unrefused) =
+            if is_compared { (u64::from(PROBATION), faulty) } else { (STALL_REACH_TICKS, begin) };
         let over = refused.map_or(unrefused, |tick| tick + taken_over.unwrap_or(0)) as u64;
-        let around = injection.tick.saturating_sub(before)..over + AROUND + 1;
+        let around = injection.tick.saturating_sub(before)..over + STALL_REACH_TICKS + 1;
         // Missing answers of the examined controller after the fault set in belong to the fault.
         let is_machines = |stall: &&Stall| stall.slot != Some(0) || stall.first < injection.tick;
         Ok(Self {

@@ -121,7 +121,7 @@ impl Kind {
             Self::Stuck | Self::Wrong | Self::Drift | Self::SignFlip | Self::Gain => Expected::Compared,
             Self::Crash | Self::Hang | Self::LoanLost => Expected::Detected { ticks: 2 },
             // The first answer of the window may be one that arrives.
-            Self::Slow | Self::Intermittent | Self::Reorder => Expected::Detected { ticks: LENGTH },
+            Self::Slow | Self::Intermittent | Self::Reorder => Expected::Detected { ticks: FAULT_TICKS },
             Self::Off | Self::Garbage | Self::Delayed | Self::StaleVersion | Self::Nan | Self::Limit => {
                 Expected::Detected { ticks: 1 }
             }
@@ -135,7 +135,7 @@ impl Kind {
 }
 
 /// Duration of a fault, ticks.
-pub const LENGTH: u64 = 40;
+pub const FAULT_TICKS: u64 = 40;
 
 /// One fault at one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -151,7 +151,7 @@ pub struct Injection {
 impl Injection {
     /// True if the fault acts at `tick`.
     pub fn holds(&self, tick: u64) -> bool {
-        (self.tick..self.tick + LENGTH).contains(&tick)
+        (self.tick..self.tick + FAULT_TICKS).contains(&tick)
     }
 }
 

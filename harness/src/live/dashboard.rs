@@ -85,7 +85,7 @@ impl Dashboard {
     }
 
     /// State of the controller in `slot`. An active controller that lives and does not answer hangs.
-    pub fn fate(&self, slot: usize) -> ControllerState {
+    pub fn controller_state(&self, slot: usize) -> ControllerState {
         let is_in_charge = self.now.as_ref().is_some_and(|now| now.in_charge == slot);
         match self.fates.get(slot).copied().unwrap_or_default() {
             ControllerState::Runs if is_in_charge && self.is_unanswered => ControllerState::Hangs,
@@ -103,7 +103,7 @@ impl Dashboard {
             ));
         };
         let name = self.controller(now.in_charge);
-        (still >= LONG).then(|| match self.fate(now.in_charge) {
+        (still >= LONG).then(|| match self.controller_state(now.in_charge) {
             ControllerState::Hangs => format!(
                 "no tick for {still:.0} s: {name} hangs, and the plant waits at most {patience} s for it"
             ),
@@ -129,7 +129,7 @@ impl Dashboard {
     }
 
     /// Adds a snapshot.
-    pub fn look(&mut self, snapshot: LiveSnapshot) {
+    pub fn add_snapshot(&mut self, snapshot: LiveSnapshot) {
         for &[time, size] in &snapshot.trace {
             push(&mut self.trace, (time, size), TRACE);
         }
@@ -262,7 +262,7 @@ pub mod tests {
     #[test]
     fn what_changes_from_look_to_look_is_an_event_of_its_time() {
         let mut board = board();
-        board.look(snapshot(100));
+        board.add_snapshot(snapshot(100));
         assert!(board.events.is_empty(), "the first look is no change: {:?}", board.events);
         let changed = LiveSnapshot {
             in_charge: 1,
@@ -271,7 +271,7 @@ pub mod tests {
             marks: 1,
             ..snapshot(1500)
         };
-        board.look(changed);
+        board.add_snapshot(changed);
         let events: Vec<&str> = board.events.iter().map(|(_, event)| event.as_str()).collect();
         assert_eq!(
             events,
@@ -284,25 +284,25 @@ pub mod tests {
     fn what_a_run_waits_for_has_a_name() {
         let mut board = board();
         assert!(board.waits().is_some_and(|words| words.contains("first, second to start")));
-        board.look(snapshot(100));
+        board.add_snapshot(snapshot(100));
         assert_eq!(board.waits(), None);
         board.still = 3.0;
         assert!(board.waits().is_some_and(|words| words.contains("waiting for an answer of first")));
         board.fates[0] = super::ControllerState::Hangs;
         assert!(board.waits().is_some_and(|words| words.contains("first hangs")));
         board.fates[0] = super::ControllerState::Runs;
-        assert_eq!(board.fate(0), super::ControllerState::Runs);
+        assert_eq!(board.controller_state(0), super::ControllerState::Runs);
         let missing = [(Rejection::Missing.name().to_owned(), 20)].into();
-        board.look(LiveSnapshot { applied: Applied::Hold, rejected: missing, ..snapshot(200) });
-        assert_eq!(board.fate(0), super::ControllerState::Hangs, "it lives and does not answer");
-        board.look(snapshot(300));
-        assert_eq!(board.fate(0), super::ControllerState::Runs);
+        board.add_snapshot(LiveSnapshot { applied: Applied::Hold, rejected: missing, ..snapshot(200) });
+        assert_eq!(board.controller_state(0), super::ControllerState::Hangs, "it lives and does not answer");
+        board.add_snapshot(snapshot(300));
+        assert_eq!(board.controller_state(0), super::ControllerState::Runs);
     }
 
     #[test]
     fn a_line_says_deviation_contact_charge_and_latency() {
         let mut board = board();
-        board.look(snapshot(2000));
+        board.add_snapshot(snapshot(2000));
         let line = board.status_line();
         for part in ["2.000 s", "0.5000 mm", "max 0.6000", "joint_5 in impact", "first active", "p99 32"] {
             assert!(line.contains(part), "{part:?} is not in {line:?}");
@@ -313,7 +313,7 @@ pub mod tests {
     fn a_long_run_keeps_its_last_part_only() {
         let mut board = board();
         for look in 0..1000 {
-            board.look(snapshot(look * 200));
+            board.add_snapshot(snapshot(look * 200));
         }
         assert_eq!(board.trace.len(), super::TRACE);
         assert_eq!(board.orbits[0].len(), super::ORBIT);

@@ -164,7 +164,7 @@ fn line_up(frame: &mut Frame, board: &Dashboard, area: Rect, ink: Ink) {
             "{} {}  {name}{}",
             if leads { "▶" } else { " " },
             slot + 1,
-            match (board.fate(slot), leads) {
+            match (board.controller_state(slot), leads) {
                 (ControllerState::Ended, _) => "  ended",
                 (ControllerState::Hangs, _) => "  hangs: no answer",
                 (_, true) => "  active",
@@ -235,7 +235,7 @@ mod tests {
     fn picture(width: u16, height: u16, looks: u64) -> String {
         let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
         let mut board = board();
-        (1..=looks).for_each(|look| board.look(snapshot(look * 200)));
+        (1..=looks).for_each(|look| board.add_snapshot(snapshot(look * 200)));
         terminal.draw(|frame| draw(frame, &board, true)).unwrap();
         terminal.backend().to_string()
     }

@@ -81,7 +81,7 @@ impl Observer {
             greatest: 0.0,
             stages: vec![Histogram::new_with_bounds(1, 10_000_000_000, 3)?; STAGES.len()],
             rejected: [0; Rejection::ALL.len()],
-            deviation: DeviationStatistics::new(DeviationStatistics::START),
+            deviation: DeviationStatistics::new(DeviationStatistics::START_DURATION),
             told: Instant::now(),
         })
     }
@@ -91,7 +91,7 @@ impl Observer {
         let tick = record.state.tick;
         let snapshot = &mut self.snapshot;
         (snapshot.tick, snapshot.deviation, snapshot.marks) = (tick, record.deviation, record.marks);
-        (snapshot.applied, snapshot.in_charge) = (record.applied, record.state.in_charge() as usize);
+        (snapshot.applied, snapshot.in_charge) = (record.applied, record.state.active_slot() as usize);
         let time = tick as f64 * self.period;
         self.deviation.add(time, &record.deviation.into());
         self.greatest = self.greatest.max(snapshot.size());
@@ -122,7 +122,7 @@ impl Observer {
     }
 
     /// Sends a snapshot if one is due, or if this is the `last` call. A parent that does not listen misses it.
-    pub fn tell(&mut self, last: bool) {
+    pub fn send_if_due(&mut self, last: bool) {
         if !last && self.told.elapsed() < EVERY {
             return;
         }

@@ -90,12 +90,12 @@ impl Watch {
     }
 
     /// A view that moves `bar` up to the ticks of the run `title`.
-    pub fn behind(bar: ProgressBar, title: Title, said: &Path) -> Self {
+    pub fn for_progress_bar(bar: ProgressBar, title: Title, said: &Path) -> Self {
         Self::with(Face::Bar(bar), title, said)
     }
 
     /// Flag that becomes true when the person quits by a key.
-    pub fn left(&self) -> Arc<AtomicBool> {
+    pub fn quit_flag(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.left)
     }
 
@@ -157,7 +157,7 @@ impl Watch {
         restart: &dyn Fn(usize, Stdio) -> Result<Running, Failure>,
     ) -> Result<bool, Failure> {
         while let Some(snapshot) = self.snapshots.as_ref().and_then(|snapshots| snapshots.try_recv().ok()) {
-            self.board.look(snapshot);
+            self.board.add_snapshot(snapshot);
             self.seen = Instant::now();
         }
         self.board.still = self.seen.elapsed().as_secs_f64();
@@ -181,7 +181,7 @@ impl Watch {
     pub fn end(&mut self) -> Result<(), Failure> {
         // The channel closes with the plant's standard output.
         while let Some(Ok(snapshot)) = self.snapshots.as_ref().map(|snapshots| snapshots.recv_timeout(LINE)) {
-            self.board.look(snapshot);
+            self.board.add_snapshot(snapshot);
         }
         self.shown = None;
         self.show()

@@ -50,7 +50,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[],
     needs: &[Need::Tool],
-    terms: Terms::PARTS,
+    terms: Terms::NON_NEGATIVE,
     shapes: one_shape,
     build: |values| {
         let compliance = [values.number("compliance_x")?, values.number("compliance_y")?];

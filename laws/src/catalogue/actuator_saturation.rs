@@ -45,7 +45,9 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Torque, Need::LoadRange(0.1)],
     terms: Terms {
         list: |_, _, shape| {
-            vec![Term::new("share", "1", [SOFTEST, OVER], with(shape, [("share", 1.0)])).usually(1.0)]
+            vec![
+                Term::new("share", "1", [SOFTEST, OVER], with(shape, [("share", 1.0)])).with_usual_value(1.0),
+            ]
         },
         compose: |_, shape, coefficients| match coefficients[0].clamp(0.0, 1.0) {
             share if share < 1.0 => with(shape, [("share", share)]),

@@ -195,7 +195,7 @@ fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let gap = flight.unwrap_or(STEP);
     vec![
         Term::new("gap", unit("gap"), range, gap_of(shape, gap)).stepped(gap),
-        Term::new("compliance", compliance, [0.0, 1.0], soft).stepped(COMPLIANCE).held(),
+        Term::new("compliance", compliance, [0.0, 1.0], soft).stepped(COMPLIANCE).clamped(),
     ]
 }
 

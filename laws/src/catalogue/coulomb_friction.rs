@@ -3,7 +3,7 @@
 //! Law: τ = F sign(q̇), with F \[N·m\] in addition to the arm file's friction; it may be negative, down to minus the file's value, if the
 //! file has too much. The drive spends τ: positive for a positive velocity.
 //! Source: Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.1.
-//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as that of the nominal friction is.
+//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING_SPEED`], as that of the nominal friction is.
 
 use freeplay_model::EffectTable;
 use freeplay_model::export::Element;

@@ -17,7 +17,7 @@ use crate::place::Site;
 use crate::scene::Scene;
 
 /// Greatest plausible offset of an encoder's zero, rad (m): with a greater one the arm would not have come up.
-pub const MOST: f64 = 0.3;
+pub const MOST_ENCODER_OFFSET: f64 = 0.3;
 
 /// The catalogue entry.
 pub static KIND: Kind = Kind {
@@ -53,7 +53,7 @@ pub static KIND: Kind = Kind {
             let term = Term::new(
                 "offset",
                 kind.unit("offset", place.joint()),
-                [-MOST, MOST],
+                [-MOST_ENCODER_OFFSET, MOST_ENCODER_OFFSET],
                 with(shape, [("offset", STEP)]),
             );
             vec![term.stepped(STEP)]

@@ -37,7 +37,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[],
     needs: &[Need::Torque],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: windows,
     build: |values| {
         let (torque, start, end) = (values.number("torque")?, values.number("start")?, values.number("end")?);

@@ -51,7 +51,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[("coulomb_friction", "time_constant → ∞, in joints whose friction is Coulomb's alone")],
     needs: &[Need::Torque, Need::Motion, Need::NominalFriction, Need::Reversals(4)],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: time_constants,
     build: |values| {
         Ok(Box::new(FrictionDrift {

@@ -62,7 +62,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[],
     needs: &[Need::Torque, Need::Motion],
-    terms: Terms::PARTS,
+    terms: Terms::NON_NEGATIVE,
     shapes: partners,
     build: |values| {
         Ok(Box::new(JointCoupling {

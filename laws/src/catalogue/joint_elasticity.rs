@@ -95,7 +95,7 @@ struct JointElasticity {
 impl Effect for JointElasticity {
     fn shift(&self, scene: &Scene, shift: &mut Columns) {
         let (load, inertia) = (&scene.load[self.joint], &scene.inertia()[self.joint]);
-        let yielding = scene.yielding(self.joint);
+        let yielding = scene.position_derivative(self.joint);
         for stretch in scene.motion.stretches.iter().filter(|stretch| !stretch.is_empty()) {
             let (first, step) = (stretch.start, scene.motion.step(stretch));
             let slope = if stretch.len() > 1 { (load[first + 1] - load[first]) / step } else { 0.0 };

@@ -32,7 +32,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[],
     needs: &[Need::Torque, Need::Motion, Need::Reversals(1), Need::LoadRange(0.3)],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: one_shape,
     build: |values| {
         let law = LoadFriction { coefficient: values.number("coefficient")? };

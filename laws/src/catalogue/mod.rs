@@ -40,7 +40,7 @@ mod torque_ripple;
 mod viscous_friction;
 
 pub use coulomb_friction::holding;
-pub use encoder_offset::MOST as MOST_ENCODER_OFFSET;
+pub use encoder_offset::MOST_ENCODER_OFFSET;
 
 /// Every kind of the catalogue, in the order of the documentation: joints with play, friction, masses, drives, sensors.
 pub static CATALOGUE: &[&Kind] = &[

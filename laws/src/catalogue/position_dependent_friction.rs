@@ -3,7 +3,7 @@
 //! Law: τ = a sin(Nq + φ) sign(q̇), with a \[N·m\] ≥ 0 in addition to the Coulomb friction, N \[periods per turn of the joint\] and φ
 //! \[rad\] the phase at q = 0. The drive spends τ.
 //! Source: Popovic & Goldenberg 1998, IEEE Trans. Robot. Autom. 14:114.
-//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`].
+//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING_SPEED`].
 
 use crate::harmonic::{TERMS, TORQUE_PARAMETERS, Wave, orders};
 use crate::joint_law::{AtJoint, Instant, JointLaw};

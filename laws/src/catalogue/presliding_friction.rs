@@ -123,7 +123,7 @@ fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
         if number(shape, NOMINAL) > 0.0 { extra(0.0, 1.0) } else { compose(kind, shape, &[1.0]) }
     });
     if number(shape, NOMINAL) > 0.0 {
-        vec![Term::new("share", "1", [0.0, MOST_SHARE], extra(1.0, 0.0)).held(), coulomb]
+        vec![Term::new("share", "1", [0.0, MOST_SHARE], extra(1.0, 0.0)).clamped(), coulomb]
     } else {
         vec![coulomb]
     }

@@ -36,7 +36,7 @@ pub static KIND: Kind = Kind {
     confounders: &[("viscous_friction", "grows in proportion to the speed: needs fast and slow samples")],
     contains: &[],
     needs: &[Need::Torque, Need::Motion, Need::Speeds(3.0)],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: one_shape,
     build: |values| {
         let law = Drag { coefficient: values.number("coefficient")? };

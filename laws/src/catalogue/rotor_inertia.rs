@@ -44,7 +44,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[],
     needs: &[Need::Torque, Need::Motion],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: one_shape,
     build: |values| Ok(Box::new(RotorInertia { joint: values.joint()?, inertia: values.number("inertia")? })),
 };

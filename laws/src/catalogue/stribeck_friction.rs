@@ -3,7 +3,7 @@
 //! Law: τ = F e^{−(q̇/v_s)²} sign(q̇), with F \[N·m\] ≥ 0 in addition to the Coulomb friction and v_s \[rad/s\] > 0. The drive spends τ:
 //! positive for a positive velocity. The identification needs samples slower than about 3 v_s.
 //! Source: Stribeck 1902, Z. VDI 46:1341; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, Eq. 5 with δ = 2.
-//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING`].
+//! In a recording the sign is smoothed over [`crate::DriveFriction::SMOOTHING_SPEED`].
 
 use toml::Table;
 
@@ -42,7 +42,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[("coulomb_friction", "velocity → ∞")],
     needs: &[Need::Torque, Need::Motion, Need::Reversals(1), Need::Speeds(3.0)],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: stribeck_velocities,
     build: |values| {
         let law = Stribeck { extra: values.number("extra")?, velocity: values.number("velocity")? };

@@ -39,7 +39,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[],
     needs: &[Need::Torque],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: one_shape,
     build: |values| Ok(Box::new(TorqueOffset { joint: values.joint()?, offset: values.number("offset")? })),
 };

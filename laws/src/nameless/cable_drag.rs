@@ -41,7 +41,7 @@ pub static KIND: Kind = Kind {
     confounders: &[("payload", "shows inertia and no pull"), ("external_force", "keeps its size")],
     contains: &[],
     needs: &[Need::Torque],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: one_shape,
     build: |values| {
         Ok(Box::new(CableDrag {

@@ -33,7 +33,7 @@ pub static KIND: Kind = Kind {
     confounders: &[("joint_spring", "pulls everywhere"), ("torque_ripple", "repeats")],
     contains: &[],
     needs: &[Need::Torque],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: one_shape,
     build: |values| {
         let law = Detent {

@@ -37,7 +37,7 @@ pub static KIND: Kind = Kind {
     confounders: &[("link_length", "does not change with time")],
     contains: &[],
     needs: &[Need::Tool],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: one_shape,
     build: |values| {
         Ok(Box::new(ThermalDrift {

@@ -37,7 +37,7 @@ pub static KIND: Kind = Kind {
     confounders: &[("base_tilt", "does not turn with the first joint")],
     contains: &[],
     needs: &[Need::Tool],
-    terms: Terms::PLAIN,
+    terms: Terms::LINEAR,
     shapes: one_shape,
     build: |values| Ok(Box::new(WarpedBase { tilt: values.number("tilt")?, waves: values.number("waves")? })),
 };

@@ -2,8 +2,8 @@
 use crate::common;
 use freeplay_arm::Arm;
 use freeplay_laws::{
-    ABOUT, Absent, Baseline, Change, Columns, DriveFriction, DriveState, Kind, Place, Placed, Prediction,
-    Range, Readings, Role, Scene, Site, Trajectory, kinds,
+    Absent, Baseline, Change, Columns, DriveFriction, DriveState, Kind, OPERATING_POINT, Place, Placed,
+    Prediction, Range, Readings, Role, Scene, Site, Trajectory, kinds,
 };
 use freeplay_model::{EffectTable, parse_toml, to_toml};
 use toml::{Table, Value};
@@ -30,7 +30,7 @@ fn site(kind: &Kind) -> Option<usize> {
 /// A shape of `kind` from the middle of the search list; of a law with several operating points, the one for small coefficients.
 fn shape(kind: &Kind, place: &Place) -> Table {
     let shapes = (kind.shapes)(place).into_iter();
-    let shapes: Vec<Table> = shapes.filter(|shape| !shape.contains_key(ABOUT)).collect();
+    let shapes: Vec<Table> = shapes.filter(|shape| !shape.contains_key(OPERATING_POINT)).collect();
     assert!(!shapes.is_empty(), "{} has no shape to search on a rich motion", kind.name);
     // The last shape of backlash has gap and stiffness, that of a payload all ten terms. The first shape of radial play is a journal at
     // rest: a flight through another clearance follows another course.

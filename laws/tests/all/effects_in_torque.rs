@@ -26,7 +26,7 @@ fn each_close(what: &str, actual: &[f64], expected: &[f64], tolerance: f64) {
 
 #[test]
 fn coulomb_friction_is_a_step() {
-    let smoothing = DriveFriction::SMOOTHING;
+    let smoothing = DriveFriction::SMOOTHING_SPEED;
     let v = [-2.0, -20.0 * smoothing, -smoothing, 0.0, smoothing, 2.0];
     let shown = torque("coulomb_friction", "coulomb = 3.0", &[0.0; 6], &v);
     let soft = 3.0 * 1.0_f64.tanh();

@@ -48,22 +48,22 @@ const STAND_IN: f64 = 0.01;
 /// The MJCF of `mechanism`. Each body has its joint's name with the suffix `_link`; the tool frame is the site `tool0`.
 pub fn to_mjcf(mechanism: &Mechanism) -> Exported {
     let mut parts = Parts::of(mechanism, |_| true);
-    let mut unsaid = mechanism.unsaid.clone();
-    unsaid.extend(
+    let mut not_expressed = mechanism.not_expressed.clone();
+    not_expressed.extend(
         mechanism
             .elements
             .iter()
             .filter_map(|named| missing(&named.element).map(|why| format!("{}: {why}", named.name))),
     );
-    unsaid.append(&mut parts.unsaid);
-    let step = stand_in(&mut parts, &mechanism.arm, &mut unsaid);
-    carry_friction(&mut parts, &mechanism.arm, step, &mut unsaid);
-    unsaid.extend(unsaid_of_bodies(&parts));
+    not_expressed.append(&mut parts.not_expressed);
+    let step = stand_in(&mut parts, &mechanism.arm, &mut not_expressed);
+    carry_friction(&mut parts, &mechanism.arm, step, &mut not_expressed);
+    not_expressed.extend(not_expressed_of_bodies(&parts));
     let names = mechanism.arm.joints().iter().map(|joint| joint.name.as_str());
     let mut writer = Writer { xml: Xml::new(), names: Names::of(names), parts: &parts };
-    writer.xml.comment(super::heading(&unsaid).iter().map(String::as_str));
+    writer.xml.comment(super::heading(&not_expressed).iter().map(String::as_str));
     writer.write(mechanism, step);
-    Exported { text: writer.xml.finish(), unsaid }
+    Exported { text: writer.xml.finish(), not_expressed }
 }
 
 /// The part of `element` that MJCF cannot express.
@@ -77,7 +77,7 @@ fn missing(element: &Element) -> Option<&'static str> {
 }
 
 /// Bodies that MuJoCo changes, and inertias that it refuses.
-fn unsaid_of_bodies(parts: &Parts) -> Vec<String> {
+fn not_expressed_of_bodies(parts: &Parts) -> Vec<String> {
     let of = |parts: &JointParts| {
         let name = &parts.joint.name;
         let unread = (parts.servo.is_some() && parts.measured != [1.0, 0.0]).then(|| {
@@ -95,7 +95,7 @@ fn unsaid_of_bodies(parts: &Parts) -> Vec<String> {
 }
 
 /// Gives every joint with a gear an inertia on the motor's side, and returns the step that resolves the oscillation of all gears, s.
-fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
+fn stand_in(parts: &mut Parts, arm: &Arm, not_expressed: &mut Vec<String>) -> f64 {
     if parts.joints.iter().all(|joint| joint.gear.is_none()) {
         return LONGEST_STEP;
     }
@@ -106,7 +106,7 @@ fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
         let least = postures.iter().map(|felt| felt[index]).fold(f64::INFINITY, f64::min);
         if joint.armature <= 0.0 {
             joint.armature = STAND_IN * least;
-            unsaid.push(format!(
+            not_expressed.push(format!(
                 "the inertia of the motor of {}, which the model does not name: MuJoCo needs one, {} kg*m^2 stands for it",
                 joint.joint.name, brief(joint.armature)
             ));
@@ -114,7 +114,7 @@ fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
         gear.mobility = 1.0 / joint.armature + 1.0 / postures[0][index];
         if gear.gap > 0.0 && gear.compliance > 0.0 && gear.damping == 0.0 {
             gear.damping = 2.0 / (gear.compliance * gear.mobility).sqrt();
-            unsaid.push(format!(
+            not_expressed.push(format!(
                 "the damping of the flanks of {}, which the model does not name: {} stops the link on a flank without a bounce",
                 joint.joint.name, brief(gear.damping)
             ));
@@ -131,14 +131,14 @@ fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
 /// MuJoCo softens friction by the effective inertia I of the joint: friction reaches its level F at the speed v = h F (1 − d)/(d I), d
 /// being the impedance. [`GREATEST_CREEP`] bounds that speed. An added inertia then costs F h (1 − d)/(d v) of torque per acceleration: a
 /// ten-thousandth of F per rad/s².
-fn carry_friction(parts: &mut Parts, arm: &Arm, step: f64, unsaid: &mut Vec<String>) {
+fn carry_friction(parts: &mut Parts, arm: &Arm, step: f64, not_expressed: &mut Vec<String>) {
     let felt = inertias(parts, arm, 0);
     for (joint, felt) in parts.joints.iter_mut().zip(felt) {
         let felt = if joint.gear.is_some() { joint.armature } else { felt };
         let least = joint.friction * step * (1.0 - IMPEDANCE) / (IMPEDANCE * GREATEST_CREEP);
         if least > felt {
             joint.armature = joint.armature.max(0.0) + least - felt;
-            unsaid.push(format!(
+            not_expressed.push(format!(
                 "an inertia of {} kg*m^2 too much on {}: MuJoCo's friction of {} needs it, the links have too little",
                 brief(least - felt),
                 joint.joint.name,

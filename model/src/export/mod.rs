@@ -1,7 +1,7 @@
 //! A mechanism → the text of a URDF or MJCF file.
 //!
 //! A [`Mechanism`] is a rigid arm with [`Element`]s, in terms that are common to multibody tools. Each format writes the elements that it
-//! can express and lists the others: [`Exported::unsaid`], which also appear as a comment at the top of the file.
+//! can express and lists the others: [`Exported::not_expressed`], which also appear as a comment at the top of the file.
 
 mod element;
 mod inertia;
@@ -29,7 +29,7 @@ pub struct Mechanism {
     /// The elements beyond it, in the order in which they act on a measurement.
     pub elements: Vec<Named>,
     /// Properties that no format can express, one line each.
-    pub unsaid: Vec<String>,
+    pub not_expressed: Vec<String>,
 }
 
 /// An element with the words that name it in a list, such as `coulomb_friction at joint_3`.
@@ -47,17 +47,17 @@ pub struct Exported {
     /// The text of the file.
     pub text: String,
     /// Properties of the model that the file cannot express, one line each.
-    pub unsaid: Vec<String>,
+    pub not_expressed: Vec<String>,
 }
 
 /// The comment at the top of a file.
-fn heading(unsaid: &[String]) -> Vec<String> {
+fn heading(not_expressed: &[String]) -> Vec<String> {
     let mut lines = vec![format!("Written by freeplay {}. SI units, radians.", env!("CARGO_PKG_VERSION"))];
-    if unsaid.is_empty() {
+    if not_expressed.is_empty() {
         lines.push("This file says all of the model.".to_owned());
     } else {
         lines.push("This file does not say:".to_owned());
-        lines.extend(unsaid.iter().map(|line| format!("- {line}")));
+        lines.extend(not_expressed.iter().map(|line| format!("- {line}")));
     }
     lines
 }

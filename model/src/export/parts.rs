@@ -79,14 +79,14 @@ pub(super) struct Parts {
     pub shafts: Vec<Shaft>,
     pub delays: Vec<(Channel, f64)>,
     /// Elements that the exported file cannot express, in words.
-    pub unsaid: Vec<String>,
+    pub not_expressed: Vec<String>,
 }
 
 impl Parts {
     /// The parts of the elements of `mechanism` that `takes` selects.
     pub fn of(mechanism: &Mechanism, takes: impl Fn(&Element) -> bool) -> Parts {
         let joints = mechanism.arm.joints().iter().map(JointParts::of).collect();
-        let mut parts = Parts { joints, shafts: Vec::new(), delays: Vec::new(), unsaid: Vec::new() };
+        let mut parts = Parts { joints, shafts: Vec::new(), delays: Vec::new(), not_expressed: Vec::new() };
         let mut shafts = Vec::new();
         for named in mechanism.elements.iter().filter(|named| takes(&named.element)) {
             match named.element {
@@ -101,7 +101,7 @@ impl Parts {
         for (name, own_shares_named, mut shaft) in shafts {
             if own_shares_named {
                 for lost in parts.give_shares(&mut shaft) {
-                    parts.unsaid.push(format!(
+                    parts.not_expressed.push(format!(
                         "{name}: its {lost} across the joints; the shaft adds {lost} to each joint, too, and the joints' own {lost} is less than that share"
                     ));
                 }

@@ -29,18 +29,18 @@ const TOOL: &str = "tool0";
 /// The URDF of `mechanism`. Each link has its joint's name with the suffix `_link`; the tool frame is `tool0`.
 pub fn to_urdf(mechanism: &Mechanism) -> Exported {
     let parts = Parts::of(mechanism, is_expressible);
-    let mut unsaid = mechanism.unsaid.clone();
-    unsaid.extend(
+    let mut not_expressed = mechanism.not_expressed.clone();
+    not_expressed.extend(
         mechanism
             .elements
             .iter()
             .filter_map(|named| missing(&named.element).map(|why| format!("{}: {why}", named.name))),
     );
-    unsaid.extend(unsaid_of_arm(mechanism));
-    unsaid.extend(parts.unsaid.clone());
-    unsaid.extend(parts.joints.iter().flat_map(JointParts::below_zero));
+    not_expressed.extend(not_expressed_of_arm(mechanism));
+    not_expressed.extend(parts.not_expressed.clone());
+    not_expressed.extend(parts.joints.iter().flat_map(JointParts::below_zero));
     let mut xml = Xml::new();
-    xml.comment(super::heading(&unsaid).iter().map(String::as_str));
+    xml.comment(super::heading(&not_expressed).iter().map(String::as_str));
     xml.start("robot", &[("name", mechanism.arm.name().to_owned())]);
     let mut joints = Names::of(mechanism.arm.joints().iter().map(|joint| joint.name.as_str()));
     let mut links = Names::of([WORLD, BASE, TOOL]);
@@ -53,7 +53,7 @@ pub fn to_urdf(mechanism: &Mechanism) -> Exported {
     }
     xml.empty("link", &[("name", TOOL.to_owned())]);
     fixed(&mut xml, &joints.take("tool0_fixed"), [&parent, TOOL], mechanism.arm.tool());
-    Exported { text: xml.finish(), unsaid }
+    Exported { text: xml.finish(), not_expressed }
 }
 
 /// True if URDF can express `element`.
@@ -96,10 +96,10 @@ fn missing(element: &Element) -> Option<&'static str> {
 }
 
 /// Properties of the rigid arm that URDF cannot express.
-fn unsaid_of_arm(mechanism: &Mechanism) -> Vec<String> {
+fn not_expressed_of_arm(mechanism: &Mechanism) -> Vec<String> {
     let arm = &mechanism.arm;
     let rotors = arm.joints().iter().filter(|joint| joint.rotor_inertia != 0.0);
-    let mut unsaid: Vec<String> = rotors
+    let mut not_expressed: Vec<String> = rotors
         .map(|joint| {
             format!(
                 "rotor inertia of {} ({} {}): URDF has none",
@@ -114,12 +114,12 @@ fn unsaid_of_arm(mechanism: &Mechanism) -> Vec<String> {
         .collect();
     let strength = arm.gravity().norm();
     if (strength - GRAVITY).abs() > 1e-9 {
-        unsaid.push(format!(
+        not_expressed.push(format!(
             "gravity of {} m/s^2: URDF has none of its own, set it in your tool",
             brief(strength)
         ));
     }
-    unsaid
+    not_expressed
 }
 
 /// Writes the base, and before it, if necessary, a link `world` in which gravity points along −z.

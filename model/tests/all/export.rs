@@ -7,7 +7,7 @@ use freeplay_model::parse_urdf;
 use nalgebra::{Isometry3, Vector3};
 
 fn plain(arm: Arm) -> Mechanism {
-    Mechanism { arm, elements: Vec::new(), unsaid: Vec::new() }
+    Mechanism { arm, elements: Vec::new(), not_expressed: Vec::new() }
 }
 
 fn with(arm: Arm, elements: &[Element]) -> Mechanism {
@@ -52,8 +52,8 @@ fn a_urdf_of_any_arm_reads_back_to_the_same_dynamics() {
     let mut random = Random(7);
     let mut worst = 0.0_f64;
     for arm in arms().map(|arm| without_rotors(&arm)) {
-        let Exported { text, unsaid } = to_urdf(&plain(arm.clone()));
-        assert!(unsaid.is_empty(), "{unsaid:?}");
+        let Exported { text, not_expressed } = to_urdf(&plain(arm.clone()));
+        assert!(not_expressed.is_empty(), "{not_expressed:?}");
         let back = parse_urdf(&text, "arm.urdf").unwrap_or_else(|error| panic!("{error}\n{text}")).arm;
         worst = worst.max(difference(&arm, &back, &mut random));
     }
@@ -66,8 +66,8 @@ fn an_mjcf_of_any_arm_reads_back_to_the_same_dynamics_and_tool() {
     let mut random = Random(8);
     let (mut worst, mut tool) = (0.0_f64, 0.0_f64);
     for arm in arms() {
-        let Exported { text, unsaid } = to_mjcf(&plain(arm.clone()));
-        assert!(unsaid.is_empty(), "{unsaid:?}");
+        let Exported { text, not_expressed } = to_mjcf(&plain(arm.clone()));
+        assert!(not_expressed.is_empty(), "{not_expressed:?}");
         let back = parse_urdf(&text, "arm.xml").unwrap_or_else(|error| panic!("{error}\n{text}")).arm;
         worst = worst.max(difference(&arm, &back, &mut random));
         let q = random.values(arm.dof(), 3.0);
@@ -110,7 +110,7 @@ fn friction_limits_and_zeros_are_in_both_formats() {
     ];
     let mechanism = with(arm.clone(), &elements);
     for exported in [to_urdf(&mechanism), to_mjcf(&mechanism)] {
-        assert!(exported.unsaid.is_empty(), "{:?}", exported.unsaid);
+        assert!(exported.not_expressed.is_empty(), "{:?}", exported.not_expressed);
         let back = parse_urdf(&exported.text, "three").unwrap().arm;
         let joints = back.joints();
         assert_eq!([joints[0].friction.coulomb, joints[1].friction.viscous], [4.0, 0.7]);
@@ -134,13 +134,13 @@ fn a_servo_is_an_actuator_whose_control_is_the_position() {
     ];
     let mechanism = with(arm, &elements);
     let exported = to_mjcf(&mechanism);
-    assert!(exported.unsaid.is_empty(), "{:?}", exported.unsaid);
+    assert!(exported.not_expressed.is_empty(), "{:?}", exported.not_expressed);
     let document = roxmltree::Document::parse(&exported.text).unwrap();
     let servo = document.descendants().find(|node| node.has_tag_name("general")).expect("an actuator");
     let said =
         ["joint", "gainprm", "biasprm", "forcerange", "delay", "nsample"].map(|name| servo.attribute(name));
     assert_eq!(said, ["joint_2", "40", "0.4 -40 -1.5", "-3 3", "0.0125", "15"].map(Some));
-    assert_eq!(to_urdf(&mechanism).unsaid.len(), 2);
+    assert_eq!(to_urdf(&mechanism).not_expressed.len(), 2);
 }
 
 #[test]
@@ -153,21 +153,25 @@ fn what_a_format_has_no_words_for_is_listed_in_the_file() {
         Element::Delay { channel: Channel::Torque, delay: 0.002 },
         Element::TorqueGain { joint: 2, gain: 0.9 },
     ];
-    let mechanism = Mechanism { unsaid: vec!["stick--slip".to_owned()], ..with(arm, &elements) };
+    let mechanism = Mechanism { not_expressed: vec!["stick--slip".to_owned()], ..with(arm, &elements) };
     let urdf = to_urdf(&mechanism);
     for word in ["stick--slip", "Spring", "Gear", "Delay", "TorqueGain", "gravity of 1.62", "rotor inertia"] {
-        assert!(urdf.unsaid.iter().any(|line| line.contains(word)), "{word}: {:?}", urdf.unsaid);
+        assert!(
+            urdf.not_expressed.iter().any(|line| line.contains(word)),
+            "{word}: {:?}",
+            urdf.not_expressed
+        );
     }
     let mjcf = to_mjcf(&mechanism);
     assert!(
-        mjcf.unsaid.iter().any(|line| line.contains("stands for it"))
+        mjcf.not_expressed.iter().any(|line| line.contains("stands for it"))
             == (mechanism.arm.joints()[1].rotor_inertia == 0.0)
     );
     for exported in [urdf, mjcf] {
         let comment = roxmltree::Document::parse(&exported.text).unwrap();
         let comment =
             comment.root().children().find(|node| node.is_comment()).and_then(|node| node.text()).unwrap();
-        for line in &exported.unsaid {
+        for line in &exported.not_expressed {
             assert!(comment.contains(&line.replace("--", "- -")), "{line}");
         }
     }

@@ -88,7 +88,7 @@ impl Commissioned<'_> {
             controller,
             task: &task,
             tracked: is_tracked,
-            after: DeviationStatistics::START,
+            after: DeviationStatistics::START_DURATION,
             sensors: (SensorsSpec::default(), 0),
             beyond: &[],
         };

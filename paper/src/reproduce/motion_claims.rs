@@ -231,7 +231,7 @@ impl Evidence<'_> {
         for first in self.ladders() {
             for case in CLEARANCES.map(|clearance| Case { clearance, ..first }) {
                 let Some(figures) = self.figures(&case) else { continue };
-                let is_early = |time: f64| time < DeviationStatistics::START;
+                let is_early = |time: f64| time < DeviationStatistics::START_DURATION;
                 let early = figures.peaks.iter().filter(|peak| is_early(peak.time)).count() as f64;
                 let late = figures.peaks.len() as f64 - early;
                 let greatest = figures.peaks.iter().max_by(|a, b| a.force.total_cmp(&b.force));

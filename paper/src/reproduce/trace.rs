@@ -99,7 +99,7 @@ impl Runs {
 /// A motion that can't be integrated.
 pub fn simulate(case: &Case) -> Result<Outcome, Failure> {
     let mut run = Simulation::new(&case.scene())?;
-    let mut statistics = DeviationStatistics::new(DeviationStatistics::START);
+    let mut statistics = DeviationStatistics::new(DeviationStatistics::START_DURATION);
     let mut physics = QuasiStatic::new(run.system().play(), TICK);
     let mut trace = Trace::default();
     let (mut work, mut friction_fed) = (0.0, 0.0);
@@ -142,7 +142,7 @@ fn power(run: &Simulation) -> f64 {
 }
 
 fn after_start(force: &[f64]) -> f64 {
-    let start = (DeviationStatistics::START / TICK).round() as usize;
+    let start = (DeviationStatistics::START_DURATION / TICK).round() as usize;
     force.iter().skip(start).copied().fold(0.0, f64::max)
 }
 

@@ -58,9 +58,9 @@ fn the_standby_s_answer_to_the_same_tick_takes_the_place_of_one_that_does_not_pa
         (Rejection::Malformed, Some(Command { magic: 1, ..answer(9, 5.0) })),
     ] {
         let mut manager = sound_until(9);
-        assert_eq!(manager.in_charge(), 0);
+        assert_eq!(manager.active(), 0);
         assert_eq!(play(&mut manager, 9, [failed, Some(answer(9, 6.0))]), (Applied::Command, Some(reason)));
-        assert_eq!(manager.in_charge(), 1, "{reason:?}");
+        assert_eq!(manager.active(), 1, "{reason:?}");
         let swap = manager.swaps()[0];
         assert_eq!((swap.tick, swap.gap, swap.held, swap.cause), (9, 0, 0, Cause::Failed(reason)));
         assert_eq!(manager.in_force().map(|command| command.tick), Some(9), "the answer to this very tick");
@@ -75,7 +75,7 @@ fn where_nobody_has_answered_the_command_is_held_until_somebody_has() {
     }
     assert_eq!(play(&mut manager, 12, [None, Some(answer(12, 6.0))]).0, Applied::Command);
     let swap = manager.swaps()[0];
-    assert_eq!((swap.tick, swap.gap, swap.held, manager.in_charge()), (12, 3, 3, 1));
+    assert_eq!((swap.tick, swap.gap, swap.held, manager.active()), (12, 3, 3, 1));
     // An old answer of the standby counts as no answer.
     let mut manager = sound_until(9);
     assert_eq!(play(&mut manager, 9, [None, Some(answer(8, 6.0))]).0, Applied::Hold);

@@ -52,7 +52,7 @@ impl Plant {
         for _ in 0..COMMAND_BUFFER {
             let Some(mut command) = self.link.next_command(slot)? else { break };
             let received = now_ns();
-            let in_charge = slot == self.manager.in_charge();
+            let in_charge = slot == self.manager.active();
             let belongs = command.check(self.run).is_ok();
             let has_times = belongs && self.drop_implausible_times(&mut command, received);
             if command.tick < tick && belongs {
@@ -64,7 +64,7 @@ impl Plant {
                 }
                 continue;
             }
-            if self.timeouts.is_away(slot, tick) {
+            if self.timeouts.is_unresponsive(slot, tick) {
                 continue;
             }
             // A command of a foreign process, or for a future tick, is no answer to this tick.
@@ -87,9 +87,9 @@ impl Plant {
     pub(super) fn all_answered(&mut self, tick: u64) -> bool {
         (0..self.manager.len()).all(|slot| {
             let is_waited_for = match self.config.pace {
-                Pace::Lockstep => !self.timeouts.is_away(slot, tick),
+                Pace::Lockstep => !self.timeouts.is_unresponsive(slot, tick),
                 Pace::RealTime => {
-                    slot == self.manager.in_charge() || self.manager.gate(slot).missed() < MISSED_WAITED_FOR
+                    slot == self.manager.active() || self.manager.gate(slot).missed() < MISSED_WAITED_FOR
                 }
             };
             !is_waited_for || self.manager.slot_mut(slot).answer.is_some()
@@ -100,10 +100,10 @@ impl Plant {
     fn note_ended_processes(&mut self, tick: u64) {
         for slot in 0..self.manager.len() {
             if self.manager.slot_mut(slot).answer.is_none()
-                && !self.timeouts.is_away(slot, tick)
+                && !self.timeouts.is_unresponsive(slot, tick)
                 && !self.link.has_controller(slot)
             {
-                self.timeouts.left(slot);
+                self.timeouts.mark_ended(slot);
             }
         }
     }
@@ -203,14 +203,14 @@ impl Plant {
 
     /// True if the deadline of this tick passes without an answer of the active controller.
     pub(super) fn misses_deadline(&mut self) -> bool {
-        let in_charge = self.manager.in_charge();
+        let in_charge = self.manager.active();
         self.stopped.is_none() && self.manager.slot_mut(in_charge).answer.is_none()
     }
 
     /// The standby that shall take over at `tick`, if its answer is missing.
     pub(super) fn awaited(&mut self, tick: u64) -> Option<usize> {
-        let next = self.manager.next_in_charge(tick);
-        let lacks = next != self.manager.in_charge() && self.manager.slot_mut(next).answer.is_none();
+        let next = self.manager.next_active(tick);
+        let lacks = next != self.manager.active() && self.manager.slot_mut(next).answer.is_none();
         (lacks && self.stopped.is_none()).then_some(next)
     }
 

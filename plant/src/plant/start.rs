@@ -55,7 +55,7 @@ impl Plant {
             laws,
             sensors: Sensors::new(&config.sensors, joints, config.seed),
             stages: Stages::new()?,
-            deviation: DeviationStatistics::new(DeviationStatistics::START),
+            deviation: DeviationStatistics::new(DeviationStatistics::START_DURATION),
             joint_use: JointUse::new(&config.arm, period),
             answers: AnswerCounts::default(),
             deadlines: Deadlines::default(),

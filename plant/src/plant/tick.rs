@@ -61,7 +61,7 @@ impl Plant {
         }
         // Judging may change the active controller.
         let (missed, in_charge, awaited) =
-            (self.misses_deadline(), self.manager.in_charge(), self.awaited(tick));
+            (self.misses_deadline(), self.manager.active(), self.awaited(tick));
         self.judge(tick, &mut record);
         self.keep(record);
         self.note_links(tick, in_charge, missed, awaited);
@@ -166,8 +166,8 @@ impl Plant {
             (State::FLAG_FALLBACK, matches!(self.applied, Applied::Hold | Applied::Brake)),
         ];
         let flags: u32 = flags.iter().map(|&(flag, holds)| if holds { flag } else { 0 }).sum();
-        let charge = [self.manager.in_charge(), self.manager.next_in_charge(tick)];
-        self.state.flags = flags | State::charge_flags(charge[0] as u32, charge[1] as u32);
+        let charge = [self.manager.active(), self.manager.next_active(tick)];
+        self.state.flags = flags | State::slot_flags(charge[0] as u32, charge[1] as u32);
     }
 
     fn plays(&mut self) -> [PlayRecord; MAX_JOINTS] {
@@ -242,7 +242,7 @@ impl Plant {
             self.watch(tick);
         }
         if self.stopped.is_some() {
-            record.command = self.manager.slot_mut(self.manager.in_charge()).answer;
+            record.command = self.manager.slot_mut(self.manager.active()).answer;
             return;
         }
         if self.config.pace == Pace::Lockstep {
@@ -253,14 +253,15 @@ impl Plant {
             }
         }
         self.deadlines.missed += u64::from(self.misses_deadline());
-        let settled = tick as f64 * self.config.period_ns as f64 * 1e-9 >= DeviationStatistics::START;
+        let settled =
+            tick as f64 * self.config.period_ns as f64 * 1e-9 >= DeviationStatistics::START_DURATION;
         let verdict = self.manager.judge(tick, settled, &self.measured);
         let applied = verdict.applied;
         (record.command, record.rejection) = (verdict.answer, verdict.rejection);
         record.differences = self.manager.differences();
         self.applied = applied;
         if let (Applied::Brake, Some(reason)) = (applied, verdict.rejection) {
-            let excess = self.manager.gate(self.manager.in_charge()).excess();
+            let excess = self.manager.gate(self.manager.active()).excess();
             self.stop(tick, StopReason::Rejected(reason), excess);
         }
         match applied {

@@ -37,12 +37,12 @@ impl Matrix {
     /// The machines of a whole matrix: six, three and seven joints.
     pub const MACHINES: [Machine; 3] = [Machine::Paper, Machine::Three, Machine::Seven];
     /// Controls of a whole matrix.
-    pub const NEGATIVE: usize = 200;
+    pub const CONTROL_COUNT: usize = 200;
 
     /// Every kind of the catalogue on three machines.
     pub fn whole() -> Self {
         let kinds = CATALOGUE.map(str::to_owned).to_vec();
-        Self { machines: Self::MACHINES.to_vec(), kinds, negative: Self::NEGATIVE }
+        Self { machines: Self::MACHINES.to_vec(), kinds, negative: Self::CONTROL_COUNT }
     }
 
     /// Every place of every kind.
@@ -143,7 +143,7 @@ mod tests {
         println!("{} cases of one effect, {} controls", singles.len(), quota.negative);
         assert_eq!(drawn, wanted);
         assert_eq!((singles.len(), cases.len()), (wanted.len(), quota.cases()));
-        assert_eq!(quota.negative, Matrix::NEGATIVE);
+        assert_eq!(quota.negative, Matrix::CONTROL_COUNT);
         assert_ne!(cases, matrix.draw(4).expect("cases"));
     }
 

@@ -11,7 +11,7 @@ use super::judged::{Judged, of_sort};
 use super::order::place;
 use super::receipt::Part;
 use super::score::Outcome;
-use super::tally::{Bin, Score, WHOLE};
+use super::tally::{Bin, Score, WHOLE_ARM};
 use super::truth::Sort;
 
 /// Number of places that the report lists for a confusion.
@@ -177,7 +177,7 @@ fn grids(section: Section, matrix: &Matrix, parts: &[Part], judged: &[Judged]) -
         let Ok(arm) = machine.data_sheet() else { continue };
         let joints = arm.joints().iter().map(|joint| joint.name.as_str());
         let mut table = Table::new(machine.name()).column(Column::text("concealed"));
-        table = joints.chain([WHOLE]).fold(table, |table, joint| table.column(Column::text(joint)));
+        table = joints.chain([WHOLE_ARM]).fold(table, |table, joint| table.column(Column::text(joint)));
         for kind in &matrix.kinds {
             let held = seats(kind, &arm);
             let cell = |seat: Option<usize>| {

@@ -149,7 +149,7 @@ impl Part {
     }
 
     /// The required result of each stage, by name, given the cases of this part.
-    pub fn brought(&self, cases: &BTreeMap<String, Record>) -> BTreeMap<&'static str, Value> {
+    pub fn stage_results(&self, cases: &BTreeMap<String, Record>) -> BTreeMap<&'static str, Value> {
         let truths: BTreeMap<_, _> =
             self.records(cases).map(|(name, record)| (name, (&record.salt, &record.truth))).collect();
         BTreeMap::from([
@@ -163,7 +163,7 @@ impl Part {
 
     /// Completes the stage `name` with its required result; returns its hash.
     pub fn finish(&mut self, name: &str, cases: &BTreeMap<String, Record>) -> String {
-        let brought = self.brought(cases).remove(name).unwrap_or_default();
+        let brought = self.stage_results(cases).remove(name).unwrap_or_default();
         self.complete(name, &brought)
     }
 

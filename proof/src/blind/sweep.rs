@@ -18,7 +18,7 @@ pub struct Sweep {
     #[arg(long, value_name = "NAME", requires = "matrix", value_parser = Machine::ALL.map(Machine::name))]
     machine: Vec<String>,
     /// Number of negative controls in addition to the matrix.
-    #[arg(long, value_name = "N", requires = "matrix", default_value_t = Matrix::NEGATIVE)]
+    #[arg(long, value_name = "N", requires = "matrix", default_value_t = Matrix::CONTROL_COUNT)]
     negative: usize,
 }
 

@@ -17,7 +17,7 @@ const RATIOS: [f64; 8] = [0.0, 1.6, 2.0, 2.5, 3.5, 5.0, 9.0, f64::INFINITY];
 /// Bounds of the bins of confidence for success rates.
 const CONFIDENCES: [f64; 6] = [0.0, 0.8, 0.95, 0.99, 0.999, 1.0 + f64::EPSILON];
 /// Name of the place of an effect of the arm as a whole.
-pub const WHOLE: &str = "whole arm";
+pub const WHOLE_ARM: &str = "whole arm";
 /// Nominal length of a recording, s: the time goal is for one of 16 s.
 const RECORDING: f64 = 16.0;
 
@@ -102,7 +102,7 @@ pub struct Score {
     pub by_severity: BTreeMap<String, Bin>,
     /// One named effect: success against confidence.
     pub calibration: Vec<Bin>,
-    /// One effect: success by machine and joint; [`WHOLE`] for an effect without a joint.
+    /// One effect: success by machine and joint; [`WHOLE_ARM`] for an effect without a joint.
     pub by_joint: BTreeMap<String, BTreeMap<String, Bin>>,
     /// One effect: named kind against concealed kind; equivalents in brackets.
     pub confusion: Confusion,
@@ -170,7 +170,7 @@ fn bin<'a>(cases: impl Iterator<Item = &'a Judged>, of: impl Fn(&Judged) -> f64)
 fn by_joint(singles: &[&Judged]) -> BTreeMap<String, BTreeMap<String, Bin>> {
     let mut groups: BTreeMap<(&str, &str), Vec<&Judged>> = BTreeMap::new();
     for case in singles {
-        let joint = case.truth.effects[0].joint.as_deref().unwrap_or(WHOLE);
+        let joint = case.truth.effects[0].joint.as_deref().unwrap_or(WHOLE_ARM);
         groups.entry((&case.truth.machine, joint)).or_default().push(case);
     }
     let mut table: BTreeMap<String, BTreeMap<String, Bin>> = BTreeMap::new();

@@ -12,7 +12,7 @@ use super::receipt::{Part, Receipt};
 use super::score::Outcome;
 use super::tally::{Bin, Goal, Score};
 use super::truth::{Sort, at};
-use freeplay_report::paste::pasted;
+use freeplay_report::paste::shell_word;
 
 /// Most failures listed in the terminal.
 const FAILURES: usize = 12;
@@ -77,7 +77,7 @@ pub fn summary(parts: &[Part], judged: &[Judged], score: &Score, path: &Path, re
         let _ = writeln!(text, "and {} more, see the report", failures.len() - FAILURES);
     }
     let _ = writeln!(text, "report  {}", report.display());
-    let _ = writeln!(text, "receipt {0}    verify: freeplay blind --verify {0}", pasted(path));
+    let _ = writeln!(text, "receipt {0}    verify: freeplay blind --verify {0}", shell_word(path));
     text
 }
 

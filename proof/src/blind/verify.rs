@@ -196,7 +196,7 @@ fn answers(part: &Part, receipt: &Receipt) -> Check {
 
 /// Checks the stages: their order, and the hash of each over its result and the stage before.
 fn chain(part: &Part, receipt: &Receipt) -> Check {
-    let brought = part.brought(&receipt.cases);
+    let brought = part.stage_results(&receipt.cases);
     let (mut before, mut wrong) = ("", Vec::new());
     for stage in &part.stages {
         let name = stage.name.as_str();

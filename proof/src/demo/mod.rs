@@ -15,7 +15,7 @@ use std::thread::Builder;
 use clap::Args;
 use freeplay_diagnosis::page::{outcome as in_words, title};
 use freeplay_diagnosis::{Effect, Verdict};
-use freeplay_report::units::{people, written};
+use freeplay_report::units::{display_unit, written};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{check_target, claim};
@@ -160,7 +160,7 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
         return Ok(Exit::Interrupted);
     }
     let outcomes = outcomes?;
-    let json = serde_json::json!({ "schema": "freeplay.demo-nameless/1", "ways": nameless::WAYS, "machines": outcomes,
+    let json = serde_json::json!({ "schema": "freeplay.demo-nameless/1", "ways": nameless::METHODS, "machines": outcomes,
         "checks": outcomes.iter().map(nameless::Outcome::checks).collect::<Vec<_>>() });
     freeplay_terminal::files::write(&out.join("nameless.json"), &format!("{json:#}\n"))?;
     let page = out.join("report.html");
@@ -231,7 +231,7 @@ fn found(outcome: &Outcome) -> Vec<String> {
         let name = title(effect.kind, effect.joint.as_deref());
         let size = effect.parameters.iter().find_map(|(name, parameter)| {
             let (value, [low, high]) = (parameter.value.as_float()?, parameter.ci95?);
-            let (scale, unit) = people(&parameter.unit, value);
+            let (scale, unit) = display_unit(&parameter.unit, value);
             let size = freeplay_report::text::uncertain(value * scale, 0.5 * (high - low) * scale);
             Some(format!("{name} {size} {unit}"))
         });
@@ -249,7 +249,7 @@ fn errors(outcome: &Outcome) -> Option<(String, String, f64, f64)> {
         |channel: &&String| fit.before[*channel].rmse / fit.noise_floor[*channel].rmse.max(f64::MIN_POSITIVE);
     let channel = channels.max_by(|a, b| far(a).total_cmp(&far(b)))?;
     let (before, after) = (fit.before[channel].rmse, fit.after[channel].rmse);
-    let (scale, unit) = people(fit.units[channel], before);
+    let (scale, unit) = display_unit(fit.units[channel], before);
     Some((channel.clone(), unit, before * scale, after * scale))
 }
 

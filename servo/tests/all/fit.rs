@@ -149,7 +149,7 @@ fn a_joint_alone_moves_as_in_the_arm() {
     let rows = 0..track.stamps.len();
     let size =
         |residual: &[f64]| (residual.iter().map(|r| r * r).sum::<f64>() / residual.len() as f64).sqrt();
-    for (joint, alone) in track.each_alone(&truth.arm).into_iter().enumerate() {
+    for (joint, alone) in track.by_joint(&truth.arm).into_iter().enumerate() {
         let model = ServoArm::new(truth.arm.clone(), vec![truth.joints[joint]]);
         let off = |track: &Track| size(&track.residual(&model, &mut Rollout::new(&model, 0.005), &rows));
         let unloaded =

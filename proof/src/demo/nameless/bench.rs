@@ -30,7 +30,7 @@ pub struct Bench {
 
 /// Control of a run.
 #[derive(Clone, Copy)]
-pub struct Way<'a> {
+pub struct Method<'a> {
     /// The built-in controller.
     pub controller: &'static str,
     /// Its model.
@@ -47,7 +47,7 @@ struct Ran {
 }
 
 /// Ticks from one point of a course to the next.
-pub const DRAWN: u64 = 20;
+pub const CURVE_STRIDE: u64 = 20;
 
 impl Bench {
     /// The bench of the machine `truth` on `paths`; `seed` is that of all noise.
@@ -58,11 +58,11 @@ impl Bench {
         Ok(Bench { effects: Effects::of(&truth).map_err(Failure::internal)?, truth, paths, seed })
     }
 
-    /// Deviation of a run along `path` without a tracker, and the tool's deviation every [`DRAWN`] ticks, mm.
+    /// Deviation of a run along `path` without a tracker, and the tool's deviation every [`CURVE_STRIDE`] ticks, mm.
     ///
     /// # Errors
     /// A run that fails.
-    pub fn reached(&self, way: Way<'_>, path: &PathSpec) -> Result<(Reached, Vec<f64>), Failure> {
+    pub fn reached(&self, way: Method<'_>, path: &PathSpec) -> Result<(Reached, Vec<f64>), Failure> {
         self.run(way, path, None).map(|ran| (ran.reached, ran.course))
     }
 
@@ -70,7 +70,7 @@ impl Bench {
     /// learn noise that is the same in all of them.
     fn run(
         &self,
-        Way { controller, model, has_weights }: Way<'_>,
+        Method { controller, model, has_weights }: Method<'_>,
         path: &PathSpec,
         number: Option<u64>,
     ) -> Result<Ran, Failure> {
@@ -89,7 +89,7 @@ impl Bench {
             controller,
             task: &task,
             tracked: is_tracked,
-            after: DeviationStatistics::START,
+            after: DeviationStatistics::START_DURATION,
             sensors: (sensors(), self.seed.wrapping_add(number.map_or(0, |number| number + 1))),
             beyond: &[],
         };
@@ -99,7 +99,7 @@ impl Bench {
         let outcome = closed.run(|tick| {
             if is_tracked {
                 recorder.keep(tick);
-            } else if tick.state.tick % DRAWN == 0 {
+            } else if tick.state.tick % CURVE_STRIDE == 0 {
                 let desired = forward_kinematics(arm, &mut workspace, &tick.state.reference.q[..arm.dof()]);
                 let off = desired
                     .translation
@@ -122,7 +122,7 @@ impl Bench {
     /// A run that fails.
     pub fn commission(&self, model: &Path) -> Result<Vec<(String, Recording)>, Failure> {
         let paths = self.paths.commissioning();
-        let way = Way { controller: "quasi-static", model, has_weights: false };
+        let way = Method { controller: "quasi-static", model, has_weights: false };
         let recorded = (0..).zip(&paths).map(|(number, (name, path))| {
             let recording = self.run(way, path, Some(number))?.recording;
             let recording = recording.ok_or_else(|| Failure::internal("a run was not recorded"))?;

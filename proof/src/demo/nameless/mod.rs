@@ -23,12 +23,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::blind::hash::of_program;
 
-use bench::{Bench, Way};
+use bench::{Bench, Method};
 use machines::DemoPaths;
 use outcome::Cell;
 
 pub use machines::{Machine, all};
-pub use outcome::{Outcome, WAYS};
+pub use outcome::{METHODS, Outcome};
 pub use page::document;
 pub use text::text;
 
@@ -104,7 +104,7 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
         Some(_) => (&alone, &given),
         None => (&alone, &found),
     };
-    let way = |controller, model| Way { controller, model, has_weights: true };
+    let way = |controller, model| Method { controller, model, has_weights: true };
     let ways = [
         way("computed-torque", &given),
         way("quasi-static", &given),
@@ -122,7 +122,7 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
         courses.push((name, drawn));
     }
     let far = [false, true].map(|has_weights| {
-        let way = Way { controller: "narx-qp", model: chosen, has_weights };
+        let way = Method { controller: "narx-qp", model: chosen, has_weights };
         bench.reached(way, &paths.far_outside()).ok().map(|(reached, _)| reached)
     });
     let outcome = Outcome {

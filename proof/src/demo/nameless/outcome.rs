@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The five methods, in the order of the columns.
-pub const WAYS: [&str; 5] = [
+pub const METHODS: [&str; 5] = [
     "no compensation",
     "quasi-static, nominal model",
     "quasi-static, diagnosed model",
@@ -25,7 +25,7 @@ pub struct Reached {
 pub struct Cell {
     /// Name of the path.
     pub path: String,
-    /// In the order of [`WAYS`]; `None` for a run that failed.
+    /// In the order of [`METHODS`]; `None` for a run that failed.
     pub reached: Vec<Option<Reached>>,
 }
 
@@ -84,7 +84,7 @@ impl Cell {
         self.reached.last().copied().flatten().is_some_and(|last| is_as_good(last.rms, best))
     }
 
-    /// Share of the deviation under the method `of` that the method `by` removes; indices into [`WAYS`].
+    /// Share of the deviation under the method `of` that the method `by` removes; indices into [`METHODS`].
     fn taken_by(&self, by: usize, of: usize) -> Option<f64> {
         let rms = |way: usize| self.reached.get(way).copied().flatten().map(|reached| reached.rms);
         Some(1.0 - rms(by)? / rms(of)?)

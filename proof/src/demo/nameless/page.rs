@@ -4,8 +4,8 @@ use freeplay_harness::closed_loop::RATE;
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Figure, Section, Series, Table, Verdict};
 use freeplay_training::Trained;
 
-use super::bench::DRAWN;
-use super::outcome::{Outcome, WAYS};
+use super::bench::CURVE_STRIDE;
+use super::outcome::{METHODS, Outcome};
 
 /// The page of all machines.
 pub fn document(outcomes: &[Outcome]) -> Document {
@@ -32,7 +32,7 @@ fn table(outcomes: &[Outcome]) -> Table {
         .column(Column::text("machine"))
         .column(Column::text("path"));
     for what in ["RMS", "greatest"] {
-        for way in WAYS {
+        for way in METHODS {
             table = table.column(Column::number(way, "mm").fixed(4).group(what));
         }
     }
@@ -96,8 +96,8 @@ pub fn of_machine(outcome: &Outcome, trained: &Trained, courses: &[(&str, Vec<Ve
         let mut chart = Chart::trace(*path, Axis::new("time", "s"), Axis::new("tool deviation", "mm"))
             .in_view(0.0)
             .height(240);
-        for (way, course) in WAYS.iter().zip(drawn) {
-            let t: Vec<f64> = (0..course.len()).map(|k| (k as u64 * DRAWN) as f64 / RATE).collect();
+        for (way, course) in METHODS.iter().zip(drawn) {
+            let t: Vec<f64> = (0..course.len()).map(|k| (k as u64 * CURVE_STRIDE) as f64 / RATE).collect();
             chart = chart.series(Series::line(*way, &t, course));
         }
         judged = judged.with(chart);

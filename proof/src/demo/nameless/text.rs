@@ -4,12 +4,12 @@ use std::fmt::Write as _;
 
 use freeplay_terminal::layout::text_table;
 
-use super::outcome::{Outcome, WAYS};
+use super::outcome::{METHODS, Outcome};
 
 /// The table of `outcomes`.
 pub fn text(outcomes: &[Outcome]) -> String {
     let mut table = text_table();
-    let header = ["machine", "path"].into_iter().chain(WAYS).chain(["taken", ""]);
+    let header = ["machine", "path"].into_iter().chain(METHODS).chain(["taken", ""]);
     table.set_header(header.collect::<Vec<_>>());
     for outcome in outcomes {
         for (number, cell) in outcome.cells.iter().enumerate() {
