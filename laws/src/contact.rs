@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 pub struct Material {
     /// Young's modulus, Pa, > 0.
     pub young: f64,
-    /// Poisson's ratio, –0.99 … 0.5.
+    /// Poisson's ratio, above -1, to 0.5.
     pub poisson: f64,
 }
 
