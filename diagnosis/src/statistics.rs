@@ -129,9 +129,8 @@ impl Moments {
     pub fn of(values: &[f64]) -> Self {
         let count = values.len().max(1) as f64;
         let mean = values.iter().sum::<f64>() / count;
-        let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count;
         let square = values.iter().map(|value| value * value).sum::<f64>() / count;
-        Self { mean, std: variance.sqrt(), rms: square.sqrt() }
+        Self { mean, std: variance(values).sqrt(), rms: square.sqrt() }
     }
 }
 
