@@ -141,7 +141,8 @@ def _plan(words: list[str], sweep: Mapping[str, Iterable[object]], shards: int |
     folder = [] if command in PRINT_ONLY else ["--out", "{result}"]
     points = [{"at": at, "arguments": [*words, *more, *folder, "--format", "json"]} for at, more in cut]
     seed = _value(words, "--seed")
-    surplus = [] if keep else ["sealed"] if is_proof else [""] if count < len(points) else []
+    # The commands of one task share a result folder, so it must be empty again before the next of them.
+    surplus = [""] if count < len(points) else ["sealed"] if is_proof and not keep else []
     plan = {
         "schema": PLAN_SCHEMA, "command": command, "version": _command.version(), "executable": str(_command.executable()),
         "seed": None if seed is None else int(seed), "shards": count, "surplus": surplus, "tasks": count,

@@ -182,7 +182,7 @@ def test_the_command_line(undisturbed: bytes, tmp_path: Path, capsys: pytest.Cap
 
 
 def test_a_sweep_cut_into_fewer_tasks_leaves_the_same_receipt_and_few_files(undisturbed: bytes, tmp_path: Path) -> None:
-    found = freeplay.campaign("run", **SWEEP, shards=3, workers=2, out=tmp_path / "c")
+    found = freeplay.campaign("run", **SWEEP, shards=3, workers=2, keep=True, out=tmp_path / "c")
     assert found.receipt.read_bytes() == undisturbed
     assert found.done == [0, 1, 2] and list(found.results["--seed"]) == list(range(8))
     assert sorted(path.name for path in found.folder_of(0).iterdir()) == ["log.txt", "printed.json", "task.json"]
