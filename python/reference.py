@@ -53,6 +53,8 @@ def text(docstring: str) -> str:
             continue
         elif line.startswith(">>>"):
             lines.append(f"    {line}".replace("  # doctest: +SKIP", ""))
+        elif section == "Examples" and line:
+            lines.append(f"    {line}")
         elif section and line.startswith("    "):
             lines.append(f"  {line.strip()}")
         elif section and line:
