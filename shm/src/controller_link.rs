@@ -110,6 +110,7 @@ impl ControllerLink {
     ///
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses.
+    #[inline]
     pub fn newest_state(&mut self) -> Result<Option<State>, LinkError> {
         let mut newest: Option<StateSample> = None;
         while let Some(sample) = self.next_sample()? {
@@ -120,12 +121,14 @@ impl ControllerLink {
     }
 
     /// Number of states lost so far because the buffer of [`STATE_BUFFER`](crate::STATE_BUFFER) on this side was full.
+    #[inline]
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost
     }
 
     /// Number of states that [`ControllerLink::newest_state`] has skipped so far.
+    #[inline]
     #[must_use]
     pub fn skipped(&self) -> u64 {
         self.skipped

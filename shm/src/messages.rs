@@ -62,12 +62,14 @@ macro_rules! from_code {
     ($name:ident: $($variant:ident),+) => {
         impl $name {
             /// The variant with this code, or `None` if this version does not know the code.
+            #[inline]
             #[must_use]
             pub fn from_code(code: u32) -> Option<Self> {
                 [$(Self::$variant),+].into_iter().find(|variant| *variant as u32 == code)
             }
 
             /// The code in messages.
+            #[inline]
             #[must_use]
             pub fn code(self) -> u32 {
                 self as u32
@@ -155,6 +157,7 @@ impl State {
     const SLOT_MASK: u32 = 0xf;
 
     /// A state at rest at tick 0 of `run` for an arm of `joints` joints, without tool tracking.
+    #[inline]
     #[must_use]
     pub fn new(run: u64, joints: usize) -> Self {
         Self {
@@ -178,12 +181,14 @@ impl State {
     }
 
     /// Returns true if all bits of `flag` are set.
+    #[inline]
     #[must_use]
     pub fn has(&self, flag: u32) -> bool {
         self.flags & flag == flag
     }
 
     /// The slot whose command is in force during this tick, from 0.
+    #[inline]
     #[must_use]
     pub fn active_slot(&self) -> u32 {
         self.flags >> Self::IN_CHARGE_SHIFT & Self::SLOT_MASK
@@ -191,12 +196,14 @@ impl State {
 
     /// The slot whose answer to this state comes into force. It differs from [`State::active_slot`] if a swap is planned for this
     /// tick.
+    #[inline]
     #[must_use]
     pub fn next_active_slot(&self) -> u32 {
         self.flags >> Self::NEXT_SHIFT & Self::SLOT_MASK
     }
 
     /// The bits of [`State::flags`] for these two slots.
+    #[inline]
     #[must_use]
     pub fn slot_flags(in_charge: u32, next: u32) -> u32 {
         (in_charge & Self::SLOT_MASK) << Self::IN_CHARGE_SHIFT | (next & Self::SLOT_MASK) << Self::NEXT_SHIFT
@@ -206,6 +213,7 @@ impl State {
     ///
     /// # Errors
     /// The first mismatch of magic, layout, run and joints.
+    #[inline]
     pub fn check(&self, run: u64) -> Result<(), MessageFault> {
         check(self.magic, self.layout, self.run, self.joints, run)
     }
@@ -255,6 +263,7 @@ pub struct Command {
 
 impl Command {
     /// An answer to `state` from `slot`: same run, tick and joints, kind by the state's mode; all other fields are zero.
+    #[inline]
     #[must_use]
     pub fn answer_to(state: &State, slot: u32) -> Self {
         let is_torque = state.mode == Mode::Torque.code();
@@ -283,6 +292,7 @@ impl Command {
     ///
     /// # Errors
     /// The first mismatch of magic, layout, run and joints.
+    #[inline]
     pub fn check(&self, run: u64) -> Result<(), MessageFault> {
         check(self.magic, self.layout, self.run, self.joints, run)
     }
@@ -323,6 +333,7 @@ pub enum MessageFault {
     },
 }
 
+#[inline]
 fn check(magic: u64, layout: u32, run: u64, joints: u32, expected: u64) -> Result<(), MessageFault> {
     if magic != MAGIC {
         return Err(MessageFault::Magic { found: magic });

@@ -12,6 +12,7 @@ use crate::cores::core_count;
 const NS_PER_S: u64 = 1_000_000_000;
 
 /// `CLOCK_MONOTONIC` in nanoseconds: the same clock in every process of the machine.
+#[inline]
 #[must_use]
 pub fn now_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
@@ -38,12 +39,14 @@ pub struct Schedule {
 
 impl Schedule {
     /// Time at which `tick` is due, `CLOCK_MONOTONIC`, ns.
+    #[inline]
     #[must_use]
     pub fn due_ns(&self, tick: u64) -> u64 {
         self.start_ns + tick * self.period_ns
     }
 
     /// Lateness of `now_ns` for `tick`, ns; 0 if it is early.
+    #[inline]
     #[must_use]
     pub fn late_ns(&self, tick: u64, now_ns: u64) -> u64 {
         now_ns.saturating_sub(self.due_ns(tick))
@@ -51,6 +54,7 @@ impl Schedule {
 
     /// Waits for `tick`: sleeps until `spin_ns` before it is due, and spins from then on. The function does not wait for a tick that
     /// is already due, so that a delayed loop catches up without a pause.
+    #[inline]
     pub fn await_tick(&self, tick: u64, spin_ns: u64) -> Arrival {
         let due_ns = self.due_ns(tick);
         let waited = now_ns() < due_ns;
@@ -58,6 +62,7 @@ impl Schedule {
     }
 
     /// The current tick at `now_ns`: the last one that is due; 0 before the start.
+    #[inline]
     #[must_use]
     pub fn tick_at(&self, now_ns: u64) -> u64 {
         now_ns.saturating_sub(self.start_ns).checked_div(self.period_ns).unwrap_or(0)
@@ -68,6 +73,7 @@ impl Schedule {
 ///
 /// The sleep leaves the core to others; the spin hides the wake-up latency of the system (40 to 130 µs are common). Under
 /// `SCHED_FIFO`, never spin longer than needed, because Linux withholds 50 ms of each second from a thread that never sleeps.
+#[inline]
 pub fn sleep_then_spin_until(deadline_ns: u64, spin_ns: u64) -> u64 {
     let wake_ns = deadline_ns.saturating_sub(spin_ns);
     let wake = Timespec { tv_sec: (wake_ns / NS_PER_S) as i64, tv_nsec: (wake_ns % NS_PER_S) as _ };
@@ -123,6 +129,7 @@ impl Backoff {
     }
 
     /// Resets the waiting time; call it when the peer has answered.
+    #[inline]
     pub fn reset(&mut self) {
         self.looks = 0;
     }
@@ -139,6 +146,7 @@ impl Backoff {
         self.wait_by_the_clock()
     }
 
+    #[inline]
     fn wait_by_the_clock(&mut self) -> u64 {
         let now = now_ns();
         if self.looks <= Self::FIRST_LOOKS {

@@ -118,12 +118,14 @@ impl PlantLink {
     }
 
     /// Number of commands of `slot` that [`PlantLink::newest_command`] has skipped so far; 0 for a missing slot.
+    #[inline]
     #[must_use]
     pub fn skipped(&self, slot: usize) -> u64 {
         self.slots.get(slot).map_or(0, |slot| slot.skipped)
     }
 
     /// The commands for `slot` so far from processes that do not hold its seat; none for a missing slot.
+    #[inline]
     #[must_use]
     pub fn foreign(&self, slot: usize) -> Foreign {
         self.slots.get(slot).map_or_else(Foreign::default, |slot| slot.foreign)
@@ -139,6 +141,7 @@ impl PlantLink {
     ///
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses. A controller that died meanwhile causes no error and is not reported.
+    #[inline]
     pub fn greet(&mut self) -> Result<Vec<Greeting>, LinkError> {
         let mut greetings = Vec::new();
         while let Some(request) = self.door.receive().map_err(transport("take hellos of", DOOR_SERVICE))? {
