@@ -12,7 +12,9 @@ pub fn block(findings: &[SetupFinding], again: &str) -> String {
     for (index, (certainty, statement, remedy)) in sentences(findings).into_iter().enumerate() {
         let words = match certainty {
             Certainty::Sure => format!("{statement} {remedy}"),
-            Certainty::Likely => format!("Likely, but much stays unexplained: {statement} {remedy}"),
+            Certainty::Likely => {
+                format!("Likely, although much of the recording stays unexplained: {statement} {remedy}")
+            }
         };
         text.push_str(if index == 0 { "\n" } else { "" });
         text.push_str(&wrapped(if index == 0 { "CHECK" } else { "" }, MARGIN, &words));

@@ -155,8 +155,8 @@ impl View<'_> {
         text.push_str(&crate::check::block(&self.comparison.setup, &again));
         let _ = writeln!(text, "\n{}\n\n{}\n", self.verdict(), self.terminal_table());
         text.push_str(
-            "error: measured minus model, in every row, also near a reversal, where a diagnosis does not count; spread: standard deviation of the\n\
-             measured signal; noise: what the channel has of it behind the low-pass\n",
+            "error: measured minus model, in every row (a diagnosis leaves out the rows near a reversal); spread: standard deviation of the\nmeasured \
+             signal; noise: that of the channel behind the low-pass\n",
         );
         for remark in self.remarks() {
             let _ = writeln!(text, "note: {remark}");
@@ -188,7 +188,7 @@ impl View<'_> {
         let frictions =
             self.file.arm.joints().iter().filter(|j| j.friction.viscous > 0.0 || j.friction.coulomb > 0.0);
         let friction = match frictions.count() {
-            0 => "no friction named".to_owned(),
+            0 => "no nominal friction".to_owned(),
             count => format!("nominal friction in {}", joints(count)),
         };
         let name = self.file.arm.name();
@@ -230,26 +230,26 @@ impl View<'_> {
     /// The worst channel with its meaning, and the error of the tool.
     fn verdict(&self) -> String {
         let tool = self.comparison.tool_distance().map_or_else(String::new, |distance| {
-            format!(" The tool is {} mm rms from where the model puts it.", brief(distance * 1e3))
+            format!(" The tool deviates by {} mm RMS from its position by the model.", brief(distance * 1e3))
         });
         let Some(worst) = self.comparison.worst() else {
             return format!("Every channel is constant: there is no variation to judge the model by.{tool}");
         };
         if self.comparison.is_within_noise(worst, worst.rmse) {
-            return format!("No channel is off by more than its own noise.{tool}");
+            return format!("No error exceeds the noise of its channel.{tool}");
         }
         let share = worst.nrmse_std.unwrap_or(f64::NAN);
         let meaning = match share {
-            share if share < 0.05 => "the model explains nearly all of it",
-            share if share < 0.3 => "the model explains most of it",
-            share if share < 1.0 => "the model misses much of it",
+            share if share < 0.05 => "the model explains nearly all of the variation",
+            share if share < 0.3 => "the model explains most of the variation",
+            share if share < 1.0 => "the model misses much of the variation",
             _ => "a model that predicts the mean would do better",
         };
         let (scale, unit) = shown_in(worst.unit);
         let times = worst.times_noise();
         let times = times.map_or_else(String::new, |times| format!(", {} times its noise", brief(times)));
         format!(
-            "Worst: {}, off by {} {unit} rms{times}. That is {} % of how much it varies: {meaning}.{tool}",
+            "Worst channel: {}, with an error of {} {unit} RMS{times}. This is {} % of its standard deviation: {meaning}.{tool}",
             label(worst),
             brief(worst.rmse * scale),
             brief(100.0 * share)
@@ -266,7 +266,7 @@ impl View<'_> {
         let ignored = self.file.ignored.iter().map(|ignored| format!("model: {ignored}"));
         let of_noise: Vec<String> = self.comparison.of_noise().map(label).collect();
         let of_noise = (!of_noise.is_empty())
-            .then(|| format!("these vary by nothing but their noise: {}", of_noise.join(", ")));
+            .then(|| format!("these channels contain only noise: {}", of_noise.join(", ")));
         of_noise
             .into_iter()
             .chain(self.comparison.notes.iter().cloned())

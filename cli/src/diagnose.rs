@@ -103,6 +103,8 @@ fn next_motion(
             Ok(Some(excite::sentence(&found, file, &path)))
         }
         // A diagnosis is useful without the next motion.
-        Err(failure) => Ok(Some(format!("no motion was found that separates them: {failure}"))),
+        Err(failure) => {
+            Ok(Some(format!("the search found no motion that separates these causes: {failure}")))
+        }
     }
 }

@@ -73,8 +73,7 @@ fn next(view: &View) -> String {
         }
         None if view.file().is_some() => {
             let file = view.file().filter(|file| file.is_file());
-            let words =
-                file.map_or_else(|| "none is written: there is no model to give".to_owned(), shell_word);
+            let words = file.map_or_else(|| "no file is written, since there is no model".to_owned(), shell_word);
             let _ = writeln!(text, "{:MARGIN$}{words}", "FILE");
         }
         None if is_quiet() => {}
@@ -142,11 +141,7 @@ fn whereabouts(diagnosis: &Diagnosis) -> String {
             format!("{} ({p})", place.when),
         ]);
     }
-    under(
-        "WHERE",
-        "share of the error that the tuned model leaves, and the part of the motion where it occurs",
-        table,
-    )
+    under("WHERE", "share of the tuned model's error, and its dependence on the motion", table)
 }
 
 /// The missing physics, joint by joint in the order of the arm, and the law of each kind once.
@@ -167,14 +162,13 @@ fn findings(diagnosis: &Diagnosis) -> String {
         let law = format!("{} ({})", effect.equation, effect.source);
         laws.insert(kind_title(effect.kind), law);
     }
-    let what =
-        "missing from the model, ± at 95 %, and the share of the test error that it removes, by channel";
+    let what = "effects missing from the model, ± at 95 %, and the share of the test error that each removes, by channel";
     let mut text = under("WHAT", what, table);
     if diagnosis.effects.iter().any(|effect| !effect.evidence.held_out) {
         text.push_str(&wrapped(
             "",
             MARGIN,
-            "* share of the error in the fitted data: it acts too little in the test part to be tested",
+            "* share of the error in the data of the fit: the effect acts too little in the test part",
         ));
     }
     for (index, (kind, law)) in laws.into_iter().enumerate() {
@@ -184,7 +178,7 @@ fn findings(diagnosis: &Diagnosis) -> String {
     text
 }
 
-/// The block OR ELSE: explanations that this motion cannot distinguish from a finding, and the number of those that it excludes.
+/// The block ALTERNATIVES: explanations that this motion cannot distinguish from a finding, and the number of those that it excludes.
 fn alternatives(diagnosis: &Diagnosis) -> String {
     let (open, ruled_out): (Vec<_>, Vec<_>) =
         diagnosis.alternatives.iter().partition(|other| other.indistinguishable);
@@ -197,18 +191,18 @@ fn alternatives(diagnosis: &Diagnosis) -> String {
             other.why_not.clone(),
         ]);
     }
-    let text = under("OR ELSE", "other explanations that this motion does not tell from it", table);
+    let text = under("ALTERNATIVES ", "that this motion cannot distinguish from the findings", table);
     let tried = ruled_out.len();
     let ruled_out = match (is_open, tried) {
         (_, 0) => return text,
-        (true, 1) => "1 other effect was tried in the place of a finding and is excluded".to_owned(),
-        (true, _) => format!("{tried} other effects were tried in the place of a finding and are excluded"),
-        (false, 1) => "nothing: the effect that was tried in the place of a finding is excluded".to_owned(),
+        (true, 1) => "1 other effect was fitted instead of a finding and is excluded".to_owned(),
+        (true, _) => format!("{tried} other effects were fitted instead of a finding and are excluded"),
+        (false, 1) => "none: the effect that was fitted instead of a finding is excluded".to_owned(),
         (false, _) => {
-            format!("nothing: all {tried} effects that were tried in the place of a finding are excluded")
+            format!("none: all {tried} effects that were fitted instead of a finding are excluded")
         }
     };
-    let word = if is_open { "" } else { "OR ELSE" };
+    let word = if is_open { "" } else { "ALTERNATIVES " };
     let before = if is_open { "" } else { "\n" };
     text + before + &wrapped(word, MARGIN, &format!("{ruled_out}; the report lists them with their odds"))
 }
@@ -222,16 +216,16 @@ fn errors(fit: &Fit, diagnosis: &Diagnosis) -> String {
     let mut text = format!("\n{:MARGIN$}root mean square error, test part: {}\n", "FIT", fit.test);
     text.push_str(&if channels.len() > FEW { one_line_each(fit, &channels) } else { bars(fit, &channels) });
     let bar = if channels.len() > FEW {
-        "the error with the findings beside the greatest of its line"
+        "the error with the findings relative to the greatest of its line"
     } else {
-        "an error beside the greatest of its channel"
+        "an error relative to the greatest of its channel"
     };
     let meanings = meanings(channels.iter().copied());
     text.push_str(&wrapped("", MARGIN, &format!("{meanings}. A bar shows {bar}.")));
     if let Some(gain) = fit.gain {
         let [low, high] = gain.ci95.map(|share| 100.0 * share);
         let words = format!(
-            "{} (95 %: {low:.0} to {high:.0} %) of the error that the re-tuned model leaves is removed",
+            "the findings remove {} (95 %: {low:.0} to {high:.0} %) of the re-tuned model's error",
             percent(gain.value)
         );
         text.push_str(&wrapped("", MARGIN, &words));

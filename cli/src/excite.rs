@@ -161,8 +161,8 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
 /// # Errors
 /// Bad input, or no safe motion.
 pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation, Failure> {
-    messages::detail(format_args!("weighing {} motions", settings.candidates));
-    let bar = progress::bar(settings.candidates as u64, "weighing motions {wide_bar} {pos}/{len}  {msg}");
+    messages::detail(format_args!("comparing {} motions", settings.candidates));
+    let bar = progress::bar(settings.candidates as u64, "comparing motions {wide_bar} {pos}/{len}  {msg}");
     let found = sought(question.file, &question.rivals, question.seen, settings, &mut |number, _, best| {
         bar.set_position(number as u64);
         bar.set_message(format!("best {} : 1", power_of_ten(best)));
@@ -277,7 +277,7 @@ impl PriorDiagnosis {
         let effect = list("effects")
             .into_iter()
             .find(|effect| is_said_by(instead_of, effect["kind"].as_str(), effect["joint"].as_str()))
-            .ok_or_else(|| wrong("the effect with an alternative is not among its effects"))?;
+            .ok_or_else(|| wrong("the effect that has an alternative is not in `effects`"))?;
         let mut parameters = toml::Table::new();
         for (name, one) in effect["parameters"].as_object().into_iter().flatten() {
             let value = toml::Value::try_from(&one["value"]).map_err(|error| wrong(&error.to_string()))?;
@@ -414,7 +414,7 @@ fn text(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     let used = &found.used;
     let _ = writeln!(
         text,
-        "uses {} of the range, {} of the speed, {} of the acceleration and {} of the torque that are allowed (80 % of the arm file's limits)",
+        "the motion uses {} of the range, {} of the speed, {} of the acceleration and {} of the torque that are allowed (80 % of the arm file's limits)",
         percent(used.position),
         percent(used.speed),
         percent(used.acceleration),

@@ -328,7 +328,7 @@ fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
     }
     if (out.exists() || out.is_symlink()) && !force {
         return Err(Failure::usage(format!(
-            "{}: is there already; name another with --out, or replace it with --force",
+            "{}: the file exists already; name another with --out, or replace it with --force",
             out.display()
         )));
     }

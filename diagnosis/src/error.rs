@@ -55,8 +55,8 @@ pub enum ResidualError {
     },
     /// No stretch without a gap is long enough for the filter and the trimmed ends.
     #[error(
-        "{}: the longest stretch without a gap lasts {longest_s:.3} s, less than the {needed_s:.3} s that a low-pass at \
-         {cutoff_hz:.4} Hz and the ends left out need; record longer, set a higher --lowpass or a lower --trim",
+        "{}: the longest stretch without a gap lasts {longest_s:.3} s, less than the {needed_s:.3} s that a low-pass at {cutoff_hz:.4} Hz and the \
+         trimmed ends need; record longer, set a higher --lowpass or a lower --trim",
         origin.display()
     )]
     TooShort {
@@ -116,7 +116,7 @@ impl ResidualError {
     pub(crate) fn in_a_diagnosis(&self, recordings: &[Recording]) -> String {
         if let Self::Stamps { origin, .. } = self {
             return format!(
-                "{}: hardly anything is left of it in which the arm moves; record at least {ENOUGH_S:.0} s of motion",
+                "{}: too few samples with motion are left; record at least {ENOUGH_S:.0} s of motion",
                 origin.display()
             );
         }
@@ -125,8 +125,8 @@ impl ResidualError {
         let whole_s = whole.map_or(*longest_s, Recording::duration);
         let parts = if recordings.len() > 1 { 1.0 } else { SHARES[1] - SHARES[0] };
         format!(
-            "{}: too short: it lasts {whole_s:.1} s; a low-pass at {cutoff_hz:.1} Hz needs {needed_s:.2} s without a gap in each of the parts \
-             that are fitted and judged on; record at least {:.0} s of motion without a gap",
+            "{}: too short: it lasts {whole_s:.1} s; a low-pass at {cutoff_hz:.1} Hz needs {needed_s:.2} s without a gap in each of the parts for \
+             fit, choice and test; record at least {:.0} s of motion without a gap",
             origin.display(),
             (needed_s / parts).max(ENOUGH_S).ceil()
         )

@@ -46,7 +46,7 @@ pub enum RecordedError {
         words: String,
     },
     /// The command names one recording twice.
-    #[error("--recording {}: is given twice, and what is held out has to be another one: name each once", file.display())]
+    #[error("--recording {}: is given twice, but the held-out recording must differ from the others: name each once", file.display())]
     Twice {
         /// The recording.
         file: PathBuf,
@@ -94,7 +94,8 @@ pub fn of_arm(
 fn other_number(recording: &Recording, model: &str, file: &ArmFile) -> RecordedError {
     let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
     let taken = file.ignored.first().filter(|note| note.starts_with("arm: "));
-    let locked = taken.map_or_else(String::new, |taken| format!("; {taken}; another chain: --tip LINK"));
+    let locked =
+        taken.map_or_else(String::new, |taken| format!("; {taken}; choose another chain with --tip LINK"));
     let place = Place { file: recording.origin.clone(), row: Row::Whole };
     let source = ColumnError::JointCount { expected: joints.len(), found: recording.joints() };
     let error = Box::new(ReadError::Columns { place, source });
@@ -112,7 +113,7 @@ fn check_masses(recording: &mut Recording, arm: &Arm) -> Result<(), RecordedErro
         return Err(shortfall.into());
     }
     recording.tau = None;
-    recording.notes.push("the recorded torques are not compared: the model can't say any".to_owned());
+    recording.notes.push("the recorded torques are not compared: the model can't predict torques".to_owned());
     Ok(())
 }
 
@@ -126,8 +127,9 @@ fn check_times(recording: &Recording) -> Result<(), RecordedError> {
 fn far_tool(recording: &Recording) -> Option<String> {
     let farthest = |axis: &Vec<f64>| axis.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
     let most = recording.tool.iter().flatten().map(farthest).fold(0.0, f64::max);
-    (most > FARTHEST_M)
-        .then(|| format!("x, y, z go up to {most:.0} m from the base: millimetres? they should be in m"))
+    (most > FARTHEST_M).then(|| {
+        format!("x, y, z reach {most:.0} m from the base; they must be in m: are they in millimetres?")
+    })
 }
 
 /// Rejects a recording that is given twice: the fit would have used held-out data.

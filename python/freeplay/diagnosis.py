@@ -223,7 +223,7 @@ class Diagnosis(Portable):
         Returns
         -------
         DataFrame, indexed by channel ("tau1", "x", …)
-            unit; RMS errors in that unit: noise_floor (sensor noise alone), as_given (the given model), retuned (the given model with masses,
+            unit; RMS errors in that unit: noise_floor (the error of the instruments alone), as_given (the given model), retuned (the given model with masses,
             lengths, frictions, zeros and delays tuned within their tolerances), with_findings (the written model: tuned, with the findings),
             black_box (tuned, with splines in place of the findings). NaN: not in the document.
         """

@@ -48,7 +48,7 @@ def test_what_was_not_measured_is_missing_there(recording: freeplay.Recording) -
 def test_a_saved_recording_is_read_again(recording: freeplay.Recording, tmp_path: Path, ending: str) -> None:
     again = freeplay.Recording.read(recording.save(tmp_path / f"saved.{ending}"))
     pd.testing.assert_series_equal(again.to_frame()["q5"], recording.to_frame()["q5"], check_exact=True)
-    with pytest.raises(freeplay.BadUsage, match="is there already"):
+    with pytest.raises(freeplay.BadUsage, match="the file exists already"):
         recording.save(tmp_path / f"saved.{ending}")
 
 

@@ -352,7 +352,7 @@ pub(crate) fn candidates(data: &Data, progress: &mut dyn FnMut(&str)) -> (Vec<Ca
     let (mut all, mut untestable) = (Vec::new(), Vec::new());
     let count = kinds().count();
     for (number, kind) in kinds().enumerate() {
-        progress(&format!("laying out what might be missing: {} of {count} laws", number + 1));
+        progress(&format!("computing the responses of possible effects: {} of {count} laws", number + 1));
         for joint in places(kind, data.arm()) {
             match at_place(data, kind, joint, None) {
                 Ok((found, lacks)) => {
@@ -403,7 +403,7 @@ pub(crate) fn at_place(
     }
     if found.is_empty() {
         let because = refused.or_else(|| no_torque_of(data, joint));
-        return Err(because.unwrap_or_else(|| "this motion shows nothing of it".to_owned()));
+        return Err(because.unwrap_or_else(|| "this motion does not show the effect".to_owned()));
     }
     let count = torques.filter(|_| kind.happens()).map_or(found.len(), |torques| torques.way_count(kind));
     found.iter_mut().for_each(|candidate| candidate.forms = count);

@@ -39,7 +39,7 @@ fn with_another(search: &mut Search, now: &mut EffectSet, progress: &mut dyn FnM
     others.retain(|other| other.against < -WORTH);
     others.sort_by(|a, b| a.against.total_cmp(&b.against));
     for other in others {
-        progress("trying others in the place of each finding");
+        progress("replacing each finding by other effects");
         let rest = all_but(&now.members, other.place);
         let there = grown(search, [rest, vec![other.index]].concat(), progress)?;
         // When this law looked more probable, the other members still had the parameters that suit the old finding.
@@ -72,7 +72,7 @@ fn with_several(search: &mut Search, now: &mut EffectSet, progress: &mut dyn FnM
         if most_in_single_channels(system, &system.residual(&without)) < with.value - without.value {
             continue;
         }
-        progress("trying several in the place of one finding");
+        progress("replacing one finding by several effects");
         let available = search.available.clone();
         search.leave_out(&[member]);
         let there = grown(search, others, progress)?;

@@ -28,7 +28,7 @@ pub fn beyond_limits(arm: &Arm, recording: &Recording) -> Vec<String> {
                 JointKind::Prismatic => ("m", "millimetres"),
             };
             notes.push(format!(
-                "q{} goes from {least:.4} to {most:.4} {unit}, but {} may only from {lower:.4} to {upper:.4}: {hint}, another zero or another joint?",
+                "q{} ranges from {least:.4} to {most:.4} {unit}, but the limits of {} are {lower:.4} to {upper:.4}: is the column in {hint}, or does it have another zero or belong to another joint?",
                 index + 1,
                 joint.name
             ));
@@ -88,7 +88,7 @@ impl MotionTally {
         let fast = joints.filter_map(|(index, joint)| {
             let share = removed(&joint.recorded, &joint.smooth)?;
             Some(format!(
-                "the low-pass at {cutoff_hz:.4} Hz takes {:.0} % off the movement of q{}: too fast or too noisy for it; see --lowpass",
+                "the low-pass at {cutoff_hz:.4} Hz removes {:.0} % of the movement of q{}, which is too fast or too noisy for this cutoff; see --lowpass",
                 share * 100.0,
                 index + 1
             ))
@@ -106,7 +106,7 @@ impl MotionTally {
         let odd: Vec<String> = odd.collect();
         (!odd.is_empty()).then(|| {
             format!(
-                "recorded velocities differ from the derivative of the positions, which is used: {}",
+                "recorded velocities differ from the derivative of the positions, and the comparison uses the derivative: {}",
                 odd.join(", ")
             )
         })
@@ -133,7 +133,7 @@ pub(crate) fn on_channels(recording: &Recording, channels: &[ChannelError]) -> V
     let constant: Vec<&str> = constant.map(|channel| channel.name.as_str()).collect();
     if !constant.is_empty() {
         notes.push(format!(
-            "constant in this recording, so that no share can be given: {}",
+            "these channels are constant in this recording, so that they have no relative error: {}",
             constant.join(", ")
         ));
     }

@@ -27,7 +27,7 @@ pub(crate) fn mapping(reading: &Reading, recording: &Recording) -> Option<String
         }
     }
     sources.gravity_compensated |= reading.gravity_added;
-    let head = "# How this recording is to be read. Correct it where it is wrong, and give it back with --mapping.\n";
+    let head = "# Mapping of this recording. Correct wrong entries, and pass this file with --mapping.\n";
     Some(format!("{head}{}", sources.to_toml(&recording.joint_names)))
 }
 

@@ -62,7 +62,7 @@ fn moving(recording: &Recording, notes: &mut Vec<String>) -> Range<usize> {
         .map(|(end, _, left_out)| format!("the {end} {left_out:.1} s"))
         .collect();
     notes.push(format!(
-        "{}: the arm rests for {}; that is left out",
+        "{}: the arm rests for {}; the diagnosis leaves this out",
         file_name(recording),
         rests.join(" and ")
     ));
@@ -93,7 +93,7 @@ fn thinned(recording: &Recording, moving: Range<usize>, most: usize, notes: &mut
     };
     let windows: Vec<Range<usize>> = (0..WINDOWS).map(window).collect();
     notes.push(format!(
-        "{} is long ({all} samples): {WINDOWS} windows of {long} samples, spread evenly, stand for it",
+        "{} is long ({all} samples): the diagnosis uses {WINDOWS} evenly spread windows of {long} samples",
         file_name(recording)
     ));
     rows(recording, &windows)

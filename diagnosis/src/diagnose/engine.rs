@@ -42,7 +42,7 @@ pub(crate) fn diagnose(
     let known = Effects::of(file)?;
     let known: Vec<&Placed> = known.placed.iter().collect();
     let mut notes: Vec<String> = recordings.iter().flat_map(|recording| recording.notes.clone()).collect();
-    progress("treating the recordings");
+    progress("preparing the recordings");
     let whole = recordings;
     let recordings = thinning::bounded(recordings, &mut notes);
     let mut prepared = Vec::new();
@@ -100,11 +100,11 @@ impl Study<'_> {
         progress: &mut dyn FnMut(&str),
     ) -> Result<Diagnosis, DiagnoseError> {
         data.update_tolerances(&self.settings.tolerances);
-        progress("looking for what happens at a time");
+        progress("searching for effects that act for a limited time");
         let parts = data.parts.clone();
         let mut events = self.events_reserving_rows(&mut data, &found, &parts);
         data.active_parts = vec![Part::Fit, Part::Choice];
-        progress("confirming what was found");
+        progress("confirming the findings");
         let residual = less(&found.residual, &contribution_of(&events, self.target));
         let mut with = {
             let weights = self.weights(&data, &events, &residual, &data.row_error);
@@ -136,7 +136,7 @@ impl Study<'_> {
             let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
             search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?
         };
-        progress("looking for what happens at a time");
+        progress("searching for effects that act for a limited time");
         events = self.events_beside(&mut data, &with, &events);
         data.parts.clone_from(&parts);
         if are_the_same(&with.members, &without.members) {
@@ -394,7 +394,7 @@ fn searched(
 ) -> Option<(Vec<Candidate>, Found)> {
     progress("searching");
     search.run(&[], progress)?;
-    progress("choosing between the best answers");
+    progress("choosing among the best sets of effects");
     let answer = choose(search)?;
     let answer = search.made_consistent(&answer)?;
     Some((search.candidates(&search.available), search.found(&answer, seed)?))

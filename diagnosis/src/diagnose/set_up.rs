@@ -25,14 +25,14 @@ pub fn diagnose(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, DiagnoseError> {
     engine::check(&file.arm, recordings)?;
-    progress("asking whether recording and model mean the same");
+    progress("checking that recording and model use the same conventions");
     let mut mended = Mended::of(file, recordings);
     if let Some(why) = &mended.stop {
         let advice: Vec<String> = mended.findings.iter().map(|finding| finding.remedy.clone()).collect();
         let mut stopped = insufficient(file, settings, Vec::new(), format!("{why}; {}", advice.join(" ")));
         stopped.verdict = Verdict::Setup;
         stopped.statement =
-            format!("{} There is nothing to diagnose before this is mended.", in_words(&mended.findings));
+            format!("{} No diagnosis is possible until this is corrected.", in_words(&mended.findings));
         stopped.next = advice;
         stopped.setup = mended.findings;
         return Ok(stopped);
@@ -43,13 +43,13 @@ pub fn diagnose(
         return Ok(diagnosis);
     }
     if let Some(late) = mended.late() {
-        progress("asking beside the missing physics how late it is");
+        progress("estimating the clock offset together with the missing effects");
         let later = later(&mended, late, settings, progress)?;
         mended.set_clock(file, recordings, late, later);
     }
     let mut diagnosis = by_channels(&mended.file, &mended.recordings, settings, progress)?;
     diagnosis.statement =
-        format!("{} With that reading: {}", in_words(&mended.findings), diagnosis.statement);
+        format!("{} With this correction: {}", in_words(&mended.findings), diagnosis.statement);
     diagnosis.verdict = Verdict::Setup;
     diagnosis.setup = mended.findings;
     diagnosis.mapping = mended.mapping;

@@ -27,14 +27,18 @@ fn alternative(search: &Search, fit: &Fit, &Tried { place, index, against }: &Tr
 pub(crate) fn instead(arm: &Arm, named: &Candidate, other: &Candidate, against: f64) -> Alternative {
     let separates = named.kind.confounders.iter().find(|(kind, _)| *kind == other.kind.name);
     let back = other.kind.confounders.iter().find(|(kind, _)| *kind == named.kind.name);
-    let words = separates.or(back).map_or("a motion in which the two differ", |(_, words)| *words);
+    let separation = match (separates, back) {
+        (Some((_, words)), _) => format!("{} {words}", other.kind.title),
+        (None, Some((_, words))) => format!("{} {words}", named.kind.title),
+        (None, None) => "record a motion in which the two differ".to_owned(),
+    };
     Alternative {
         kind: other.kind.name,
         joint: other.joint.map(|joint| arm.joints()[joint].name.clone()),
         instead_of: called(arm, named),
         why_not: words::odds_against(against),
         indistinguishable: !is_strong_evidence(against),
-        what_would_separate: words.to_owned(),
+        what_would_separate: separation,
         log_odds_against: against,
     }
 }

@@ -91,7 +91,7 @@ fn of_joint(
         kind: kind.name,
         joint: table.joint.clone(),
         statement: format!(
-            "{} The joint was told to move and stands; a brake or something in its way holds it as well.",
+            "{} The joint was commanded to move and stands still; a brake or an obstacle would hold it in the same way.",
             words::statement(&phrase, table.joint.as_deref())
         ),
         parameters,

@@ -37,8 +37,8 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
             })
             .sum();
         return Some(format!(
-            "{}: too short: it lasts {whole:.1} s, of which {fit:.1} s are left to fit, {choice:.1} s to choose by and {test:.1} s to test, after the ends that \
-             the low-pass needs; record at least {:.0} s of motion without a long rest",
+            "{}: too short: of its {whole:.1} s, the low-pass leaves {fit:.1} s for the fit, {choice:.1} s for the choice and {test:.1} s for the \
+             test; record at least {:.0} s of motion without a long rest",
             names.join(" and "),
             needed(data)
         ));
@@ -53,7 +53,7 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
     };
     if data.recordings.iter().all(is_silent) {
         return Some(
-            "every torque stays at one value while its joint moves, and nothing else was recorded beside the motion; record measured torques \
+            "every torque stays at one value while its joint moves, and the recording has no other channel beside the motion; record measured torques \
              or currents times the torque constant, or the tool's position"
                 .to_owned(),
         );
@@ -86,7 +86,7 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
             }
             let spread = Moments::of(&channel.measured).std;
             if spread <= 1e-9 * Moments::of(&channel.measured).rms || spread == 0.0 {
-                notes.push(format!("{} is constant: nothing is to be seen in it", channel.name));
+                notes.push(format!("{} is constant and shows no effect", channel.name));
             }
             if is_coarse(noise, spread) {
                 rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
@@ -100,12 +100,15 @@ pub(crate) fn notes(data: &Data) -> Vec<String> {
             }
         }
         if !stuck.is_empty() {
-            notes.push(format!("no measurement of a torque, and left out: {}", stuck.join(", ")));
+            notes.push(format!(
+                "torques that are left out, since they are not measured: {}",
+                stuck.join(", ")
+            ));
         }
         if !partly.is_empty() {
             notes.push(format!(
-                "these rows of a torque do not count: {}; where a joint stands still, dry friction may hold any part of it, and where it jerks, the samples \
-                 say too little",
+                "rows of a torque that do not count: {}; dry friction at standstill may take up any part of the torque, and the samples are too \
+                 sparse at a jerk",
                 partly.join(", ")
             ));
         }
@@ -134,7 +137,7 @@ fn told_to_move(recording: &LinearisedRecording, channel: &Channel) -> Option<St
     let Kind::Torque(joint) = channel.kind else { return None };
     is_held(recording, joint).then(|| {
         format!(
-            "{} was told to move and stands throughout; a brake or something in its way holds a joint as dry friction does",
+            "{} was commanded to move and stands still throughout; a brake or an obstacle holds a joint as dry friction does",
             recording.arm().joints()[joint].name
         )
     })
@@ -149,8 +152,8 @@ fn rest(recording: &LinearisedRecording, channel: &Channel, noise: &Noise) -> Op
     let beyond = 0.5 * span(&residual);
     (rests(recording, joint) && beyond > UNMOVED * noise.deviation.max(noise.step)).then(|| {
         format!(
-            "{} stands still throughout, while {} changes by ± {beyond:.3} {} beyond what the model needs to hold it: dry friction of at least that may hold it, \
-             a brake, or something in its way; a motion in which it turns tells which",
+            "{} stands still throughout, while {} changes by ± {beyond:.3} {} beyond the holding torque of the model: dry friction of at least that \
+             size, a brake or an obstacle holds it; a motion in which the joint moves separates these causes",
             recording.arm().joints()[joint].name,
             channel.name,
             channel.unit

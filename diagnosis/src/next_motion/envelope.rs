@@ -61,7 +61,9 @@ impl Envelope {
             if limit.is_finite() {
                 return SHARE * limit;
             }
-            notes.push(format!("the arm file names no {what} of {name}: {gentle} is kept (SI units)"));
+            notes.push(format!(
+                "the arm file has no {what} of {name}; the motion keeps to {gentle} (SI units)"
+            ));
             gentle
         };
         let (mut range, mut speed, mut acceleration, mut effort) = (vec![], vec![], vec![], vec![]);

@@ -103,7 +103,7 @@ pub enum ExciteError {
         posture: Vec<f64>,
     },
     /// No recorded channel shows an effect.
-    #[error("{kind} shows in none of the recorded channels on any motion that was tried")]
+    #[error("none of the tried motions shows {kind} in a recorded channel")]
     Unseen {
         /// The kind.
         kind: &'static str,
@@ -115,7 +115,7 @@ pub enum ExciteError {
         message: String,
     },
     /// The system of equations is singular in double precision.
-    #[error("the causes can't be weighed in double precision; is the noise of a channel 0?")]
+    #[error("the comparison of the causes is singular in double precision; is the noise of a channel 0?")]
     Singular,
     /// A motion without residuals.
     #[error(transparent)]

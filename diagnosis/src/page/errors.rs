@@ -12,16 +12,16 @@ type Pick = fn(&Trace) -> &[f64];
 /// The compared models, from the plainest to the one with the findings, then the noise floor. Each has the name of its error, which the terminal, the report
 /// and Python share, and a meaning.
 pub const MODELS: [(&str, &str); 5] = [
-    ("as given", "the model as it is"),
-    ("re-tuned", "its masses, lengths, frictions, zeros and delays moved inside their tolerances"),
-    ("black box", "re-tuned, with splines in the place of the findings"),
-    ("with findings", "re-tuned, with the findings: the model that is written"),
-    ("noise floor", "what the instruments alone leave"),
+    ("as given", "the given model without changes"),
+    ("re-tuned", "its masses, lengths, frictions, zeros and delays tuned within their tolerances"),
+    ("black box", "re-tuned, with splines instead of the findings"),
+    ("with findings", "re-tuned, with the findings (the written model)"),
+    ("noise floor", "the error of the instruments alone"),
 ];
 /// The meanings for positions that are simulated from the commands.
 const OF_POSITIONS: [&str; 5] = [
-    "the servos of the model, or without any the command itself",
-    "the command taken late",
+    "the servos of the model, or the command itself without servos",
+    "the delayed command",
     "a linear filter of the commands",
     "the servos that were found",
     "rounding",
@@ -44,8 +44,8 @@ const PICKS: [Pick; 4] =
 /// The section.
 pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
     let fit = diagnosis.fit.as_ref()?;
-    let mut section = Section::new("How much better").with(format!(
-        "Errors on {}: roots of mean squares with 95 % intervals from blocks of {BLOCK_S} s drawn with replacement. {}.",
+    let mut section = Section::new("Errors before and after").with(format!(
+        "RMS errors on {}, with 95 % intervals by a bootstrap of blocks of {BLOCK_S} s. {}.",
         fit.test,
         meanings(fit.units.keys().map(String::as_str))
     ));
@@ -62,7 +62,7 @@ pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
     if others.is_empty() {
         return Some(section);
     }
-    Some(section.with(Block::Details { summary: "The other channels".to_owned(), blocks: others }))
+    Some(section.with(Block::Details { summary: "Other channels".to_owned(), blocks: others }))
 }
 
 fn bars(diagnosis: &Diagnosis, channel: &str) -> Table {

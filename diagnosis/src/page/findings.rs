@@ -12,7 +12,7 @@ pub fn section(subject: &Subject) -> Option<Section> {
     if diagnosis.effects.is_empty() {
         return None;
     }
-    let mut section = Section::new("What is missing from the model");
+    let mut section = Section::new("Missing effects");
     if diagnosis.effects.len() > 1 {
         section = section.with(at_a_glance(diagnosis));
     }
@@ -42,11 +42,11 @@ pub fn title(kind: &str, joint: Option<&str>) -> String {
 fn at_a_glance(diagnosis: &Diagnosis) -> Table {
     let mut table = Table::new("All findings, intervals at 95 %")
         .column(Column::text("joint"))
-        .column(Column::text("the model leaves out").wrapping())
-        .column(Column::number("error taken away", "%").fixed(0).bars())
+        .column(Column::text("missing effect").wrapping())
+        .column(Column::number("error removed", "%").fixed(0).bars())
         .column(Column::text("95 % interval"))
         .column(Column::text("in").wrapping())
-        .note("Error taken away: share of the error in these channels, beside all other findings, on the test part; with a star on the data that it was fitted to, for the test part can't tell: there it acts too little.");
+        .note("Error removed: share of the error in these channels that the effect removes beside all other findings, on the test part. With a star: on the data of the fit, since the effect acts too little in the test part.");
     for effect in &diagnosis.effects {
         let gain = effect.evidence.held_out_gain;
         let [low, high] = gain.ci95.map(|share| 100.0 * share);
@@ -68,7 +68,7 @@ fn finding(diagnosis: &Diagnosis, subject: &Subject, index: usize, effect: &Effe
     if effect.is_bound() {
         text.push_str(&format!("\n\n{}", effect.statement));
     } else if let Some(kind) = freeplay_laws::kind(effect.kind) {
-        text.push_str(&format!("\n\nWhat gives it away: {}.", kind.signature));
+        text.push_str(&format!("\n\nSignature: {}.", kind.signature));
     }
     blocks.push(text.into());
     // There is no picture of a joint at rest: no row of its torque has weight.
@@ -107,7 +107,7 @@ fn parameters(effect: &Effect) -> Table {
             }
             (other, _) => other.to_string().trim_matches('"').to_owned(),
         };
-        let interval = interval(parameter, scale).unwrap_or_else(|| "not told by this motion".to_owned());
+        let interval = interval(parameter, scale).unwrap_or_else(|| "not identified".to_owned());
         table = table.row([
             Cell::from(name.as_str()),
             value.into(),
@@ -130,11 +130,11 @@ fn evidence(effect: &Effect) -> String {
     let on = if evidence.held_out {
         "the test part, to which no law was fitted"
     } else {
-        "the data that it was fitted to (it acts too little in the test part to be tested there)"
+        "the data of the fit (the effect acts too little in the test part)"
     };
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
     format!(
-        "Evidence: it is {} that this is there beside the other findings. On {on}, it takes {} % (95 %: {} to {} %) of the error in {} away.",
+        "Evidence: beside the other findings, this effect is {}. On {on}, it removes {} % (95 %: {} to {} %) of the error in {}.",
         evidence.odds,
         percent(evidence.held_out_gain.value),
         percent(evidence.held_out_gain.ci95[0]),

@@ -90,11 +90,13 @@ fn overview(diagnosis: &Diagnosis) -> Vec<Block> {
         .into_iter()
         .map(|(certainty, statement, remedy)| match certainty {
             Certainty::Sure => format!("{statement} {remedy}"),
-            Certainty::Likely => format!("Likely, but much stays unexplained: {statement} {remedy}"),
+            Certainty::Likely => {
+                format!("Likely, although much of the recording stays unexplained: {statement} {remedy}")
+            }
         })
         .collect();
     if !setup.is_empty() {
-        blocks.push(Block::Text("Check how the recording is read:".to_owned()));
+        blocks.push(Block::Text("Check the conventions of the recording:".to_owned()));
         blocks.push(Block::List(setup));
     }
     let tiles = tiles(diagnosis);
@@ -145,8 +147,8 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
             .note(format!("{} before", written(before * scale))),
     );
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
-    tiles.push(Figure::new("error that is gone", percent(gain.value), "%").note(format!(
-        "95 %: {} to {} %, on held-out data, against the re-tuned model",
+    tiles.push(Figure::new("error removed", percent(gain.value), "%").note(format!(
+        "95 %: {} to {} %, on held-out data, relative to the re-tuned model",
         percent(gain.ci95[0]),
         percent(gain.ci95[1])
     )));
@@ -168,15 +170,15 @@ fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
     let fit = diagnosis.fit.as_ref()?;
     let mut section = Section::new("Where");
     if diagnosis.location.is_empty() {
-        section = section.with("In no channel is more left than the noise of the instruments leaves.");
+        section = section.with("No residual exceeds the noise floor of the instruments.");
     } else {
-        let mut table = Table::new("What the tuned model leaves unexplained")
+        let mut table = Table::new("Residual of the tuned model")
             .column(Column::text("joint"))
             .column(Column::text("channels"))
             .column(Column::number("share", "%").fixed(0).bars())
-            .column(Column::text("in which part of the motion").wrapping())
+            .column(Column::text("dependence on the motion").wrapping())
             .column(Column::number("p", "").significant(2))
-            .note("p: the chance that a residual that knows nothing of the motion looks like this, corrected for the number of looks.");
+            .note("p: probability of such a pattern in a residual that does not depend on the motion, corrected for the number of tests.");
         for place in &diagnosis.location {
             table = table.row([
                 place.joint.clone().unwrap_or_else(|| "whole arm".to_owned()).into(),
@@ -188,13 +190,13 @@ fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
         }
         section = section.with(table);
     }
-    let mut table = Table::new("Every channel beside the noise floor, held-out data")
+    let mut table = Table::new("Error and noise floor of every channel, on held-out data")
         .column(Column::text("channel"))
         .column(Column::text("unit"))
         .column(Column::number(MODELS[1].0, "").significant(3))
         .column(Column::number(MODELS[4].0, "").significant(3))
-        .column(Column::number("times the floor", "").significant(3).bars())
-        .note("Noise floor: what a machine leaves that is its model inside the tolerances, moved the same way and measured as badly; simulated.");
+        .column(Column::number("ratio to the floor", "").significant(3).bars())
+        .note("Noise floor: simulated error of a machine that equals its model within the tolerances, with the same motion and the same measurement noise.");
     for (channel, unit) in &fit.units {
         let (left, floor) = (fit.retuned[channel].rmse, fit.noise_floor[channel].rmse);
         let (scale, unit) = display_unit(unit, left);

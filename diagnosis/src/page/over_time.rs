@@ -25,7 +25,7 @@ pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
         section = section.with(chart);
     }
     if !others.is_empty() {
-        section = section.with(Block::Details { summary: "The other channels".to_owned(), blocks: others });
+        section = section.with(Block::Details { summary: "Other channels".to_owned(), blocks: others });
     }
     Some(section)
 }

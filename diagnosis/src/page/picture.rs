@@ -65,7 +65,7 @@ fn pair(points: &Points, over: &Over, y: (&str, &str), title: String, caption: S
         let chart = Chart::xy(title, across, Axis::new(y.0, unit.clone())).height(300);
         clouds(chart, &x, y_values, &points.held_out).in_view(low).in_view(high)
     };
-    let mut before = panel("without it", &without);
+    let mut before = panel("without the effect", &without);
     match &over.forwards {
         None => {
             let (at, mean) = line(&x, &law, |_| true, LINE);
@@ -78,12 +78,12 @@ fn pair(points: &Points, over: &Over, y: (&str, &str), title: String, caption: S
             before = before.series(Series::line(format!("{LAW}, backwards"), &at, &mean).like("backwards"));
         }
     }
-    let after = panel("with it", &with);
+    let after = panel("with the effect", &with);
     let zero = [
         x.iter().copied().fold(f64::INFINITY, f64::min),
         x.iter().copied().fold(f64::NEG_INFINITY, f64::max),
     ];
-    let after = after.series(Series::line("nothing left", &zero, &[0.0, 0.0]).dashed());
+    let after = after.series(Series::line("zero residual", &zero, &[0.0, 0.0]).dashed());
     Drawing::new(title).caption(caption).beside().panel(before).panel(after)
 }
 
@@ -119,10 +119,10 @@ fn in_channel(diagnosis: &Diagnosis, arm: &Arm, index: usize, channel: &str) -> 
     };
     let title = format!("{} over the {}", described(channel), over.name);
     let caption = format!(
-        "Left: what the tuned model with all other findings leaves, and the law {}. Right: what is left with it, on the same scale.",
+        "Left: residual of the tuned model with all other findings, and the law {}. Right: residual with this law, on the same scale.",
         effect.equation
     );
-    Some(pair(&points, &over, (&format!("left in {channel}"), unit), title, caption))
+    Some(pair(&points, &over, (&format!("residual of {channel}"), unit), title, caption))
 }
 
 /// The joints whose motion a picture of the effect uses: its own; for an effect of the whole arm, that of the channel, or all.
@@ -147,7 +147,7 @@ fn periodic(diagnosis: &Diagnosis, arm: &Arm, effect: &Effect) -> Option<Over> {
     let x = column(diagnosis, &format!("position of {name}"));
     let both = effect.kind == "position_dependent_friction";
     Some(Over {
-        name: format!("place within a period, {} a turn of {name}", written(periods)),
+        name: format!("phase of the period, {} periods a rotation of {name}", written(periods)),
         unit: "°".to_owned(),
         x: x.iter().map(|q| (periods * q).rem_euclid(TAU).to_degrees()).collect(),
         forwards: both.then(|| forwards(diagnosis, joint)),
@@ -234,12 +234,12 @@ fn as_angle(diagnosis: &Diagnosis, arm: &Arm, index: usize, joint: usize) -> Opt
     }
     let over = best_plot_variable(diagnosis, &[joint], &points.law)?;
     let name = &arm.joints()[joint].name;
-    let title = format!("The tool's error as a turn of {name}, over the {}", over.name);
+    let title = format!("Tool error as a rotation of {name}, over the {}", over.name);
     let caption = format!(
-        "The error of the tool that turning {name} can make, divided by the lever. Left: what the tuned model with all other findings leaves, and the law {}. Right: what is left with it, on the same scale.",
+        "Tool error along a rotation of {name}, divided by the lever arm. Left: residual of the tuned model with all other findings, and the law {}. Right: residual with this law, on the same scale.",
         effect.equation
     );
-    Some(pair(&points, &over, (&format!("turn of {name}"), "rad"), title, caption))
+    Some(pair(&points, &over, (&format!("rotation of {name}"), "rad"), title, caption))
 }
 
 /// The position of the journal in its bearing, from the tool.
@@ -266,19 +266,23 @@ fn in_the_bearing(diagnosis: &Diagnosis, arm: &Arm, index: usize, joint: usize) 
     let up = |column: Vec<f64>| -> Vec<f64> { column.iter().map(|x| x * scale).collect() };
     let panel = |title: &str, x: Vec<f64>, y: Vec<f64>| {
         let axis = |name: &str| Axis::new(name, unit.clone());
-        let chart = Chart::xy(title, axis("across the axis, first way"), axis("across the axis, second way"))
-            .equal_axes()
-            .series(Series::circle("clearance", (0.0, 0.0), radius * scale).dashed());
+        let chart = Chart::xy(
+            title,
+            axis("across the axis, first direction"),
+            axis("across the axis, second direction"),
+        )
+        .equal_axes()
+        .series(Series::circle("clearance", (0.0, 0.0), radius * scale).dashed());
         clouds(chart, &up(x), &up(y), &u.held_out)
     };
     let said = Series::points(LAW, &up(u.law.clone()), &up(v.law.clone()));
     let name = &arm.joints()[joint].name;
     Some(
-        Drawing::new(format!("The tool's error in the plane across the axis of {name}"))
-            .caption("Seen along the axis of the joint, turning with the link before it. Left: what the tuned model with all other findings leaves lies where the journal rests on its bearing, on the side that the load presses it to. Right: what is left with the play in the model, on the same scale.")
+        Drawing::new(format!("Tool error in the plane perpendicular to the axis of {name}"))
+            .caption("View along the axis of the joint, in the frame of the link before it. Left: residual of the tuned model with all other findings; it lies where the load presses the journal onto its bearing. Right: residual with the play in the model, on the same scale.")
             .beside()
-            .panel(panel("without it", u.without(), v.without()).series(said))
-            .panel(panel("with it", u.with.clone(), v.with.clone())),
+            .panel(panel("without the effect", u.without(), v.without()).series(said))
+            .panel(panel("with the effect", u.with.clone(), v.with.clone())),
     )
 }
 
@@ -303,20 +307,20 @@ pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
     let chart = Chart::xy(
         "",
         Axis::new(map.variable.clone(), x_unit),
-        Axis::new(format!("left in {}, mean", map.channel), unit),
+        Axis::new(format!("residual of {}, mean", map.channel), unit),
     )
     .height(260)
     .in_view(0.0)
     .series(Series::points("mean in each twelfth of the samples", &x, &y))
     .series(Series::line("", &x, &y).like("mean in each twelfth of the samples"));
     let caption = format!(
-        "The plainest such curve: it explains {:.0} % of what the tuned model leaves in {} on the data of the fit (p = {}).",
+        "The strongest such dependence: it explains {:.0} % of the tuned model's residual in {} on the data of the fit (p = {}).",
         100.0 * map.explained,
         map.channel,
         written(map.p)
     );
     Some(
-        Drawing::new(format!("What is left in {} follows the {}", map.channel, map.variable))
+        Drawing::new(format!("The residual of {} follows the {}", map.channel, map.variable))
             .caption(caption)
             .panel(chart),
     )

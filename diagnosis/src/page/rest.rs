@@ -13,17 +13,17 @@ pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
     if diagnosis.alternatives.is_empty() {
         return None;
     }
-    let mut table = Table::new("Other effects in the place of those named, the closest first")
-        .column(Column::text("instead of").wrapping())
-        .column(Column::text("it could be").wrapping())
+    let mut table = Table::new("Alternatives to the named effects, the closest first")
+        .column(Column::text("named effect").wrapping())
+        .column(Column::text("alternative").wrapping())
         .column(Column::text(""))
         .column(Column::text("odds against it"))
-        .column(Column::text("because it").wrapping())
-        .note("Below odds of 150 : 1 two effects are not told apart.");
+        .column(Column::text("reason").wrapping())
+        .note("Odds below 150 : 1 do not separate two effects.");
     for other in &diagnosis.alternatives {
         let (verdict, why) = if other.indistinguishable {
-            let why = format!("{}. What separates the two: {}", other.why_not, other.what_would_separate);
-            (Cell::verdict_in_words(Verdict::Warn, "not told apart"), why)
+            let why = format!("{}. To separate the two: {}", other.why_not, other.what_would_separate);
+            (Cell::verdict_in_words(Verdict::Warn, "indistinguishable"), why)
         } else {
             (Cell::verdict_in_words(Verdict::Ok, "ruled out"), other.why_not.clone())
         };
@@ -35,7 +35,7 @@ pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
             why.into(),
         ]);
     }
-    Some(Section::new("What else it could be").with(table))
+    Some(Section::new("Alternatives").with(table))
 }
 
 /// `coulomb_friction of elbow` in the form of [`title`].
@@ -50,7 +50,7 @@ pub fn untestable(diagnosis: &Diagnosis) -> Option<Section> {
     if diagnosis.untestable.is_empty() && diagnosis.quality.is_empty() {
         return None;
     }
-    let mut section = Section::new("What this recording can't show");
+    let mut section = Section::new("Limits of this recording");
     if !diagnosis.quality.is_empty() {
         section = section.with(Block::List(diagnosis.quality.clone()));
     }
@@ -58,7 +58,7 @@ pub fn untestable(diagnosis: &Diagnosis) -> Option<Section> {
     if reasons.is_empty() {
         return Some(section);
     }
-    let mut table = Table::new("Not testable here")
+    let mut table = Table::new("Untestable effects")
         .column(Column::text("because").wrapping())
         .column(Column::text("effects").wrapping());
     for (because, names) in reasons {
@@ -91,12 +91,12 @@ pub fn model(subject: &Subject) -> Option<Section> {
     let mut section = Section::new("The model");
     let changes = subject.diagnosis.changes_model();
     section = if !changes {
-        section.with("Nothing is added to the model: `model.toml` is the model as given.")
+        section.with("The diagnosis adds nothing to the model: `model.toml` is the model as given.")
     } else if effects.is_empty() {
         section.with("`model.toml` is the model with the gravity that the recording shows.")
     } else {
         section
-            .with("`model.toml` is the model with these effects, its masses, lengths and friction tuned inside their tolerances; `compare`, `run` and the controllers read it as it is.")
+            .with("`model.toml` is the model with these effects; its masses, lengths and friction are tuned within their tolerances. `compare`, `run` and the controllers read this file directly.")
             .with(Block::Code(effects.trim_end().to_owned()))
     };
     if changes {
@@ -110,18 +110,17 @@ pub fn model(subject: &Subject) -> Option<Section> {
 
 /// The next steps; `None` without any.
 pub fn next(diagnosis: &Diagnosis) -> Option<Section> {
-    (!diagnosis.next.is_empty())
-        .then(|| Section::new("What to do next").with(Block::List(diagnosis.next.clone())))
+    (!diagnosis.next.is_empty()).then(|| Section::new("Next steps").with(Block::List(diagnosis.next.clone())))
 }
 
 /// The evidence: every kind at every place, and the tolerances that the fit used.
 pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
     diagnosis.fit.as_ref()?;
-    let mut evidence = Table::new("Every kind at every place, by what it explains")
+    let mut evidence = Table::new("Evidence for every kind at every place")
         .column(Column::text("effect"))
         .column(Column::number("alone", ""))
         .column(Column::number("beside the findings", ""))
-        .note("Natural logarithm of the odds that the effect is missing from the model, prior odds included: 3 are 20 to 1, below 0 it is not.");
+        .note("Natural logarithm of the odds that the effect is missing from the model, prior odds included: 3 means 20 to 1, and below 0 the effect is improbable.");
     for row in &diagnosis.evidence {
         evidence = evidence.row([
             Cell::from(title(row.kind, row.joint.as_deref())),
@@ -129,27 +128,29 @@ pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
             row.beside.into(),
         ]);
     }
-    let mut tuned = Table::new("How far the tolerances of the model are used beside the findings")
+    let mut tuned = Table::new("Tuning of the model within its tolerances, beside the findings")
         .column(Column::text("tolerance"))
         .column(Column::number("standard deviations", "").significant(2))
         .note("A tolerance is 1.7 standard deviations wide.");
     for one in &diagnosis.tuned {
         tuned = tuned.row([Cell::from(one.name.as_str()), one.deviations.into()]);
     }
-    let mut followed = Table::new("To what the machine follows its laws, with the findings in the model")
+    let mut followed = Table::new("Accuracy of the laws, with the findings in the model")
         .column(Column::text("channel"))
         .column(Column::number("off by", "%").significant(2))
         .column(Column::number("noise of the instruments", "").significant(2))
-        .note("Share of the local size of the channel by which the laws are off: real machines follow theirs to some per cent.");
+        .note(
+            "Error of the laws as a share of the local size of the channel: some per cent on real machines.",
+        );
     for (channel, discrepancy) in &diagnosis.discrepancy {
         let cells =
             [Cell::from(channel.as_str()), (100.0 * discrepancy.share).into(), discrepancy.noise.into()];
         followed = followed.row(cells);
     }
-    let text = "The data were cut into three parts. The fit part shows which effects are missing, the choice part decides between answers that are as good and helps to tell their sizes, and the test part, to which nothing was fitted, left out laws that it contradicts and gave the errors and gains of this report. What happens at a time was looked for in all parts, and the rows in which it happens are no part of the test.";
+    let text = "The data were cut into three parts. The fit part shows which effects are missing. The choice part decides between sets of effects that fit equally well, and helps to estimate their parameters. No law was fitted to the test part: it excluded laws that it contradicts, and gave the errors and gains of this report. The search for effects that act for a limited time used all parts; their rows are not in the test.";
     let blocks = vec![followed.into(), evidence.into(), tuned.into()];
     Some(
-        Section::new("How it was judged")
+        Section::new("Method")
             .with(text)
             .with(Block::Details { summary: "Evidence and tolerances".to_owned(), blocks }),
     )

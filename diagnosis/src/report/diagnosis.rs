@@ -353,7 +353,7 @@ pub(crate) fn insufficient(
     Diagnosis {
         schema: DIAGNOSIS_SCHEMA,
         verdict: Verdict::InsufficientData,
-        statement: format!("These recordings can't tell: {why}."),
+        statement: format!("These recordings do not suffice: {why}."),
         setup: Vec::new(),
         location: Vec::new(),
         effects: Vec::new(),

@@ -32,7 +32,9 @@ pub enum DiagnoseError {
     #[error("no recording: give at least one")]
     NoRecording,
     /// The recordings have different columns.
-    #[error("{first} and {other} hold different columns; diagnose them one by one, or record the same")]
+    #[error(
+        "{first} and {other} hold different columns; diagnose them one by one, or record the same columns"
+    )]
     DifferentColumns {
         /// The first recording.
         first: String,

@@ -12,7 +12,7 @@ use crate::search::tried::LISTED;
 use crate::statistics::STRONG;
 
 /// First words of a sentence on the measurement that would separate two effects.
-pub const TO_TELL: &str = "to tell";
+pub const TO_TELL: &str = "to distinguish";
 
 /// The odds of a finding in words, from their natural logarithm (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773).
 pub(crate) fn odds(log_odds: f64) -> &'static str {
@@ -20,7 +20,7 @@ pub(crate) fn odds(log_odds: f64) -> &'static str {
         x if x < STRONG => "possible",
         // "Very strong" (Kass & Raftery).
         x if x < 150.0_f64.ln() => "probable",
-        _ => "as good as sure",
+        _ => "almost certain",
     }
 }
 
@@ -29,11 +29,11 @@ pub(crate) fn odds_against(log_odds: f64) -> String {
     /// Largest odds in digits: readers take a number with five digits for certainty.
     const MANY: f64 = 1e4;
     if log_odds < 0.0 {
-        return "it says the same of this motion".to_owned();
+        return "it explains this motion as well".to_owned();
     }
     match log_odds.exp() {
-        odds if odds > MANY => "it was tried in this place and leaves far more of the error".to_owned(),
-        odds => format!("it was tried in this place; the odds against it are {odds:.0} to 1"),
+        odds if odds > MANY => "fitted in this place, it leaves far more of the error".to_owned(),
+        odds => format!("fitted in this place, it has odds of {odds:.0} to 1 against it"),
     }
 }
 
@@ -113,7 +113,11 @@ pub(crate) fn phrase(kind: &EffectKind, parameters: &BTreeMap<String, Parameter>
     if !further.is_empty() {
         words = format!("{words} ({})", further.join(", "));
     }
-    if is_less(kind, parameters) { format!("{words}, which is less than the model has") } else { words }
+    if is_less(kind, parameters) {
+        format!("{words} (negative: the machine has less than the model)")
+    } else {
+        words
+    }
 }
 
 /// `words` with the bracketed parts whose parameter is in `parameters`.
@@ -175,7 +179,7 @@ pub(crate) fn with_given(given: &EffectTable, both: &EffectTable, arm: &Arm) -> 
         Some(phrase(kind, &table.parameters.iter().map(parameter).collect()))
     };
     match (in_words(given), in_words(both)) {
-        (Some(given), Some(both)) => format!(" The model has {given} already; both together are {both}."),
+        (Some(given), Some(both)) => format!(" The model already has {given}; the sum is {both}."),
         _ => String::new(),
     }
 }
@@ -221,11 +225,11 @@ fn pair(other: &Alternative) -> [String; 2] {
 /// The alternatives that this motion does not separate, in one sentence; empty if there are none.
 pub(crate) fn open(alternatives: &[Alternative]) -> String {
     let open = alternatives.iter().filter(|other| other.indistinguishable).map(pair);
-    let pairs: Vec<String> = open.map(|[named, other]| format!("{named} is {other}")).collect();
+    let pairs: Vec<String> = open.map(|[named, other]| format!("{named} from {other}")).collect();
     match pairs.len() {
         0 => String::new(),
-        1..LISTED => format!(" Not told by this motion: whether {}.", pairs.join(", or whether ")),
-        many => format!(" This motion leaves {many} of these open: other laws say the same of it."),
+        1..LISTED => format!(" This motion cannot distinguish {}.", pairs.join(", or ")),
+        many => format!(" Other laws explain {many} of these as well on this motion."),
     }
 }
 
@@ -237,17 +241,17 @@ pub(crate) fn to_tell(other: &Alternative) -> String {
 
 /// The part of the motion with the residual, from its strongest map.
 pub(crate) fn when(map: Option<&Map>) -> String {
-    let Some(map) = map else { return "in no part of the motion more than in another".to_owned() };
+    let Some(map) = map else { return "equally in all parts of the motion".to_owned() };
     let percent = 100.0 * map.explained;
     if map.variable == "time" {
         let strongest =
             (0..map.mean.len()).max_by(|&a, &b| map.mean[a].abs().total_cmp(&map.mean[b].abs())).unwrap_or(0);
         return format!(
-            "it changes with time (explains {percent:.0} %), strongest near t = {} s",
+            "the residual changes with time (explains {percent:.0} %), strongest near t = {} s",
             brief(map.at[strongest])
         );
     }
-    format!("it follows the {} (explains {percent:.0} %)", map.variable)
+    format!("the residual follows the {} (explains {percent:.0} %)", map.variable)
 }
 
 /// Puts the verdict into words.
@@ -255,7 +259,7 @@ pub(crate) fn put_into_words(diagnosis: &mut Diagnosis) {
     let left_out = left_out(&diagnosis.along_the_arm());
     diagnosis.statement = match diagnosis.verdict {
         Verdict::NothingMissing => {
-            "The recording agrees with the model inside its tolerances. Nothing is missing that this motion could show.".to_owned()
+            "The recording agrees with the model within its tolerances. The model lacks no effect that this motion could show.".to_owned()
         }
         Verdict::Named => left_out,
         Verdict::OneOf => left_out + &open(&diagnosis.alternatives),
@@ -274,12 +278,12 @@ fn unknown(effects: &[&Effect]) -> String {
     let (named, nameless): (Vec<&Effect>, Vec<&Effect>) =
         effects.iter().copied().partition(|effect| is_catalogued(effect));
     let mut words =
-        "Something is missing from the model that no effect of the catalogue says well enough.".to_owned();
+        "The model lacks an effect that no law of the catalogue describes well enough.".to_owned();
     for like in nameless {
-        words.push_str(&format!(" It looks like this: {}", like.statement));
+        words.push_str(&format!(" The closest description: {}", like.statement));
     }
     if !named.is_empty() {
-        words.push_str(&format!(" Part of it has a name. {}", left_out(&named)));
+        words.push_str(&format!(" The catalogue describes a part of it. {}", left_out(&named)));
     }
     words
 }
@@ -337,7 +341,7 @@ mod tests {
         );
         assert_eq!(
             phrase(kind("viscous_friction"), &parameters(&[("viscous", -0.88, "N*m*s/rad", 0.08)])),
-            "viscous friction of -0.880 ± 0.080 N·m·s/rad, which is less than the model has"
+            "viscous friction of -0.880 ± 0.080 N·m·s/rad (negative: the machine has less than the model)"
         );
         assert_eq!(
             (on(Some("elbow")), on(Some("joint_1"))),

@@ -47,7 +47,7 @@ pub fn add_servos(
     if diagnosis.verdict == Verdict::InsufficientData || !recordings.iter().all(has_both) {
         return Ok(diagnosis);
     }
-    progress("asking whether servos make the torques of the commanded positions");
+    progress("testing whether servos produce the torques from the commanded positions");
     let recordings = bounded(recordings, &mut Vec::new());
     let whole: Vec<Track> = recordings.iter().map(track).collect();
     let few: Vec<Track> = whole.iter().map(for_lags).collect();

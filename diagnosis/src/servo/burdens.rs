@@ -170,7 +170,7 @@ pub fn add_burden(
     for burdened in scored {
         let all: Vec<Unknown> = beside.iter().chain(&burdened.unknowns).copied().collect();
         let with = fit.fit(&plain.model, &all, &mut |step, _| {
-            progress(&format!("fitting the servos and what the arm carries, step {step}"));
+            progress(&format!("fitting the servos with a payload or a base tilt, step {step}"));
         });
         let left = left(&with.model, &all);
         if before[0] - left[0] > least && left[1] < before[1] {

@@ -157,15 +157,15 @@ fn remarks(file: &ArmFile, recording: &Recording, has_servos: bool) -> Vec<Strin
     notes.extend(notes::beyond_limits(&file.arm, recording));
     if !has_servos {
         notes.push(
-            "the model has no servo at each joint: the model's position is the commanded one, as late as it is nearest to the measured one; diagnose \
-             finds the servos"
+            "the model does not have a servo at each joint: its position is the commanded one, with the delay that fits the measured one best; \
+             diagnose finds the servos"
                 .to_owned(),
         );
         return notes;
     }
     let unused = ServoArm::unused(file);
     if !unused.is_empty() {
-        notes.push(format!("not simulated from commanded positions: {}", unused.join(", ")));
+        notes.push(format!("effects that are not simulated from commanded positions: {}", unused.join(", ")));
     }
     notes
 }

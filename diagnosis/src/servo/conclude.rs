@@ -26,8 +26,8 @@ const REPLACED: [&str; 6] =
     ["servo", "command_delay", "coulomb_friction", "viscous_friction", "stribeck_friction", "rotor_inertia"];
 
 /// Recommended motion to separate causes that only the weight of the links distinguishes.
-const TO_SEPARATE: &str = "record poses in which the links before and after it hang otherwise and press the other way, or \
-                           weigh it";
+const TO_SEPARATE: &str =
+    "record poses in which gravity loads the joints before and after it in the other direction, or weigh it";
 
 /// The inputs of a conclusion.
 pub struct Conclusion<'a> {
@@ -58,7 +58,7 @@ pub struct Conclusion<'a> {
 impl Conclusion<'_> {
     /// The diagnosis of recordings that do not suffice, for the reason `why`.
     pub fn insufficient(file: &ArmFile, settings: &DiagnoseSettings, why: &str) -> Diagnosis {
-        let advice = "record a motion in which every joint moves, slowly and quickly, both ways";
+        let advice = "record a motion in which every joint moves, slowly and quickly, in both directions";
         insufficient(file, settings, Vec::new(), format!("{why}; {advice}"))
     }
 
@@ -320,7 +320,7 @@ impl Conclusion<'_> {
                 channels: joints.iter().map(|joint| Group::Position.column(*joint)).collect(),
             },
             statement: format!(
-                "{} It is told by how the droop of the joints goes with the pose.",
+                "{} The dependence of the joints' droop on the pose identifies it.",
                 statement(&phrase, joint.as_deref())
             ),
             phrase,
@@ -397,7 +397,7 @@ impl Conclusion<'_> {
         let (before, lagged, after) = (of(&self.before), of(&self.lagged), of(&self.after));
         let given = if self.given.is_some() { "the model as given" } else { "the command itself" };
         let numbers = format!(
-            "On {} the measured positions are {after:.1} mrad rms off the simulated servos, {lagged:.1} off the command taken late, {before:.1} off {given}.",
+            "On {}, the measured positions deviate by {after:.1} mrad RMS from the simulated servos, by {lagged:.1} from the delayed command and by {before:.1} from {given}.",
             self.parts.words
         );
         let lags: Vec<String> = self
@@ -411,7 +411,7 @@ impl Conclusion<'_> {
             .filter(|(_, moves)| **moves)
             .map(|((joint, sight), _)| format!("{} {:.0} ms", joint.name, 1e3 * sight.lag))
             .collect();
-        let lag = format!("Measured positions follow the commanded ones by: {}.", lags.join(", "));
+        let lag = format!("Lag of the measured positions behind the commanded ones: {}.", lags.join(", "));
         if effects.is_empty() {
             return format!("The servos of the model explain the recordings. {lag} {numbers}");
         }
@@ -427,9 +427,9 @@ impl Conclusion<'_> {
             });
             let when: Vec<String> = when.collect();
             let place = if when.is_empty() {
-                format!("wherever it moves: {:.0} ms late", 1e3 * self.sights[joint].lag)
+                format!("in all its motion: {:.0} ms late", 1e3 * self.sights[joint].lag)
             } else {
-                format!("wherever it moves, and off its servo from {}", when.join(", "))
+                format!("in all its motion; away from its servo's position from {}", when.join(", "))
             };
             Location {
                 joint: Some(self.numbers.file.arm.joints()[joint].name.clone()),
@@ -482,7 +482,7 @@ impl Conclusion<'_> {
         let mut next = Vec::new();
         if !names.is_empty() {
             next.push(format!(
-                "to know the stiffness of {} in N·m/rad, hang a known weight on a lever there, or lay the arm on its side",
+                "to determine the stiffness of {} in N·m/rad, hang a known weight on a lever there, or lay the arm on its side",
                 names.join(", ")
             ));
         }
@@ -498,7 +498,7 @@ impl Conclusion<'_> {
         }
         let fitted = self.numbers.fitted;
         notes.push(format!(
-            "servos fitted in {} steps to simulations from the commanded positions; judged on {}",
+            "the fit of the servos to simulations from the commanded positions took {} steps; the test used {}",
             fitted.steps, self.parts.words
         ));
         notes

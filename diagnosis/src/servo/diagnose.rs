@@ -28,7 +28,7 @@ pub fn diagnose(
     settings: &DiagnoseSettings,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, DiagnoseError> {
-    progress("measuring by how much positions follow their commands");
+    progress("measuring the lag of the positions behind their commands");
     let whole: Vec<Track> = recordings.iter().map(track).collect();
     let few: Vec<Track> = whole.iter().map(for_lags).collect();
     let seen = sights(&file.arm, &few);
@@ -42,7 +42,11 @@ pub fn diagnose(
     }
     let has_fit = !problem(&tracks, &parts.fit, &seen, WINDOW).windows.is_empty();
     if !has_fit || parts.test.iter().all(|(_, rows)| rows.len() < FEWEST_ROWS) {
-        return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
+        return Ok(Conclusion::insufficient(
+            file,
+            settings,
+            "they are too short for a fit, a choice and a test",
+        ));
     }
     let tolerances = &settings.tolerances;
     let recorded =
@@ -52,7 +56,7 @@ pub fn diagnose(
         None => servos(&recorded, progress),
     };
     let Found { fitted, unknowns, .. } = &found;
-    progress("judging on what no step has seen");
+    progress("testing on data that no fit has used");
     let numbers = Numbers { file, fitted, unknowns, sights: &seen, tolerances };
     let [_, choice] = recorded.fit_and_choice(&found.undisturbed, &fitted.model);
     let rival = rivals(&parts.fit, &tracks, &seen);

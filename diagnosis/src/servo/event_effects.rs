@@ -78,7 +78,7 @@ impl Conclusion<'_> {
         let what = match &event.what {
             What::Stop { .. } => format!("{} rests at a hard stop", names.join(", ")),
             What::Contact { point: [x, y, z], .. } => format!(
-                "the arm touches something: {} held off, the tool near ({x:.3}, {y:.3}, {z:.3}) m",
+                "the arm touches an obstacle near the tool position ({x:.3}, {y:.3}, {z:.3}) m: it displaces {}",
                 names.join(", ")
             ),
         };
@@ -99,7 +99,7 @@ impl Conclusion<'_> {
                 channels: joints.iter().map(|joint| Group::Position.column(*joint)).collect(),
             },
             phrase,
-            statement: format!("From {start:.1} to {end:.1} s of {recording} {what}."),
+            statement: format!("From {start:.1} to {end:.1} s of {recording}, {what}."),
         }
     }
 }

@@ -183,11 +183,11 @@ impl Numbers<'_> {
             let droop = distance(self.joint(joint).kind, 1.0 / servo.stiffness, None);
             let unit = if self.joint(joint).kind == JointKind::Revolute { "N·m" } else { "N" };
             format!(
-                "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late, beside the delay of its commands; a load of 1 {unit} lets it droop by {droop}."
+                "In motion, {name} lags by {lag_ms:.0} ± {half_ms:.0} ms, in addition to the delay of its commands. A load of 1 {unit} makes it droop by {droop}."
             )
         } else {
             format!(
-                "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late. No load tells its stiffness: only ratios to it are known, and the numbers in N·m rest on the one assumed."
+                "In motion, {name} lags by {lag_ms:.0} ± {half_ms:.0} ms. No load identifies its stiffness: only ratios to it are known, and the values in N·m depend on an assumed stiffness."
             )
         };
         self.finding("servo", joint, numbers, remark)
@@ -231,9 +231,9 @@ impl Numbers<'_> {
         let joint_name = &self.joint(joint).name;
         let remark = match parameter {
             ModelParameter::Coulomb | ModelParameter::Stiction => {
-                let what = if parameter == ModelParameter::Coulomb { "holds" } else { "holds at rest" };
+                let what = if parameter == ModelParameter::Coulomb { "It holds" } else { "At rest it holds" };
                 let off = distance(self.joint(joint).kind, ratio, Some(half_width() * deviation));
-                format!("It {what} {joint_name} up to {off} off where its servo would have it.")
+                format!("{what} {joint_name} up to {off} away from its servo's position.")
             }
             _ => String::new(),
         };
@@ -291,7 +291,7 @@ impl Numbers<'_> {
             }
             (!self.is_known(joint)).then(|| {
                 format!(
-                    "no load on {name} changes: only ratios to its servo's stiffness can be known, not N·m"
+                    "the load on {name} does not change: only ratios to its servo's stiffness can be identified, not values in N·m"
                 )
             })
         };
@@ -306,16 +306,19 @@ impl Numbers<'_> {
         let arm = [
             (
                 "viscous_friction",
-                "from commanded and measured positions alone viscous friction can't be told from the servo's own damping: both are in `damping`",
+                "commanded and measured positions alone can't separate viscous friction from the servo's own damping: `damping` contains both",
             ),
             (
                 "payload",
-                "without torques a payload far out on the last link is told from softer servos only by how droop goes with the pose, not at the last joint alone",
+                "without torques, only the dependence of droop on the pose separates a payload far out on the last link from softer servos; the last joint alone does not",
             ),
-            ("joint_elasticity", "what gives behind the encoder needs the tool or the link's encoder"),
+            (
+                "joint_elasticity",
+                "elasticity behind the encoder shows only in the tool or in the link's encoder",
+            ),
             (
                 "backlash",
-                "what is loose behind the encoder needs given servos and the weight of the links, the tool or the link's encoder",
+                "play behind the encoder shows only in the tool, in the link's encoder, or through the weight of the links on given servos",
             ),
         ];
         all.extend(arm.map(|(kind, because)| Untestable { kind, joint: None, because: because.to_owned() }));

@@ -48,7 +48,7 @@ impl Parts {
                     fit: vec![(0, 0..first)],
                     choice: vec![(0, first..second)],
                     test: vec![(0, second..rows)],
-                    words: format!("the last fifth of {}, which no fit and no choice has seen", name(0)),
+                    words: format!("the last fifth of {}, which neither fit nor choice used", name(0)),
                 }
             }
             2 => {
@@ -57,14 +57,14 @@ impl Parts {
                     fit: vec![(0, 0..cut)],
                     choice: vec![(0, cut..tracks[0].stamps.len())],
                     test: vec![whole(1)],
-                    words: format!("{}, which no fit and no choice has seen", name(1)),
+                    words: format!("{}, which neither fit nor choice used", name(1)),
                 }
             }
             _ => Parts {
                 fit: (0..last - 1).map(whole).collect(),
                 choice: vec![whole(last - 1)],
                 test: vec![whole(last)],
-                words: format!("{}, which no fit and no choice has seen", name(last)),
+                words: format!("{}, which neither fit nor choice used", name(last)),
             },
         }
     }

@@ -100,7 +100,7 @@ impl<'a> Search<'a> {
             let mut changes = changed.changes.clone();
             changes[index] = other.clone();
             let unknowns = self.unknowns(&changes);
-            let words = format!("fitting another cause in the place of one of {} changes", changes.len());
+            let words = format!("fitting another cause instead of one of {} changes", changes.len());
             let fitted = self.parts[0]
                 .fit(&begin, &unknowns, &mut |step, _| progress(&format!("{words}, step {step}")));
             let against = total(&Changed { changes, fitted, unknowns }, &other) - here;
@@ -195,7 +195,7 @@ impl<'a> Search<'a> {
     /// Adds one change to `changed`: the one with the smallest residual among those with enough evidence for a name. If a fit with one more change ends in a
     /// better minimum, the function first refits `changed` from there.
     fn add(&mut self, changed: &mut Changed, progress: &mut dyn FnMut(&str)) -> Option<Changed> {
-        progress("asking which change of the given model explains most");
+        progress("searching for the change of the given model that explains most");
         let mut tried: Vec<(Changed, Change)> = Vec::new();
         for (change, begin) in self.promising(changed) {
             let changes = changed.changes.iter().cloned().chain([change.clone()]).collect();

@@ -20,7 +20,7 @@ pub fn servos(recorded: &Recorded, progress: &mut dyn FnMut(&str)) -> Found {
     let believed: Vec<Unknown> = alone.into_iter().flat_map(|one| one.unknowns).collect();
     let mut joints = Joints { recorded, all, believed };
     let (fitted, undisturbed) = joints.fit(&first, progress);
-    progress("asking whether the arm carries more, or stands otherwise, than its model says");
+    progress("testing for a payload or a base tilt that the model lacks");
     let [fit, choice] = recorded.fit_and_choice(&undisturbed, &fitted.model);
     let (fitted, burdened) =
         add_burden([&fit, &choice], file, tolerances, &mut joints.believed, fitted, progress);
@@ -65,7 +65,7 @@ impl Joints<'_> {
         let is_left = |unknown: &&Unknown| !self.believed.iter().any(|one| one.is_same(unknown));
         let rotors: Vec<Unknown> = self.all.iter().filter(is_left).copied().collect();
         let fitted = add_rotors([&fit, &choice], &rotors, &mut self.believed, fitted, progress);
-        progress("asking whether a servo has limits");
+        progress("testing whether a servo has limits");
         add_limits([&fit, &choice], self.recorded.sights, &mut self.believed, fitted, progress)
     }
 }

@@ -62,7 +62,7 @@ fn servo(file: &ArmFile, joint: usize, law: &TorqueLaw, tolerances: &Tolerances)
     let droop = distance(kind, 1.0 / k.0, None);
     let numbers = [("stiffness", k.0, around(k.0, k.1)), ("damping", c.0.max(0.0), around(c.0, c.1))];
     Finding {
-        remark: format!("A load of 1 {unit} lets it droop by {droop}."),
+        remark: format!("A load of 1 {unit} makes it droop by {droop}."),
         distance: given("stiffness").map_or(CERTAIN, distance_from),
         ..finding(file, "servo", joint, &numbers)
     }
@@ -196,7 +196,7 @@ impl Simulated<'_> {
         }
         diagnosis.passages.iter_mut().for_each(|passage| self.draw(passage));
         diagnosis.quality.push(
-            "positions are simulated from the commanded ones by the servos found; in their rows re-tuned is the command taken late, black box a linear filter of the commands"
+            "the servos found simulate the positions from the commanded ones; in the rows of positions, \"re-tuned\" is the delayed command and \"black box\" a linear filter of the commands"
                 .to_owned(),
         );
     }
@@ -241,7 +241,7 @@ impl Simulated<'_> {
         let of = |deviations: &Deviations| 1e3 * rms(deviations, &self.parts.test, &self.joints);
         let torque = match diagnosis.verdict {
             Verdict::NothingMissing if !effects.is_empty() => {
-                "The torques agree with the model inside its tolerances."
+                "The torques agree with the model within its tolerances."
             }
             _ => &diagnosis.statement,
         };
@@ -252,12 +252,12 @@ impl Simulated<'_> {
                 "mrad"
             };
         let named = if effects.is_empty() {
-            "The servos of the model make these torques of the commands.".to_owned()
+            "The servos of the model produce these torques from the commands.".to_owned()
         } else {
-            format!("Servos make these torques of the commands: {}.", summary(effects))
+            format!("Servos produce these torques from the commands: {}.", summary(effects))
         };
         let numbers = format!(
-            "On {} the measured positions are {:.3} {unit} rms off those simulated from the commands, {:.3} off the command taken late.",
+            "On {}, the measured positions deviate by {:.3} {unit} RMS from those simulated from the commands and by {:.3} from the delayed command.",
             self.parts.words,
             of(&self.after),
             of(&self.lagged)

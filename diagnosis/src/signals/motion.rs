@@ -96,7 +96,7 @@ impl Treatment {
         {
             treatment = lower;
             treatment.notes.push(format!(
-                "low-pass at {lower_hz:.1} Hz instead of {usual_hz:.1} Hz: above it the recorded positions hold more noise than motion (--lowpass sets another)"
+                "low-pass at {lower_hz:.1} Hz instead of {usual_hz:.1} Hz: above that frequency, the recorded positions contain more noise than motion (--lowpass sets another cutoff)"
             ));
         }
         Ok(treatment)
@@ -137,7 +137,7 @@ impl Treatment {
         if all > 1 {
             let dropped = all - kept;
             self.notes.push(format!(
-                "the time stamps have {} gap(s); each stretch between them is filtered by itself{}",
+                "the time stamps have {} gap(s); each stretch between them is filtered separately{}",
                 all - 1,
                 if dropped > 0 { format!(", {dropped} too short to be used") } else { String::new() }
             ));
@@ -146,7 +146,7 @@ impl Treatment {
             let (off, rate_hz) = (self.grid.jitter, self.grid.rate_hz());
             let done = if self.grid.is_steadied {
                 format!(
-                    "the positions are smoother without that, so that the samples are taken as even, at {rate_hz:.4} Hz"
+                    "the positions are smoother on an even grid, so that the samples count as even, at {rate_hz:.4} Hz"
                 )
             } else {
                 format!("columns are interpolated to {rate_hz:.4} Hz")

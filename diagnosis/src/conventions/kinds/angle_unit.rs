@@ -44,7 +44,7 @@ fn finding(arm: &Arm, certainty: Certainty) -> SetupFinding {
         certainty,
         statement: format!("The joint positions are in {unit}, not in {}.", if slides { "m" } else { "rad" }),
         remedy: format!(
-            "Say the unit in the mapping: under [q], unit = \"{}\".",
+            "Set the unit in the mapping: unit = \"{}\" under [q].",
             if slides { "mm" } else { "deg" }
         ),
         gravity: None,

@@ -21,10 +21,10 @@ pub(crate) fn found(arm: &Arm, recording: &Recording) -> Vec<SetupFinding> {
         unit: "rad",
         certainty: Certainty::Sure,
         statement: format!(
-            "The position of {} jumps by a whole turn: its controller counts within one turn only. The jumps are taken out.",
+            "The position of {} jumps by a whole turn: its controller counts within one turn only. The program removes the jumps.",
             listed(&names)
         ),
-        remedy: "Say unwrap = true under [q] in the mapping.".to_owned(),
+        remedy: "Set unwrap = true under [q] in the mapping.".to_owned(),
         gravity: None,
     };
     names.iter().map(one).collect()

@@ -42,7 +42,7 @@ fn finding(value: f64, certainty: Certainty) -> SetupFinding {
         value,
         unit: "1",
         certainty,
-        statement: "No reading of the recording (units, signs, order, zeros, gravity, clock) makes it meet this model: is it of another arm?"
+        statement: "No reading of the recording (units, signs, order, zeros, gravity, clock) agrees with this model. Is the recording from another arm?"
             .to_owned(),
         remedy: "Check that the model file and the recording belong to the same robot, and the same tool.".to_owned(),
         gravity: None,

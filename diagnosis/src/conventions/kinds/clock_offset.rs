@@ -54,7 +54,7 @@ pub(crate) fn finding(late: Late, delay: f64, certainty: Certainty) -> SetupFind
         unit: "s",
         certainty,
         statement: format!(
-            "The {group} {ms} ms {way} against the joint positions: were two logs with two clocks joined?"
+            "The {group} {ms} ms {way} relative to the joint positions. Do they come from two logs with different clocks?"
         ),
         remedy: format!("Shift them by {ms} ms in the mapping, or join the logs on one clock."),
         gravity: None,

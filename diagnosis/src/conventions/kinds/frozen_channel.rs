@@ -43,7 +43,7 @@ pub(crate) fn found(arm: &Arm, recording: &Recording) -> Vec<(SetupFinding, bool
 /// A constant position while all other channels show that its joint moves, detected by the residual of every reading.
 pub(crate) fn suspected(arm: &Arm, recording: &Recording) -> Option<SetupFinding> {
     let joint = (0..arm.dof()).find(|&joint| is_still(&recording.q[joint]))?;
-    Some(finding(arm, joint, "position", recording.q[joint][0], "what else was recorded shows that it moves"))
+    Some(finding(arm, joint, "position", recording.q[joint][0], "the other channels show that it moves"))
 }
 
 fn finding(arm: &Arm, joint: usize, what: &str, value: f64, why: &str) -> SetupFinding {

@@ -23,10 +23,10 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
         unit: "m/s^2",
         certainty: Certainty::Sure,
         statement: format!(
-            "The torques hold no gravity: the controller, or the driver, has taken the arm's weight out of them.{}",
+            "The torques contain no gravity: the controller or the driver has subtracted the arm's weight.{}",
             results.rival(&change)
         ),
-        remedy: "Record the whole torque, or say gravity_compensated = true in the mapping, which adds the model's weight."
+        remedy: "Record the full torque, or set gravity_compensated = true in the mapping, which adds the model's weight."
             .to_owned(),
         gravity: Some([0.0; 3]),
     }

@@ -38,11 +38,11 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
     let (gravity, angle) = (results.best.gravity, angle(results.arm, results.best));
     let numbers: Vec<String> = gravity.iter().map(|x| format!("{}", (x * 1e4).round() / 1e4)).collect();
     let standing = if angle > 2.8 {
-        "The arm hangs upside down against its model"
+        "The arm hangs upside down compared with its model"
     } else if (angle - std::f64::consts::FRAC_PI_2).abs() < 0.1 {
         "The arm is mounted on a wall"
     } else {
-        "The arm's base is turned"
+        "The arm's base is tilted"
     };
     vec![SetupFinding {
         kind: "gravity_direction",
@@ -51,7 +51,7 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
         unit: "rad",
         certainty: Certainty::Sure,
         statement: format!(
-            "{standing}: its torques show gravity turned by {} degrees, [{}] m/s² in the base frame.{}",
+            "{standing}: its torques show gravity rotated by {} degrees, [{}] m/s² in the base frame.{}",
             brief(angle.to_degrees()),
             numbers.join(", "),
             results.rival(&change)

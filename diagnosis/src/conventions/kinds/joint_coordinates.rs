@@ -29,10 +29,10 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
             unit: "1",
             certainty: Certainty::Sure,
             statement: format!(
-                "The position of {name} is recorded relative to the arm's base, not to {other}: it is the model's {name} {sum} {other}.{}",
+                "The position of {name} is recorded relative to the arm's base, not to {other}: the recorded value is the model's {name} {sum} {other}.{}",
                 results.rival(&change)
             ),
-            remedy: format!("{back} {other} in the mapping."),
+            remedy: format!("{back} the position of {other} in the mapping."),
             joint: Some(name),
             gravity: None,
         })

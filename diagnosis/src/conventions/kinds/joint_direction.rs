@@ -26,16 +26,16 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
         let Change::Direction { joint, with_torque } = change else { return None };
         let name = results.name(joint);
         let torque =
-            if !results.best.changes.is_empty() && with_torque { ", and its torque with it" } else { "" };
+            if !results.best.changes.is_empty() && with_torque { ", and so has its torque" } else { "" };
         let rival = results.rival(&change);
         Some(SetupFinding {
             kind: "joint_direction",
             value: -1.0,
             unit: "1",
             certainty: Certainty::Sure,
-            statement: format!("{name} is counted the other way than in the model{torque}.{rival}"),
+            statement: format!("{name} has the opposite direction to that in the model{torque}.{rival}"),
             remedy: format!(
-                "Turn the sign of {name}{} in the mapping, or turn its axis in the model.",
+                "Invert the sign of {name}{} in the mapping, or reverse its axis in the model.",
                 if with_torque { " and of its torque" } else { "" }
             ),
             joint: Some(name),

@@ -28,7 +28,7 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
         format!("{} are exchanged in the recording.", listed(&names))
     } else {
         format!(
-            "The recording has its joints in another order: the model's joints are {} there.",
+            "The recording has its joints in another order: its columns for the model's joints are {}.",
             columns.join(", ")
         )
     };

@@ -53,7 +53,7 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
                 results.rival(&change)
             ),
             remedy: format!(
-                "Take {} rad off {name} in the mapping, or turn its frame in the model.",
+                "Subtract {} rad from {name} in the mapping, or rotate its frame in the model.",
                 brief(offset)
             ),
             joint: Some(name),

@@ -60,7 +60,9 @@ impl Results<'_> {
     /// The alternative that explains the same as `change`, as a sentence; empty if there is none.
     pub fn rival(&self, change: &Change) -> String {
         let rival = self.rivals.iter().find(|(of, _)| of == change);
-        rival.map_or_else(String::new, |(_, words)| format!(" Or {words}: this recording can't tell."))
+        rival.map_or_else(String::new, |(_, words)| {
+            format!(" Alternatively, {words}: this recording cannot distinguish the two.")
+        })
     }
 }
 
@@ -116,21 +118,21 @@ pub(crate) fn briefly(arm: &Arm, change: &Change) -> String {
     let name = |joint: usize| arm.joints()[joint].name.as_str();
     match *change {
         Change::Direction { joint, with_torque: true } => {
-            format!("{} and its torque are both counted the other way", name(joint))
+            format!("{} and its torque both have the opposite direction", name(joint))
         }
         Change::Direction { joint, with_torque: false } => {
-            format!("{} alone is counted the other way, not its torque", name(joint))
+            format!("{} has the opposite direction, but its torque does not", name(joint))
         }
         Change::Zero { joint, offset, .. } => {
-            format!("{} has its zero {:.0} degrees aside", name(joint), offset.to_degrees())
+            format!("the zero of {} is {:.0} degrees off", name(joint), offset.to_degrees())
         }
-        Change::TorqueSign(joint) => format!("the torque of {} has the other sign", name(joint)),
+        Change::TorqueSign(joint) => format!("the torque of {} has the opposite sign", name(joint)),
         Change::Relative { joint, other, .. } => {
             format!("{} is recorded relative to {}", name(joint), name(other))
         }
         Change::Exchange(a, b) => format!("{} and {} are exchanged", name(a), name(b)),
-        Change::Compensated => "gravity was taken out of the torques".to_owned(),
-        _ => "another reading explains it".to_owned(),
+        Change::Compensated => "the torques contain no gravity".to_owned(),
+        _ => "another reading explains the recording as well".to_owned(),
     }
 }
 

@@ -27,9 +27,9 @@ pub fn found(recording: &Recording) -> Option<SetupFinding> {
         value: per_second,
         unit: "1",
         certainty: Certainty::Sure,
-        statement: format!("rows are {step} apart, and times are in seconds; are these {unit}?"),
+        statement: format!("rows are {step} apart, and times must be in seconds; are these {unit}?"),
         remedy: format!(
-            "give seconds (divide by {per_second:e}), or say the unit in a mapping file: freeplay record import, under [t] unit = \"{short}\""
+            "give seconds (divide by {per_second:e}), or set the unit in a mapping file for freeplay record import: unit = \"{short}\" under [t]"
         ),
         gravity: None,
     })

@@ -26,7 +26,7 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
     };
     let verb = if names.len() > 1 { "have" } else { "has" };
     let statement = format!(
-        "{whose} {verb} the other sign than the model's: positive should drive the joint forward.{}",
+        "{whose} {verb} the opposite sign to the model's: a positive torque must drive the joint in its positive direction.{}",
         results.rival(&first)
     );
     let finding = |joint: Option<String>| SetupFinding {
@@ -36,7 +36,7 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
         unit: "1",
         certainty: Certainty::Sure,
         statement: statement.clone(),
-        remedy: "Turn the sign of these torques in the mapping: a scale of -1.".to_owned(),
+        remedy: "Invert the sign of these torques in the mapping: a scale of -1.".to_owned(),
         gravity: None,
     };
     if is_all && names.len() > 1 {

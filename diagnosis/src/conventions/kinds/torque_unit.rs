@@ -164,7 +164,7 @@ fn guess(scale: f64, count: usize) -> String {
             brief(1.0 / scale)
         )
     } else if scale >= 1.0 {
-        format!("Is the feedback of {drives} not divided by {}, or in counts?", brief(scale))
+        format!("Does the feedback of {drives} lack a division by {}, or is it in counts?", brief(scale))
     } else {
         format!(
             "{are} {they} in amperes (a torque constant of {} N·m/A), or on the motor's side of a gear of {}?",
