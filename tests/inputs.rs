@@ -155,7 +155,13 @@ fn bad_effects_in_arm_files() {
             &["a.toml: line 2", "clearance = 0.02", "below the bearing radius"],
         ),
         ("text", &[("a.toml", &text)], &[], 3, &["a.toml: line 2", "\"much\"", "must be a number"]),
-        ("twice", &[("a.toml", &twice)], &[], 3, &["a.toml: line 6", "shoulder has it twice; remove one"]),
+        (
+            "twice",
+            &[("a.toml", &twice)],
+            &[],
+            3,
+            &["a.toml: line 6", "shoulder has this effect twice; remove one"],
+        ),
         ("top", &[("a.toml", &top)], &[], 3, &["a.toml:2:", "`gravitty`", "expected one of"]),
         ("urdf", &[("a.toml", urdf)], &[], 3, &["a.toml:1:", "`none.urdf`", "No such file"]),
     ];

@@ -62,7 +62,7 @@ pub enum LawError {
         joint: String,
     },
     /// One joint has two effects of one kind.
-    #[error("{}effect {kind}: joint {joint} has it twice; remove one", place(*.line))]
+    #[error("{}effect {kind}: joint {joint} has this effect twice; remove one", place(*.line))]
     Twice {
         /// The effect's kind.
         kind: String,

@@ -12,28 +12,26 @@ const MADE_BY: &str = "cargo run -p freeplay-laws --example effects";
 /// The text of `docs/effects.md`.
 pub fn manual() -> String {
     let mut text = format!(
-        "<!-- Made by `{MADE_BY}` from the laws themselves. -->\n\n\
-         # Effects\n\n\
-         Physics that a rigid arm leaves out. An arm file switches an effect on with a table:\n\n\
-         ```toml\n[[effect]]\nkind = \"coulomb_friction\"\njoint = \"joint_3\"\ncoulomb = 40.0\n```\n\n\
-         An effect of the whole arm has no `joint`. Units are SI; where two are given, the second is that of a sliding joint. The plant acts by it, `compare` predicts \
-         with it, controllers that are given the file correct for it, and `diagnose` finds it in a recording and writes such a table.\n"
+        "<!-- Made by `{MADE_BY}` from the laws themselves. -->\n\n# Effects\n\nPhysical effects that the model of a rigid arm leaves out. An arm \
+         file switches an effect on with a table:\n\n```toml\n[[effect]]\nkind = \"coulomb_friction\"\njoint = \"joint_3\"\ncoulomb = 40.0\n```\n\nAn \
+         effect of the whole arm has no `joint`. Units are SI; where a table gives two, the second is that of a sliding joint. The plant simulates the \
+         effects of its arm file, `compare` predicts with them, controllers with this file correct for them, and `diagnose` finds effects in a \
+         recording and writes such tables.\n"
     );
     for kind in CATALOGUE {
         describe(&mut text, kind);
     }
     text.push_str(
-        "\n# Commanded positions\n\n\
-         What shows where a recording has commanded positions (`q_ref1`…). `compare` predicts the measured position with them, `diagnose` finds them where \
-         neither torques nor the tool were recorded, and servos and delays also beside torques, where servos make these torques of the commands.\n",
+        "\n# Commanded positions\n\nEffects that a diagnosis finds in recordings with commanded positions (`q_ref1`…). `compare` predicts the \
+         measured positions with them. `diagnose` finds them if a recording has neither torques nor the tool. It also finds servos and delays beside \
+         torques, if servos produce these torques from the commands.\n",
     );
     for kind in COMMANDED {
         describe(&mut text, kind);
     }
     text.push_str(
-        "\n# Beyond the catalogue\n\n\
-         Laws that a diagnosis compares the catalogue with, so that it does not call them by the name of what they look like. What one of them explains best \
-         is `unknown`; the report says what it looks like, and the arm file holds it.\n",
+        "\n# Beyond the catalogue\n\nLaws with which a diagnosis compares the catalogue, so that it does not give them the names of similar effects. \
+         An effect that one of these laws explains best is `unknown`; the report describes it, and the arm file contains it.\n",
     );
     for kind in BEYOND_CATALOGUE {
         describe(&mut text, kind);
@@ -57,11 +55,11 @@ fn describe(text: &mut String, kind: &Kind) {
     let mut line = |words: String| text.extend([words.as_str(), "\n"]);
     line(format!("\n## `{name}`: {title}\n"));
     line(format!("`{equation}` ({source}).\n"));
-    line(format!("Sits at {site}; shows in {seen}: {signature}.\n"));
-    line("| parameter | is | unit | range | without it |\n| --- | --- | --- | --- | --- |".to_owned());
+    line(format!("Place: {site}. Visible in {seen}: {signature}.\n"));
+    line("| parameter | meaning | unit | range | default |\n| --- | --- | --- | --- | --- |".to_owned());
     kind.parameters.iter().for_each(|parameter| line(row(parameter)));
     if !kind.confounders.is_empty() {
-        line("\nLooks like:\n".to_owned());
+        line("\nSimilar effects:\n".to_owned());
         kind.confounders.iter().for_each(|(other, how)| line(format!("- `{other}`, which {how}")));
     }
 }

@@ -41,7 +41,7 @@ fn reason(kind: &Kind) -> &'static str {
             && ["start", "time", "time_constant"].contains(&parameter.name)
     };
     match kind.parameters.iter().any(is_of_time) {
-        true => "it acts at times, and a file of a model has no clock",
+        true => "the effect depends on time, and a file of a model has no clock",
         false => "other tools have no such law",
     }
 }

@@ -79,14 +79,15 @@ impl Need {
                     "neither the tool's position (x, y, z) nor the link side of {name} (q_link) was recorded"
                 )
             }),
-            Need::TorqueOrPose => (!pose && !recorded.torque)
-                .then(|| "neither torques nor anything of the pose was recorded".to_owned()),
+            Need::TorqueOrPose => (!pose && !recorded.torque).then(|| {
+                "neither torques nor the tool's position nor link encoders were recorded".to_owned()
+            }),
             Need::Duration(least) => {
                 let stretches = &place.scene.motion.stretches;
                 let t = &place.scene.motion.t;
                 let lasts: f64 = stretches.iter().map(|s| t[s.end - 1] - t[s.start]).sum();
                 (lasts < least)
-                    .then(|| format!("the recording lasts {lasts:.1} s, too short: {least:.0} s are needed"))
+                    .then(|| format!("the recording lasts only {lasts:.1} s; {least:.0} s are needed"))
             }
             _ => place.joint.and_then(|joint| self.missing_of_motion(place, joint, name)),
         }
@@ -144,7 +145,7 @@ impl Need {
             Need::NominalFriction => {
                 let friction = place.scene.arm.joints()[joint].friction;
                 (friction.viscous == 0.0 && friction.coulomb == 0.0)
-                    .then(|| format!("the arm file names no friction for {name} that could change"))
+                    .then(|| format!("the arm file has no friction of {name} that could change"))
             }
             Need::Torque | Need::Tool | Need::Pose | Need::TorqueOrPose | Need::Duration(_) => None,
         }

@@ -161,7 +161,9 @@ impl<L: SagLaw> Effect for Sagging<L> {
     }
 
     fn export_elements(&self, _: &mut Vec<Element>) -> ExportCoverage {
-        ExportCoverage::Never("it follows the load at once, and what gives way in other tools swings")
+        ExportCoverage::Never(
+            "the deflection follows the load at once, and elastic parts of other tools oscillate",
+        )
     }
 }
 

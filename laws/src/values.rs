@@ -40,7 +40,9 @@ impl Values {
                 return Err(LawError::Unreadable {
                     kind: kind.to_owned(),
                     line: table.line,
-                    message: format!("it belongs to the whole arm, not to joint {name}: remove `joint`"),
+                    message: format!(
+                        "the effect belongs to the whole arm, not to joint {name}: remove `joint`"
+                    ),
                 });
             }
             (_, name) => {
@@ -67,7 +69,7 @@ impl Values {
     /// # Errors
     /// [`LawError::Unreadable`] for an effect of the whole arm.
     pub fn joint(&self) -> Result<usize, LawError> {
-        self.joint.ok_or_else(|| self.unreadable("it needs a joint".to_owned()))
+        self.joint.ok_or_else(|| self.unreadable("the effect needs a joint".to_owned()))
     }
 
     /// The arm of the arm file.

@@ -18,8 +18,8 @@ use crate::sag::{Sag, SagLaw, Sagging, pressure};
 /// The catalogue entry.
 pub static KIND: Kind = Kind {
     name: "mount_compliance",
-    title: "a mount that gives",
-    words: "a mount that gives by {compliance_x} about x and {compliance_y} about y",
+    title: "compliance of the mount",
+    words: "a mount with a compliance of {compliance_x} about x and {compliance_y} about y",
     site: Site::Arm,
     parameters: &[
         Parameter::number(
@@ -42,9 +42,9 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "θ = c M, and the tool moves by θ × p",
     source: "Abele, Weigold & Rothenbücher 2007",
-    signature: "the tool moves with the overturning moment of the whole arm, by its place in the base frame",
+    signature: "the tool moves with the overturning moment of the whole arm, in proportion to its distance from the base",
     confounders: &[
-        ("link_flexure", "bends the first link by what hangs on its end alone"),
+        ("link_flexure", "bends the first link by the load on its end alone"),
         ("joint_elasticity", "turns about one joint, and shows on its link encoder"),
         ("base_tilt", "does not change with the pose"),
     ],

@@ -22,7 +22,7 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "actuator_saturation",
     title: "limit of the drive",
-    words: "a drive that gives no more than {limit}",
+    words: "a drive that is limited to {limit}",
     site: Site::Joint,
     parameters: &[
         Parameter::number("limit", "greatest torque of the drive", "N*m", [1e-9, 1e9]).prismatic("N").shape(),
@@ -36,9 +36,9 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "|τ| ≤ L",
     source: "Khalil 2002, §1.2.7",
-    signature: "the torque stays below one value, to one side only, and only where much is asked",
+    signature: "the torque stays below one value; the deviation has one side only, and occurs only where the motion needs much torque",
     confounders: &[
-        ("external_force", "does not depend on how much torque is asked"),
+        ("external_force", "does not depend on the needed torque"),
         ("torque_gain", "acts at small torques too"),
     ],
     contains: &[],
@@ -109,7 +109,9 @@ impl Effect for ActuatorSaturation {
     fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         elements.push(Element::TorqueLimit { joint: self.joint, limit: self.limit });
         match self.share < 1.0 {
-            true => ExportCoverage::But("the torque beyond the limit that is not lost"),
+            true => {
+                ExportCoverage::But("the share of the torque beyond the limit that the drive still provides")
+            }
             false => ExportCoverage::Whole,
         }
     }

@@ -45,7 +45,7 @@ pub static KIND: Kind = Kind {
     source: "Armstrong-Hélouvry 1991",
     signature: "the torque steps where the velocity changes sign, by different amounts to the two sides",
     confounders: &[
-        ("torque_offset", "with Coulomb friction it is the same: report the class"),
+        ("torque_offset", "is the same together with Coulomb friction: report the class"),
         ("coulomb_friction", "is the same in both directions"),
         ("joint_spring", "changes with the position"),
     ],

@@ -61,9 +61,9 @@ pub static KIND: Kind = Kind {
         )
         .prismatic("N")
         .or(0.0),
-        Parameter::number("friction_negative", "the same for negative velocity", "N*m", [0.0, 1e6])
+        Parameter::number("friction_negative", "Coulomb friction behind the gap for negative velocity", "N*m", [0.0, 1e6])
             .prismatic("N")
-            .or_else("that for positive velocity"),
+            .or_else("the value for positive velocity"),
         Parameter::number(
             "stiffness_negative",
             "stiffness of the flank that carries negative torque, with friction behind the gap",
@@ -71,18 +71,18 @@ pub static KIND: Kind = Kind {
             [1.0, 1e12],
         )
         .prismatic("N/m")
-        .or_else("that of the other flank"),
+        .or_else("the value of the other flank"),
         Parameter::number(
             START,
-            "where the motor stands between its stops as a motion begins, with friction behind the gap: −1 back, 1 forward",
+            "position of the motor between its stops at the start of a motion, with friction behind the gap: −1 back, 1 forward",
             "1",
             [-1.0, 1.0],
         )
-        .or_else("the middle, or as the torque of a recording has it")
+        .or_else("the middle, or the position that the torque of a recording shows")
         .given(),
         Parameter {
             name: COURSE,
-            meaning: "how the link of a recording goes from flank to flank without friction behind the gap; in the plant it flies",
+            meaning: "transition of a recording's link from flank to flank without friction behind the gap; in the plant, the link flies",
             range: Range::Word(&["flight", "rest"]),
         },
     ],
@@ -93,12 +93,12 @@ pub static KIND: Kind = Kind {
     shakes: true,
     equation: "q_link = q − τ_L/k − p, p = (j/2) sign(τ_L) at rest, M p'' = τ_L between the flanks; friction behind the gap: τ = F p, p = 0 while the motor crosses it",
     source: "Nordin & Gutman 2002; Tao & Kokotović 1996, §2.3",
-    signature: "the link goes over by the gap where the transmitted torque changes its sign; torque is missing meanwhile, or after each reversal",
+    signature: "the link crosses the gap where the transmitted torque changes its sign; torque is missing during the crossing, or after each reversal",
     confounders: &[
-        ("joint_elasticity", "is proportional to the load and contained in this: test the gap nested"),
+        ("joint_elasticity", "is proportional to the load, and is the case without a gap: test the gap nested"),
         ("joint_clearance", "moves across the axis, in two dimensions"),
-        ("coulomb_friction", "flips with the velocity at once, not after a way"),
-        ("presliding_friction", "builds up over the way without a force-free part"),
+        ("coulomb_friction", "flips with the velocity at once, not after a travel"),
+        ("presliding_friction", "builds up over the travel without a force-free part"),
     ],
     contains: &[
         ("joint_elasticity", "gap = 0"),
@@ -442,7 +442,7 @@ impl Effect for Backlash {
         let differ = |pair: [f64; 2]| pair[0] != pair[1];
         match differ(self.friction) || differ(self.compliance) {
             true => ExportCoverage::But(
-                "the difference of friction or stiffness between the directions, whose mean is there",
+                "the difference of friction or stiffness between the directions (the file contains their mean)",
             ),
             false => ExportCoverage::Whole,
         }

@@ -27,15 +27,20 @@ const MOST: f64 = 1.6;
 pub static KIND: Kind = Kind {
     name: "base_tilt",
     title: "tilt of the base",
-    words: "a base that leans by {roll} about x and {pitch} about y",
+    words: "a base tilt of {roll} about x and {pitch} about y",
     site: Site::Arm,
     parameters: &[
-        Parameter::number("roll", "turn of the base about its x axis", "rad", [-MOST, MOST]).or(0.0),
-        Parameter::number("pitch", "turn of the base about its y axis, after the roll", "rad", [-MOST, MOST])
-            .or(0.0),
+        Parameter::number("roll", "rotation of the base about its x axis", "rad", [-MOST, MOST]).or(0.0),
+        Parameter::number(
+            "pitch",
+            "rotation of the base about its y axis, after the roll",
+            "rad",
+            [-MOST, MOST],
+        )
+        .or(0.0),
         Parameter {
             name: "tracker",
-            meaning: "whether the tracker is aligned with the base or stands level",
+            meaning: "orientation of the tracker: aligned with the base, or level",
             range: Range::Word(TRACKERS),
         },
     ],
@@ -46,10 +51,10 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "g_base = Rᵀ g, R = R_y(pitch) R_x(roll)",
     source: "Khalil & Dombre 2002, §9.4",
-    signature: "gravity is turned alike for all links, inertia is not",
+    signature: "gravity rotates in the same way for all links; inertia does not change",
     confounders: &[
         ("payload", "shows inertia too, and nothing on the links before the last"),
-        ("encoder_offset", "of the second joint turns gravity in one plane only, and not about the base"),
+        ("encoder_offset", "of the second joint rotates gravity in one plane only, and not about the base"),
         ("link_mass", "shows inertia too"),
     ],
     contains: &[],

@@ -38,9 +38,9 @@ pub static KIND: Kind = Kind {
     source: "Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
     signature: "the torque steps where the velocity changes sign and depends on nothing else",
     confounders: &[
-        ("asymmetric_friction", "the step differs between the two directions"),
-        ("stribeck_friction", "the friction falls with the speed near standstill"),
-        ("load_dependent_friction", "the step grows with the load"),
+        ("asymmetric_friction", "has steps that differ between the two directions"),
+        ("stribeck_friction", "falls with the speed near standstill"),
+        ("load_dependent_friction", "has a step that grows with the load"),
         ("viscous_friction", "grows with the speed: several speeds separate them"),
         ("backlash", "flips with the transmitted torque, not with the velocity"),
     ],

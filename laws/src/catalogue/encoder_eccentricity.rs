@@ -34,7 +34,7 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "q_read = q + a sin(q + φ)",
     source: "Hagiwara et al. 1992",
-    signature: "the tool swings once in a turn of the joint about where it should be",
+    signature: "the tool oscillates about its correct position, once in a turn of the joint",
     confounders: &[
         ("encoder_offset", "is the same at all positions: both need a wide range of the joint"),
         ("torque_ripple", "does not move the tool"),

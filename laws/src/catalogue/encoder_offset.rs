@@ -27,7 +27,7 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: &[Parameter::number(
         "offset",
-        "what the encoder reads where the joint is at zero",
+        "reading of the encoder with the joint at zero",
         "rad",
         [-3.2, 3.2],
     )
@@ -39,10 +39,10 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "q_true = q − q₀",
     source: "Mooring, Roth & Driels 1991, §2",
-    signature: "the tool is off by J_q q₀ in every pose, the gravity torque by ∂g/∂q q₀",
+    signature: "the tool deviates by J_q q₀ in every pose, the gravity torque by ∂g/∂q q₀",
     confounders: &[
-        ("base_tilt", "tips the tool too, about another axis"),
-        ("link_length", "is off along the link, not about the joint"),
+        ("base_tilt", "tilts the tool too, about another axis"),
+        ("link_length", "shifts the tool along the link, not about the joint"),
     ],
     contains: &[],
     needs: &[Need::TorqueOrPose],

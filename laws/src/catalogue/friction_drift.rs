@@ -22,17 +22,17 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "friction_drift",
     title: "friction that changes with time",
-    words: "friction that starts {amount} times itself too high and settles over {time_constant}",
+    words: "friction with an initial excess of {amount} times its value, which decays over {time_constant}",
     site: Site::Joint,
     parameters: &[
         Parameter::number(
             "amount",
-            "excess of the friction at the start, as a share of what the arm file has, Coulomb and viscous",
+            "excess of the friction at the start, as a share of the arm file's Coulomb and viscous friction",
             "1",
             [-1.0, 100.0],
         ),
         Parameter::number("time_constant", "time in which the excess falls to 1/e", "s", [1e-3, 1e7]).shape(),
-        Parameter::number("start", "time at which the excess is the amount", "s", [-1e12, 1e12])
+        Parameter::number("start", "time at which the excess equals the amount", "s", [-1e12, 1e12])
             .or(0.0)
             .given(),
     ],

@@ -34,10 +34,10 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "lower ≤ q ≤ upper",
     source: "Moreau 1988, §3",
-    signature: "the joint rests at one position, the end of all that it reaches, while its command goes on",
+    signature: "the joint rests at one position, the end of its range of motion, while its command continues",
     confounders: &[
-        ("contact", "is elsewhere in another posture, and stops other joints, too"),
-        ("servo", "a torque limit lets the joint go where the load is less"),
+        ("contact", "stops the joint at another position in another posture, and stops other joints, too"),
+        ("servo", "with a torque limit lets the joint move on where the load is smaller"),
     ],
     contains: &[],
     needs: &[Need::Motion],

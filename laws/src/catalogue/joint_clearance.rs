@@ -40,7 +40,7 @@ pub static KIND: Kind = Kind {
         Parameter::number("restitution", "coefficient of restitution", "1", [1e-3, 1.0]).or(0.9).given(),
         Parameter::number("friction", "dynamic coefficient of friction", "1", [0.0, 1.0]).or(0.01).given(),
         Parameter::number("static_friction", "static coefficient of friction", "1", [0.0, 1.0])
-            .or_else("the dynamic one")
+            .or_else("the dynamic coefficient")
             .given(),
         Parameter::number("static_speed", "sliding speed of the static friction", "m/s", [1e-9, 1e3])
             .or(1e-3)
@@ -54,7 +54,7 @@ pub static KIND: Kind = Kind {
         Parameter::number("bearing_radius", "radius of the bearing", "m", [1e-6, 10.0]).or(0.010).given(),
         Parameter {
             name: "normal_law",
-            meaning: "how the contact dissipates",
+            meaning: "law of dissipation in the contact",
             range: Range::Word(&[
                 "lankarani-nikravesh",
                 "hunt-crossley",
@@ -67,12 +67,12 @@ pub static KIND: Kind = Kind {
         },
         Parameter {
             name: "friction_law",
-            meaning: "how the friction depends on the sliding speed",
+            meaning: "law of friction over the sliding speed",
             range: Range::Word(&["corrected", "ambrosio", "threlfall", "printed"]),
         },
         Parameter {
             name: COURSE,
-            meaning: "how a recording's journal goes where the force turns round: at once, or in flight; in the plant it flies and bounces",
+            meaning: "motion of a recording's journal at a reversal of the force: at once, or in flight; in the plant, the journal flies and bounces",
             range: Range::Word(&["rest", "flight"]),
         },
         Parameter { name: "material", meaning: "Young's modulus and Poisson's ratio", range: Range::Table },
@@ -84,7 +84,7 @@ pub static KIND: Kind = Kind {
     shakes: true,
     equation: "d = (c + (|b|/K)^(2/3)) n, n along the pin force −b across the axis; the tool moves by J d",
     source: "Erkaya 2018, Eqs. 1–7; Lankarani & Nikravesh 1990",
-    signature: "the tool is off by up to c and follows the direction of the reaction force in the joint's plane",
+    signature: "the tool deviates by up to c, in the direction of the reaction force in the joint's plane",
     confounders: &[
         ("backlash", "has one dimension and follows the transmitted torque"),
         ("joint_elasticity", "grows with the load"),

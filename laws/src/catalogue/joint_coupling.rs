@@ -30,19 +30,19 @@ const WRIST: usize = 3;
 pub static KIND: Kind = Kind {
     name: "joint_coupling",
     title: "coupling of two joints",
-    words: "a gear coupled with {with}",
+    words: "a gear coupling with {with}",
     site: Site::Joint,
     parameters: &[
         Parameter { name: "with", meaning: "the other joint", range: Range::OtherJoint },
         Parameter::number("inertia", "inertia of the shaft", "kg*m^2", [0.0, 1e6]).or(0.0),
         Parameter::number("viscous", "viscous friction of the shaft", "N*m*s/rad", [0.0, 1e6]).or(0.0),
         Parameter::number("coulomb", "Coulomb friction of the shaft", "N*m", [0.0, 1e6]).or(0.0),
-        Parameter::number("sign", "turns of the shaft for one of the other joint", "1", [-1e3, 1e3])
+        Parameter::number("sign", "turns of the shaft for one turn of the other joint", "1", [-1e3, 1e3])
             .or(1.0)
             .choice(),
         Parameter {
             name: "form",
-            meaning: "whether the shaft's inertia and viscous friction load a joint by its own motion, too, or only across",
+            meaning: "load of a joint by the shaft's inertia and viscous friction: from the motion of both joints, or from that of the other joint only",
             range: Range::Word(FORMS),
         },
     ],
@@ -53,7 +53,7 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "τᵢ = X, τⱼ = s X, X = I u̇ + F_v u + F_c sign(u), u = q̇ᵢ + s q̇ⱼ; in the form cross without each joint's own share of I u̇ + F_v u",
     source: "Janot, Vandanjon & Gautier 2014, §IV",
-    signature: "the residual of one joint follows the speed and acceleration of another, and the other way round",
+    signature: "the residual of one joint follows the speed and acceleration of another, and vice versa",
     confounders: &[
         ("coulomb_friction", "follows the joint's own direction"),
         ("viscous_friction", "follows the joint's own speed"),

@@ -29,7 +29,7 @@ const LOSSES: [f64; 2] = [1e-3, 1e-2];
 pub static KIND: Kind = Kind {
     name: "joint_elasticity",
     title: "elasticity",
-    words: "a gear that twists, stiffness {stiffness}",
+    words: "an elastic gear with a stiffness of {stiffness}",
     site: Site::Joint,
     parameters: &[
         Parameter::number(
@@ -53,7 +53,7 @@ pub static KIND: Kind = Kind {
     source: "Spong 1987, Eqs. 3–4",
     signature: "the link lags behind the motor in proportion to the transmitted torque",
     confounders: &[
-        ("backlash", "steps where the load changes its sign: it contains this; test the gap nested"),
+        ("backlash", "steps where the load changes its sign, and contains this law: test the gap nested"),
         ("link_flexure", "has the lever of the link, and does not show on the link's encoder"),
         ("time_delay", "is proportional to the speed, not to the load"),
         ("encoder_offset", "does not change with the load"),

@@ -33,13 +33,13 @@ const FORMS: &[&str] = &["beam", "tip_force", "tip_shift"];
 pub static KIND: Kind = Kind {
     name: "link_flexure",
     title: "bending of the link",
-    words: "a link that bends, stiffness {stiffness}",
+    words: "an elastic link with a stiffness of {stiffness}",
     site: Site::Joint,
     parameters: &[
         Parameter::number("stiffness", "force over deflection at the far end", "N/m", [1.0, 1.0 / LEAST]),
         Parameter {
             name: "form",
-            meaning: "what bends it: force and moment at the far end and its own weight, the force alone, or the force, which shifts the end",
+            meaning: "load that bends the link: force and moment at the far end and its own weight; the force alone; or the force, which only shifts the end",
             range: Range::Word(FORMS),
         },
     ],
@@ -50,7 +50,7 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "δ = F L³/(3EI) = F/k, and the slope 3F/(2kL)",
     source: "Timoshenko 1955, §39",
-    signature: "the tool sags with the load, with the lever of the link and what is beyond it",
+    signature: "the tool sags with the load, with the lever of the link and of the links beyond it",
     confounders: &[
         ("joint_elasticity", "turns about the joint, and shows on its link encoder"),
         ("link_length", "does not change with the load"),

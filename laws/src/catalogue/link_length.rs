@@ -27,13 +27,13 @@ const MOST: f64 = 10.0;
 pub static KIND: Kind = Kind {
     name: "link_length",
     title: "length of the link",
-    words: "a link length that is off by {offset}",
+    words: "a link length error of {offset}",
     site: Site::Joint,
     parameters: &[
         Parameter::number("offset", "true minus modelled length", "m", [-MOST, MOST]),
         Parameter {
             name: "along",
-            meaning: "direction: the way to the next joint, or an axis of the link's frame",
+            meaning: "direction: towards the next joint, or along an axis of the link's frame",
             range: Range::Word(DIRECTIONS),
         },
     ],
@@ -44,7 +44,7 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "r = r₀ + Δ e, r the way to the next joint or to the tool",
     source: "Denavit & Hartenberg 1955; Mooring, Roth & Driels 1991, §3",
-    signature: "the tool is off by the same amount in every pose, turning with the link, whatever the load",
+    signature: "the tool deviates by the same amount in every pose and under every load, in a direction that turns with the link",
     confounders: &[
         ("joint_elasticity", "is proportional to the load"),
         ("link_flexure", "is proportional to the load"),

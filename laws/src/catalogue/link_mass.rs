@@ -29,7 +29,7 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: &[
         Parameter::number("scale", "true over modelled mass and inertia", "1", [0.0, 1e3]),
-        Parameter::vector(SHIFT, "its centre of mass less the model's, in the link's frame", "m").or_zero(),
+        Parameter::vector(SHIFT, "its centre of mass minus the model's, in the link's frame", "m").or_zero(),
     ],
     occurs: Occurrence::Rare,
     tolerance: Some(Tolerance::Mass),
@@ -38,10 +38,10 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "m = s m₀, J = s J₀, c = c₀ + d of one link",
     source: "Khalil & Dombre 2002, §9.2",
-    signature: "gravity and inertia of one link are off by one factor, on its joint and all before it",
+    signature: "gravity and inertia of one link deviate by one factor, on its joint and all before it",
     confounders: &[
         ("payload", "shows on the joints after that link too"),
-        ("base_tilt", "turns gravity for all links alike and leaves inertia as it is"),
+        ("base_tilt", "rotates gravity for all links alike and does not change inertia"),
         ("torque_gain", "shows on one joint alone, friction included"),
         ("joint_spring", "does not follow the direction of gravity"),
     ],

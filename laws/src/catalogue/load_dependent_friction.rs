@@ -24,7 +24,7 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "τ = μ |τ_L| sign(q̇), τ_L the load by the model",
     source: "Bittencourt & Gunnarsson 2012",
-    signature: "torque over load is a butterfly: the step at a change of direction grows with the load",
+    signature: "torque over load forms a butterfly: the step at a change of direction grows with the load",
     confounders: &[
         ("coulomb_friction", "does not depend on the load"),
         ("torque_gain", "is proportional to the load without regard to the direction"),

@@ -48,11 +48,11 @@ pub static KIND: Kind = Kind {
         Parameter::number("bearing_length", "length of the bearing", "m", [1e-4, 10.0]).or(LENGTH).given(),
         Parameter::vector(
             START,
-            "where the journal is as a motion begins, joint frame, as a share of the clearance",
+            "position of the journal at the start of a motion, joint frame, as a share of the clearance",
             "1",
         )
         .or_else(
-            "where the first load takes it from the middle in 10 s, or as the tool of a recording has it",
+            "the position that the first load reaches from the middle in 10 s, or the one that the tool of a recording shows",
         )
         .given(),
     ],
@@ -63,11 +63,11 @@ pub static KIND: Kind = Kind {
     shakes: true,
     equation: "film force(e, ė, q̇) = b (long bearing, half Sommerfeld); the tool moves by J e",
     source: "Pinkus & Sternlicht 1961; Flores et al. 2006",
-    signature: "as radial play, but smooth, late behind the force and smaller at speed",
+    signature: "the tool moves as with radial play, but smoothly, later than the force and less at speed",
     confounders: &[
         (
             "joint_clearance",
-            "follows the direction of the force at once: contained in this for little viscosity",
+            "follows the direction of the force at once, and is the case of low viscosity",
         ),
         ("joint_elasticity", "grows with the load"),
         ("viscous_friction", "shows in the torque, not in the tool"),

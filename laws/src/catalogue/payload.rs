@@ -45,10 +45,10 @@ pub static KIND: Kind = Kind {
     source: "Khalil & Dombre 2002, §9",
     signature: "gravity and inertia of one body on all joints, growing towards the base",
     confounders: &[
-        ("base_tilt", "turns gravity for all links alike and leaves inertia as it is"),
+        ("base_tilt", "rotates gravity for all links alike and does not change inertia"),
         ("link_mass", "does not show on the joints after that link"),
         ("joint_spring", "does not follow the direction of gravity"),
-        ("external_force", "does not move with the tool and lasts for a time"),
+        ("external_force", "does not move with the tool and acts only for a time"),
         ("rotor_inertia", "shows on one joint only and not under gravity"),
     ],
     contains: &[],

@@ -15,7 +15,7 @@ use crate::place::Site;
 pub static KIND: Kind = Kind {
     name: "position_dependent_friction",
     title: "friction that depends on the position",
-    words: "friction that swings by {amplitude} with the position, {periods}",
+    words: "friction that varies by {amplitude} with the position, {periods}",
     site: Site::Joint,
     parameters: TORQUE_PARAMETERS,
     occurs: Occurrence::Rare,

@@ -26,7 +26,7 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "presliding_friction",
     title: "presliding friction",
-    words: "friction that builds up over a small way",
+    words: "friction that builds up over a small travel",
     site: Site::Joint,
     parameters: &[
         Parameter::number("stiffness", "torque per deflection of the bristles", "N*m/rad", [1e-6, 1e12])
@@ -43,11 +43,11 @@ pub static KIND: Kind = Kind {
             .given(),
         Parameter::number(
             START,
-            "how far the bristles are bent as a motion begins, of what the level bends them: −1 back, 1 forward",
+            "deflection of the bristles at the start of a motion, as a share of their greatest one: −1 back, 1 forward",
             "1",
             [-1.0, 1.0],
         )
-        .or_else("straight, or as the torque of a recording has it")
+        .or_else("straight, or the deflection that the torque of a recording shows")
         .given(),
     ],
     occurs: Occurrence::Occasional,
@@ -57,9 +57,9 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "ż = q̇ − σ₀ |q̇| z/F, τ = σ₀ z + σ₁ ż",
     source: "Canudas de Wit, Olsson, Åström & Lischinsky 1995, Eqs. 1–3; Dahl 1968",
-    signature: "torque over position makes loops: after a reversal the friction builds up over a way",
+    signature: "torque over position forms loops: after a reversal, the friction builds up over a travel",
     confounders: &[
-        ("stribeck_friction", "depends on the speed, not on the way since the reversal"),
+        ("stribeck_friction", "depends on the speed, not on the travel since the reversal"),
         ("backlash", "is free of force over the gap, then jumps"),
         ("coulomb_friction", "jumps at once"),
         ("joint_spring", "does not start anew after a reversal"),
@@ -74,7 +74,7 @@ pub static KIND: Kind = Kind {
         let level = share * nominal.coulomb + values.number("coulomb")?;
         if level < -1e-9 {
             let message =
-                format!("`coulomb` takes away more than the joint's friction: {level:.3} is left; raise it");
+                format!("`coulomb` makes the friction of the bristles negative ({level:.3}); raise it");
             return Err(values.unreadable(message));
         }
         let bristles =
@@ -219,7 +219,9 @@ impl Effect for Presliding {
     fn export_elements(&self, elements: &mut Vec<Element>) -> ExportCoverage {
         let level = self.bristles.level - self.replaced.coulomb;
         elements.push(Element::DryFriction { joint: self.joint, level });
-        ExportCoverage::But("the way on which the friction builds up after a reversal; it is there at once")
+        ExportCoverage::But(
+            "the travel over which the friction builds up after a reversal (in the file, it acts at once)",
+        )
     }
 }
 

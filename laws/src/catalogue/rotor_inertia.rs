@@ -40,7 +40,7 @@ pub static KIND: Kind = Kind {
         ("payload", "shows on the joints before it too, and under gravity"),
         ("link_mass", "shows on the joints before it too, and under gravity"),
         ("time_delay", "is proportional to dτ/dt"),
-        ("sensor_lowpass", "takes away in proportion to dτ/dt"),
+        ("sensor_lowpass", "lowers the torque in proportion to dτ/dt"),
     ],
     contains: &[],
     needs: &[Need::Torque, Need::Motion],

@@ -34,9 +34,14 @@ const SLOW: [f64; 3] = [0.02, 0.06, 0.16];
 pub static KIND: Kind = Kind {
     name: "sensor_lowpass",
     title: "low-pass of the torque measurement",
-    words: "a torque measurement that passes nothing faster than {cutoff}",
+    words: "a torque measurement with a low-pass at {cutoff}",
     site: Site::Joint,
-    parameters: &[Parameter::number("cutoff", "frequency at which 71 % pass", "Hz", [1e-3, MOST])],
+    parameters: &[Parameter::number(
+        "cutoff",
+        "frequency at which 71 % of the amplitude pass",
+        "Hz",
+        [1e-3, MOST],
+    )],
     occurs: Occurrence::Rare,
     tolerance: None,
     seen: Seen::TORQUE,
@@ -44,7 +49,7 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "ẏ/(2π f_c) + y = τ",
     source: "Franklin, Powell & Workman 1998, §4.3",
-    signature: "fast changes of the torque are smaller and late; slow ones are as they should be",
+    signature: "fast changes of the torque are smaller and late; slow ones are correct",
     confounders: &[
         ("time_delay", "is late without being smaller"),
         ("rotor_inertia", "follows the acceleration of the joint, not dτ/dt"),

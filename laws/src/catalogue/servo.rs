@@ -24,9 +24,14 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: &[
         Parameter::number("stiffness", "torque per position error", "N*m/rad", [1e-9, 1e9]).prismatic("N/m"),
-        Parameter::number("damping", "torque per speed beside the viscous friction", "N*m*s/rad", [0.0, 1e9])
-            .prismatic("N*s/m")
-            .or(0.0),
+        Parameter::number(
+            "damping",
+            "torque per speed, in addition to the viscous friction",
+            "N*m*s/rad",
+            [0.0, 1e9],
+        )
+        .prismatic("N*s/m")
+        .or(0.0),
         Parameter::number("deadband", "position error without torque, half width", "rad", [0.0, 10.0])
             .prismatic("m")
             .or(0.0),
@@ -51,10 +56,10 @@ pub static KIND: Kind = Kind {
     signature: "the measured position lags the commanded one by d/k, droops under load by load/k and rests where friction holds it",
     confounders: &[
         ("command_delay", "shifts the whole motion in time, fast and slow parts alike"),
-        ("joint_elasticity", "sits behind the encoder: needs the tool or the link's encoder"),
+        ("joint_elasticity", "sits behind the encoder: only the tool or the link's encoder shows it"),
         (
             "backlash",
-            "sits behind the encoder: needs given servos and the weight of the links, the tool or the link's encoder",
+            "sits behind the encoder: only the tool, the link's encoder, or the weight of the links on given servos shows it",
         ),
     ],
     contains: &[],

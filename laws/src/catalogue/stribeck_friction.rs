@@ -18,7 +18,7 @@ use crate::place::{Place, Site};
 pub static KIND: Kind = Kind {
     name: "stribeck_friction",
     title: "Stribeck friction",
-    words: "{extra} more friction in slow motion, gone beyond {velocity}",
+    words: "additional friction of {extra} in slow motion, which fades over {velocity}",
     site: Site::Joint,
     parameters: &[
         Parameter::number("extra", "friction at standstill beyond the Coulomb friction", "N*m", [0.0, 1e6])
@@ -37,7 +37,7 @@ pub static KIND: Kind = Kind {
     signature: "the friction has a bump at low speed, below about 3 v_s",
     confounders: &[
         ("coulomb_friction", "does not fade with the speed"),
-        ("presliding_friction", "depends on the way since the reversal, not on the speed"),
+        ("presliding_friction", "depends on the travel since the reversal, not on the speed"),
         ("joint_elasticity", "smooths reversals, but moves the link"),
     ],
     contains: &[("coulomb_friction", "velocity → ∞")],

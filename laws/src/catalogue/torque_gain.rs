@@ -21,7 +21,7 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "torque_gain",
     title: "gain of the torque measurement",
-    words: "a torque measurement of which {gain} is true",
+    words: "a torque measurement whose true value is {gain} times the reading",
     site: Site::Joint,
     parameters: &[Parameter::number("gain", "true over measured torque", "1", [0.1, 10.0])],
     occurs: Occurrence::Rare,
@@ -31,12 +31,12 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "τ_true = g τ_measured",
     source: "Gautier & Briot 2014, §3",
-    signature: "the whole torque of a joint, gravity, inertia and friction alike, is off by one factor",
+    signature: "the whole torque of a joint, gravity, inertia and friction alike, deviates by one factor",
     confounders: &[
         ("load_dependent_friction", "changes its sign with the direction"),
         ("link_mass", "shows on the joints before it too"),
         ("payload", "shows on the joints before it too"),
-        ("rotor_inertia", "leaves gravity alone"),
+        ("rotor_inertia", "does not change gravity"),
     ],
     contains: &[],
     needs: &[Need::Torque, Need::Motion, Need::LoadRange(0.3)],

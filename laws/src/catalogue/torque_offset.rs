@@ -22,7 +22,7 @@ pub static KIND: Kind = Kind {
     words: "a torque measurement that reads {offset} too much",
     site: Site::Joint,
     parameters: &[
-        Parameter::number("offset", "what the torque reads too much", "N*m", [-1e6, 1e6]).prismatic("N")
+        Parameter::number("offset", "excess of the measured torque", "N*m", [-1e6, 1e6]).prismatic("N")
     ],
     occurs: Occurrence::Occasional,
     tolerance: None,
@@ -31,9 +31,9 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "τ_measured = τ + τ₀",
     source: "Swevers, Verdonck & De Schutter 2007, Eq. 4",
-    signature: "the torque is off by a constant",
+    signature: "the measured torque deviates by a constant",
     confounders: &[
-        ("asymmetric_friction", "with Coulomb friction it is the same: report the class"),
+        ("asymmetric_friction", "is the same together with Coulomb friction: report the class"),
         ("joint_spring", "changes with the position"),
         ("payload", "changes with the pose and shows on the joints before it"),
     ],

@@ -18,7 +18,8 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: &[
         Parameter::number("torque", "greatest torque", "N*m", [0.0, 1e6]).prismatic("N"),
-        Parameter::number("position", "where the joint is drawn to", "rad", [-1e3, 1e3]).prismatic("m"),
+        Parameter::number("position", "position to which the detent pulls", "rad", [-1e3, 1e3])
+            .prismatic("m"),
         Parameter::number("width", "distance from there to the greatest torque", "rad", [1e-6, 1e3])
             .prismatic("m"),
     ],

@@ -23,7 +23,7 @@ pub static KIND: Kind = Kind {
     words: "a tool that drifts by {drift} within {time}",
     site: Site::Arm,
     parameters: &[
-        Parameter::vector("drift", "where the tool ends up, base frame", "m"),
+        Parameter::vector("drift", "final displacement of the tool, base frame", "m"),
         Parameter::number("time", "time constant", "s", [1e-3, 1e6]),
     ],
     occurs: Occurrence::Rare,
@@ -33,7 +33,7 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "d (1 − exp(−t/T))",
     source: "Mayr et al. 2012",
-    signature: "the tool is off by more and more, wherever it is",
+    signature: "the deviation of the tool grows with time, at every position",
     confounders: &[("link_length", "does not change with time")],
     contains: &[],
     needs: &[Need::Tool],

@@ -20,7 +20,7 @@ use crate::scene::{Scene, tool_positions};
 pub static KIND: Kind = Kind {
     name: "warped_base",
     title: "a warped base",
-    words: "a base that leans by {tilt}, {waves} waves in a turn",
+    words: "a base with a tilt of {tilt} in {waves} waves a turn",
     site: Site::Arm,
     parameters: &[
         Parameter::number("tilt", "greatest lean", "rad", [0.0, 0.1]),
@@ -33,7 +33,7 @@ pub static KIND: Kind = Kind {
     shakes: false,
     equation: "θ = a (cos n q₁, sin n q₁, 0), and the tool moves by θ × p",
     source: "ISO 230-7:2015, §3",
-    signature: "the tool is off by a lean that turns with the first joint",
+    signature: "the tool deviates by a tilt that turns with the first joint",
     confounders: &[("base_tilt", "does not turn with the first joint")],
     contains: &[],
     needs: &[Need::Tool],
