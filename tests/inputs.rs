@@ -369,7 +369,7 @@ fn bad_recordings() {
             &[("r.csv", &nan)],
             &given,
             3,
-            &["r.csv:2", "q1 holds no number", "all 400 rows", "nothing is left"],
+            &["r.csv:2", "q1 holds no number", "all 400 rows", "no row is left"],
         ),
         ("text", &[("r.csv", &text)], &given, 3, &["r.csv:19", "tau2", "\"high\""]),
         ("no header", &[("r.csv", &bare_numbers)], &given, 3, &["r.csv:1: no header", "t,q1,q2", "mapping"]),
@@ -418,7 +418,7 @@ fn bad_recordings() {
     play(&["compare", "--out", "out"], &cases);
     let absurd = recording(header, 19, "0.17,0,0,1e300,2");
     let cases: [Case; 5] = [
-        ("NaN", &[("r.csv", &nan)], &given, 3, &["r.csv:2", "q1 holds no number", "nothing is left"]),
+        ("NaN", &[("r.csv", &nan)], &given, 3, &["r.csv:2", "q1 holds no number", "no row is left"]),
         (
             "milliseconds",
             &[("r.csv", &stamped)],

@@ -112,7 +112,7 @@ fn the_joints_that_are_asked_for_are_the_joints_that_are_imported() {
         );
         let ran = asked(ran.folder, file, "wrist_3,nose", 3);
         let said = ran.stderr();
-        for words in [file, "nose", "it has base, shoulder, elbow", "give each by its name"] {
+        for words in [file, "nose", "it has base, shoulder, elbow", "give each joint by its name"] {
             assert!(said.contains(words), "{words}: {}", ran.dump());
         }
         let ran = asked(ran.folder, file, "wrist_3,wrist_3", 3);
@@ -180,7 +180,7 @@ fn a_clock_that_jumps_back_is_said() {
         if jump > 3.0 {
             // There is no mixing: the rows behind the jump were recorded before.
             let ran = ran.expect(0);
-            assert!(ran.stdout().contains("200 late, put in order"), "{}", ran.dump());
+            assert!(ran.stdout().contains("200 late, sorted by time"), "{}", ran.dump());
             continue;
         }
         let ran = ran.expect(3);

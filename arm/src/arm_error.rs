@@ -53,8 +53,8 @@ pub enum ArmError {
     },
     /// A joint whose motion no inertia resists.
     #[error(
-        "joint `{name}` moves no inertia (felt inertia {felt:e}): no mass beyond it resists its motion, so its acceleration would be \
-         infinite; give its link or one beyond it a mass away from the axis or an inertia about it, or lock the joint"
+        "joint `{name}` moves no inertia (effective inertia {felt:e}): no mass beyond it resists its motion, so its acceleration would be infinite; \
+         give its link or one beyond it a mass away from the axis or an inertia about it, or lock the joint"
     )]
     MovesNoInertia {
         /// The joint.

@@ -227,7 +227,7 @@ fn in_words(difference: &Difference) -> String {
     );
     if let Some(tick) = difference.first_differing_tick {
         text += &format!(
-            "the first that differ are those of tick {tick}; difference of each joint's command, greatest and RMS:\n"
+            "the first different commands are those of tick {tick}; greatest and RMS difference by joint:\n"
         );
         let joints = difference.joints.iter().zip(&difference.units);
         for ((joint, unit), (greatest, rms)) in joints.zip(difference.greatest.iter().zip(&difference.rms)) {

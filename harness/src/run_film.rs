@@ -41,9 +41,9 @@ pub fn film(arm: &Arm, runs: &[FilmedRun], play: &str, joint: usize, clearance: 
     // The first frame shows the drop of the centred journal, where most happens.
     film.first = frames.len().min(TRAIL).saturating_sub(1);
     film.caption = format!(
-        "Pale: the desired arm. Coloured: the same arm, shifted from {play} on by {magnified} times the tool's deviation. The journal's \
-         centre moves within the dashed circle, the clearance; there the two surfaces touch. Each tick is a frame while a journal flies or \
-         strikes, one every {:.0} ms while it rests.",
+        "Pale: the desired arm. Coloured: the same arm, shifted from {play} on by {magnified} times the tool's deviation. The journal's centre moves \
+         within the dashed circle, the clearance; on this circle, the two surfaces touch. While a journal flies or strikes, each tick is a frame; \
+         while it rests, there is one frame every {:.0} ms.",
         CALM * 1e3
     );
     Some(film)

@@ -313,7 +313,7 @@ fn joint_use(played: &[Played], setup: &Setup) -> Table {
             table = table.row(row);
         }
     }
-    table.note("The first half second is left out, because the bouncing journal moves the light joints whatever the controller does.")
+    table.note("The table leaves out the first half second, in which the bouncing journal moves the light joints under any controller.")
 }
 
 /// Quantiles of a percentile curve.
@@ -366,7 +366,7 @@ pub fn latencies(played: &[Played]) -> Section {
             section = section.with(chart);
         }
     }
-    section.with("In real time latencies are taken against the schedule: a stall counts for every tick it delays. In lockstep there is no schedule; the round trip runs from publication and includes the plant's own step.")
+    section.with("In real time, latencies count from the schedule: a stall counts for every tick that it delays. In lockstep there is no schedule; the round trip counts from the publication of the state and includes the plant's own step.")
 }
 
 fn configuration(scenario: &Scenario, machine: &Value) -> Result<Section, Failure> {

@@ -92,8 +92,8 @@ pub fn controller_set(
         let (count, apart) = (u64::from(scenario.random_swaps), u64::from(blend.max(1)));
         if names.len() < 2 || ticks < FIRST_TICK + count * apart + 1 {
             return bad(format!(
-                "random_swaps = {count}: needs a standby, and ticks enough for swaps {apart} apart, the length of a blend; there are {} \
-                 controllers and {ticks} ticks",
+                "random_swaps = {count} needs a standby, and {apart} ticks (the length of a blend) for each swap; the run has {} controllers and \
+                 {ticks} ticks",
                 names.len()
             ));
         }

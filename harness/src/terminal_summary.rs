@@ -219,7 +219,7 @@ fn drives(run: &RunSummary) -> String {
     let joints = run.joint_use.as_object().into_iter().flatten();
     let mut shares = joints.filter_map(|(_, used)| used["acceleration"]["share"].as_f64());
     let peaks = if shares.any(|share| share > 1.0) {
-        "; more than 100 % of the acceleration are impacts, such as a landing journal's: the arm is stopped for an acceleration that lasts"
+        "; impacts, such as that of a landing journal, exceed 100 % of the acceleration: only a lasting acceleration stops the arm"
     } else {
         ""
     };
@@ -302,7 +302,7 @@ fn first_refusal(first: &Value) -> Option<String> {
     Some(if first["takes_over"] == true {
         format!("tick {tick}: the hand-over to {controller} was refused as {reason} ({limit})")
     } else {
-        format!("tick {tick}: the first command refused was {controller}'s, {reason} ({limit})")
+        format!("tick {tick}: the gate first refused a command of {controller}: {reason} ({limit})")
     })
 }
 

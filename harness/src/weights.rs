@@ -54,7 +54,7 @@ pub fn left_alone(scenario: &Scenario) -> Option<String> {
     }
     let found = beside_model(scenario)?;
     Some(format!(
-        "{} is not used: it was learned in mode torque, and this run is of mode {mode}; physics alone compensates",
+        "{} is not used: it was learned in mode torque, but this run has mode {mode}; the physics alone compensates",
         found.display()
     ))
 }

@@ -153,7 +153,7 @@ impl<'a> Fold<'a> {
         }
         if !self.chain.equals.is_empty() {
             let names = listed(self.chain.equals.iter().map(|&link| name(link).as_str()));
-            words += &format!("; as long are the chains to {names} (--tip LINK takes one)");
+            words += &format!("; the chains to {names} are equally long (--tip LINK selects one)");
         }
         words
     }
@@ -164,7 +164,7 @@ impl<'a> Fold<'a> {
         if roots.len() > 1 {
             let count = roots.len();
             self.notes.push(format!(
-                "{count} links have no parent joint ({}): all but the arm's are not used",
+                "{count} links have no parent joint ({}): only that of the arm is used",
                 listed(roots)
             ));
         }
@@ -176,7 +176,7 @@ impl<'a> Fold<'a> {
         let mimics = self.followers_on_the_arm(robot);
         self.notes.extend(mimics.map(|joint| {
             format!(
-                "joint `{}` on the arm follows another one: held still, so that what lies behind it is off",
+                "joint `{}` on the arm follows another one: it is held still, so that the positions of the links behind it are wrong",
                 joint.name
             )
         }));

@@ -196,7 +196,7 @@ fn weak(arm: &Arm, sources: &[JointSource]) -> Option<String> {
     let odd: Vec<(String, String)> = odd.map(|(index, joint)| {
         let unit = if joint.kind == JointKind::Revolute { "N·m" } else { "N" };
         let [weight, limit] = [most[index], joint.limits.effort].map(brief);
-        (at(sources, index, arm), format!("the arm's own weight asks it for up to {weight} {unit}, its effort limit is {limit} {unit}"))
+        (at(sources, index, arm), format!("the arm's own weight loads it with up to {weight} {unit}, but its effort limit is {limit} {unit}"))
     }).collect();
     sentence(
         odd.iter().map(|(name, what)| (name.as_str(), what.clone())).collect(),

@@ -95,15 +95,13 @@ fn demand_links(robot: &mut Robot<'_>, fold: &Fold<'_>) -> Result<(), ModelError
             Err(error) => {
                 robot
                     .notes
-                    .push(format!("{error}; the arm does not move this link, so it counts for nothing"));
+                    .push(format!("{error}; the arm does not move this link, so this inertia is not used"));
             }
         }
     }
     if !unmoved.is_empty() {
-        let note = format!(
-            "an impossible inertia that the arm does not move counts for nothing: {}",
-            listed(unmoved)
-        );
+        let note =
+            format!("impossible inertias that the arm does not move are not used: {}", listed(unmoved));
         robot.notes.push(note);
     }
     let mut riding = robot.joints.iter_mut().filter(|joint| fold.seats[joint.parent].on.is_some());

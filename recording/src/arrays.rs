@@ -90,7 +90,7 @@ pub(crate) fn numbers(
 }
 
 /// The message for arrays that are all empty, or too long for their file.
-pub(crate) const NO_SAMPLES: &str = "its arrays are empty, or longer than the times of which so short a file can tell; write it again, with the time of each sample";
+pub(crate) const NO_SAMPLES: &str = "its arrays are empty, or claim more samples than so short a file can contain; write it again, with the time of each sample";
 
 /// The columns in `arrays`, with the names of the joints from `texts`; `None` without samples. Samples run along the length that most arrays share. The arrays
 /// were read within `budget`.
@@ -134,7 +134,7 @@ pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>, budget: Memor
         }
     }
     if !aside.is_empty() {
-        let what = format!("arrays that have not {samples} samples, or too many columns, are left out");
+        let what = format!("arrays without {samples} samples, or with too many columns, are left out");
         foreign.notes.push(format!("{what}: {}", list(&aside)));
     }
     foreign.joints = texts.into_iter().find(|texts| texts.len() > 1).unwrap_or_default();

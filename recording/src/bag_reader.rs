@@ -29,7 +29,7 @@ pub(crate) fn read(path: &Path, source: &Source) -> Result<Bag, ReadError> {
         add_file(&mut bag, file, source)?;
     }
     if !folder.gone.is_empty() {
-        bag.notes.push(format!("files of the bag that are not there: {}", list(&folder.gone)));
+        bag.notes.push(format!("files of the bag that do not exist: {}", list(&folder.gone)));
     }
     Ok(bag)
 }

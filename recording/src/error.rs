@@ -38,7 +38,7 @@ pub enum ReadError {
         file: PathBuf,
     },
     /// A file of an unsupported kind.
-    #[error("{}: {what}; what is read: CSV, MCAP, ROS bags, Parquet, .npz, .mat", file.display())]
+    #[error("{}: {what}; the readable formats are CSV, MCAP, ROS bags, Parquet, .npz, .mat", file.display())]
     NotText {
         /// The file.
         file: PathBuf,
@@ -97,7 +97,7 @@ pub enum ReadError {
     },
     /// Every row lacks a required value.
     #[error(
-        "{place}: {what}, and so in all {rows} rows: nothing is left; record it, or name another column for it in a mapping file: freeplay record import"
+        "{place}: {what}, and all {rows} rows lack such a value: no row is left; record it, or name another column for it in a mapping file: freeplay record import"
     )]
     NothingLeft {
         /// The first such row.
@@ -294,7 +294,7 @@ pub enum WriteError {
         source: io::Error,
     },
     /// An export that failed before its end.
-    #[error("{}: the export stopped: {source}; a file that was there is as before; free some space or write elsewhere", file.display())]
+    #[error("{}: the export stopped: {source}; an existing file is unchanged; free some space or write elsewhere", file.display())]
     NotExported {
         /// The file.
         file: PathBuf,
@@ -302,7 +302,7 @@ pub enum WriteError {
         source: io::Error,
     },
     /// Writing on after an error or after the end.
-    #[error("{}: no more can be written: the recording was closed by an error before or is finished", file.display())]
+    #[error("{}: the recording takes no more rows: an earlier error closed it, or it is finished", file.display())]
     Closed {
         /// The file.
         file: PathBuf,

@@ -52,11 +52,13 @@ pub(crate) fn from_bag(options: &BagOptions, source: &Source) -> Result<Recordin
     };
     let mut notes = std::mem::take(&mut bag.notes);
     if bag.truncated {
-        notes.push("the bag ends before its end was written: what is there is read".to_owned());
+        notes.push(
+            "the bag is incomplete: its end is missing, and all messages before it are read".to_owned(),
+        );
     }
     if !bag.states.is_empty() && options.topic.is_none() {
         let others: Vec<String> = bag.states.keys().cloned().collect();
-        notes.push(format!("topic {topic}; not {}: choose with --topic", list(&others)));
+        notes.push(format!("topic {topic} is read, not {}: choose with --topic", list(&others)));
     }
     let states = States::decode(&topic, &messages, &options.joints, source)?;
     let pose_topic = choose(&bag.poses, options.pose_topic.as_deref(), POSE_STAMPED, "--pose-topic", source)?;
@@ -168,13 +170,13 @@ impl States {
             return Err(bag_error(topic, 1, what, source));
         }
         if others > 0 {
-            states.notes.push(format!(
-                "{others} of {all} messages of {topic} are passed over: they are of other joints"
-            ));
+            states
+                .notes
+                .push(format!("{others} of {all} messages of {topic} are skipped: they are of other joints"));
         }
         if lacking > 0 {
             states.notes.push(format!(
-                "{lacking} of {all} messages of {topic} are passed over: they lack positions, velocities or efforts that others have"
+                "{lacking} of {all} messages of {topic} are skipped: they lack positions, velocities or efforts that others have"
             ));
         }
         Ok(states)

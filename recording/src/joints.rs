@@ -26,7 +26,7 @@ pub enum JointsError {
     },
     /// A requested joint does not exist, or its name fits several joints.
     #[error(
-        "{file}: no joint is told by the name {missing}; it has {found}: give each by its name, or by a part that no other has"
+        "{file}: the name {missing} identifies no single joint; the recording has {found}: give each joint by its name, or by a part of it that no other name has"
     )]
     NotAsked {
         /// The recording.
@@ -38,7 +38,7 @@ pub enum JointsError {
     },
     /// The joints have no names, and the number of requested names differs from theirs.
     #[error(
-        "{file}: its joints have no names that could be {missing}; it has {found}: give a name for each of them, in this order, or some of these columns"
+        "{file}: its joints have no names, so that {missing} can't be found; it has {found}: give a name for each of these columns, in this order, or choose some of them"
     )]
     Nameless {
         /// The recording.
@@ -49,7 +49,7 @@ pub enum JointsError {
         found: String,
     },
     /// A joint requested twice.
-    #[error("{file}: the joint {joint} is asked for as {first} and as {second}; give each joint once")]
+    #[error("{file}: {first} and {second} both select the joint {joint}; give each joint once")]
     AskedTwice {
         /// The recording.
         file: String,
@@ -108,7 +108,7 @@ impl Recording {
     /// [`JointsError`] if the recording has only some of the joints.
     pub fn for_joints(mut self, wanted: &[String]) -> Result<Self, JointsError> {
         if self.joint_names.is_empty() {
-            self.notes.push("joints are paired by number: the recording has no names of them".to_owned());
+            self.notes.push("joints are paired by number: the recording has no names of joints".to_owned());
             return Ok(self);
         }
         let places = places(wanted, &self.joint_names);
@@ -138,7 +138,7 @@ impl Recording {
             self.notes.push(format!("joints are paired by name: q1…q{} are {}", order.len(), list(&named)));
         }
         if !extra.is_empty() {
-            self.notes.push(format!("joints that the model has not are left out: {}", list(&extra)));
+            self.notes.push(format!("joints that the model lacks are left out: {}", list(&extra)));
         }
         self.reorder(&order);
         Ok(self)
@@ -157,7 +157,7 @@ impl Recording {
         let places = places(asked, &found);
         if !has_names && places.iter().all(Option::is_none) && asked.len() == found.len() {
             self.notes.push(format!(
-                "joints get the names asked for in the order of their columns: {}",
+                "joints get the requested names in the order of their columns: {}",
                 list(asked)
             ));
             self.name_joints(asked.to_vec());
@@ -183,7 +183,7 @@ impl Recording {
             .map(|joint| found[joint].clone())
             .collect();
         if !left.is_empty() {
-            self.notes.push(format!("joints that were not asked for are left out: {}", list(&left)));
+            self.notes.push(format!("joints that were not requested are left out: {}", list(&left)));
         }
         self.joint_names = found;
         self.reorder(&order);

@@ -75,7 +75,7 @@ fn name_lists(foreign: &mut Foreign, info: &Path) {
     let parsed =
         freeplay_storage::read_text(info).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let Some(features) = parsed.as_ref().and_then(|info| info["features"].as_object()) else {
-        foreign.notes.push(format!("{} can't be read: what lists hold has no names", info.display()));
+        foreign.notes.push(format!("{} can't be read: the elements of lists have no names", info.display()));
         return;
     };
     for (feature, described) in features {

@@ -39,7 +39,9 @@ pub enum MappingError {
         known: String,
     },
     /// An invalid separator or decimal sign.
-    #[error("{at}: {key} = {value:?} cannot be; give a single ASCII character other than a digit or a quote")]
+    #[error(
+        "{at}: {key} = {value:?} is not possible; give a single ASCII character other than a digit or a quote"
+    )]
     Sign {
         /// The place.
         at: Place,

@@ -37,7 +37,7 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
     let said = |fault: Fault| {
         unusable(match fault {
             Fault::Damaged => "this MAT-file is cut or damaged; save it again",
-            Fault::TooLarge => "it has more numbers than what is read; write fewer rows",
+            Fault::TooLarge => "it has more numbers than the limit; write fewer rows",
         })
     };
     let (header, mut rest) = bytes.split_at_checked(HEADER).ok_or_else(|| said(Fault::Damaged))?;

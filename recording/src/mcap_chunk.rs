@@ -129,7 +129,7 @@ fn decompress<'b>(header: &ChunkHeader, data: &'b [u8]) -> Result<Cow<'b, [u8]>,
         other => return Err(ChunkFault::Compression(crate::names::shorten(other))),
     };
     if records.len() != size {
-        return Err("a chunk has another size than it says".into());
+        return Err("a chunk has another size than its header states".into());
     }
     if header.uncompressed_crc != 0 && header.uncompressed_crc != crc32fast::hash(&records) {
         return Err("the checksum of a chunk does not match".into());

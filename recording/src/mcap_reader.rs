@@ -84,9 +84,9 @@ pub(crate) fn read(input: impl Read, source: &Source) -> Result<Recording, ReadE
         }
     })?;
     if records.is_summary_damaged {
-        reading
-            .notes
-            .push("the summary at the end of the file is damaged; it repeats what was read".to_owned());
+        reading.notes.push(
+            "the summary at the end of the file is damaged; it only repeats data that were read".to_owned(),
+        );
     }
     reading.take_waiting()?;
     if let (Some(compression), None) = (records.compression, &reading.table) {
@@ -260,7 +260,7 @@ impl Reading<'_> {
         if truncated {
             let rows = table.rows();
             table.notes.push(format!(
-                "the file ends before its end was written (recorder killed or disk full): {rows} rows up to its last complete chunk are read"
+                "the file is incomplete (recorder killed or disk full): {rows} rows up to its last complete chunk are read"
             ));
         }
         if self.events_left_out > 0 {

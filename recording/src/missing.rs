@@ -60,7 +60,7 @@ pub(crate) fn in_words(recording: &Recording) -> Option<String> {
         }
     });
     let words: Vec<String> = words.collect();
-    (!words.is_empty()).then(|| format!("missing, and not used where missing: {}", words.join(", ")))
+    (!words.is_empty()).then(|| format!("missing values, which are not used: {}", words.join(", ")))
 }
 
 /// Neighbouring columns of one group that lack equally many samples: the first, the last, the number of samples.

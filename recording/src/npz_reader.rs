@@ -118,7 +118,7 @@ fn array(name: &str, input: &mut dyn Read, budget: &mut MemoryBudget) -> Result<
     }
     let Some((size, number)) = number_of(letter) else { return Ok(Held::Other(shorten(kind))) };
     let count =
-        budget.take(name, &shape).map_err(|OverBudget| "more numbers than what is read; write fewer rows")?;
+        budget.take(name, &shape).map_err(|OverBudget| "more numbers than the limit; write fewer rows")?;
     if count == 0 {
         return Ok(Held::Numbers(Array { name: name.to_owned(), shape: vec![0], values: Vec::new() }));
     }

@@ -165,8 +165,9 @@ pub(crate) fn check_rows(metadata: &ParquetMetaData) -> Result<u64, Refused> {
         let rows = u64::try_from(group.num_rows()).ok();
         sum = sum.zip(rows).and_then(|(sum, rows)| sum.checked_add(rows));
     }
-    sum.filter(|&rows| i64::try_from(rows) == Ok(said))
-        .ok_or_else(|| Refused(format!("its footer says {said} rows, its row groups have others")))
+    sum.filter(|&rows| i64::try_from(rows) == Ok(said)).ok_or_else(|| {
+        Refused(format!("its footer states {said} rows, but its row groups have another number"))
+    })
 }
 
 /// Fails if the schema in the footer of `file` nests groups more deeply than the stack of the recursive decoder permits.

@@ -179,7 +179,7 @@ impl Raw {
         let mut all = 0;
         for group in metadata.row_groups() {
             let (chunk, rows) = (group.columns().get(column), group.num_rows());
-            let chunk = chunk.ok_or_else(|| Refused("a row group has not all columns".to_owned()))?;
+            let chunk = chunk.ok_or_else(|| Refused("a row group lacks some columns".to_owned()))?;
             let values = claims.check_chunk(pages, chunk)?;
             if !self.is_list && i64::try_from(values) != Ok(rows) {
                 let name = name(&self.descriptor);

@@ -116,7 +116,7 @@ impl<'a> Record<'a> {
         };
         Ok(match read {
             Ok(_) if inner.len() == size as usize => Ok(inner),
-            Ok(_) => Err("a chunk has another size than it says".to_owned()),
+            Ok(_) => Err("a chunk has another size than its header states".to_owned()),
             Err(error) => Err(format!("a chunk does not decompress: {error}")),
         })
     }

@@ -75,9 +75,9 @@ enum Fault {
     Sqlite(#[from] rusqlite::Error),
     #[error("it has no table {0}")]
     NoTable(&'static str),
-    #[error("{0} is no table of stored rows: it is a view, or computes what it holds; record the bag again")]
+    #[error("{0} is no table of stored rows: it is a view, or computes its columns; record the bag again")]
     Computed(&'static str),
-    #[error("it is damaged: it has more rows or bytes than there is room for in {0} bytes")]
+    #[error("it is damaged: it claims more rows or bytes than {0} bytes can contain")]
     NoRoom(u64),
 }
 

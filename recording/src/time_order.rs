@@ -13,7 +13,7 @@ impl Reordered {
     /// The corrections, in one sentence.
     pub fn in_words(self) -> Option<String> {
         let part = |count: u64, what: &str| (count > 0).then(|| format!("{count} {what}"));
-        let parts = [part(self.late, "late, put in order"), part(self.repeated, "repeated, dropped")];
+        let parts = [part(self.late, "late, sorted by time"), part(self.repeated, "repeated, dropped")];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
         (!parts.is_empty()).then(|| format!("time stamps: {}", parts.join("; ")))
     }

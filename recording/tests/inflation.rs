@@ -142,7 +142,7 @@ fn what_a_file_may_inflate_to_is_bounded_before_it_is_inflated() {
     mat(&path, 6, &sizes(&[1 << 28, 1]), 1 << 28);
     refused("longer than the times of which so short a file can tell");
     mat(&path, 6, &sizes(&[1 << 15, 1 << 15]), 1 << 28);
-    refused("more numbers than what is read");
+    refused("more numbers than the limit");
     mat(&path, 6, &vec![1; 1 << 20], 8);
     refused("cut or damaged");
     mat(&path, 1, &sizes(&[1, 1]), 1 << 28);

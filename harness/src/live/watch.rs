@@ -237,9 +237,7 @@ impl Watch {
                 let words = format!("switch to {} requested", self.board.controller(to));
                 self.request(OperatorRequest::Swap { to }, words);
             }
-            Action::Spoil => {
-                self.request(OperatorRequest::Spoil, format!("{name} is made to answer with NaN once"))
-            }
+            Action::Spoil => self.request(OperatorRequest::Spoil, format!("{name} answers with NaN once")),
             Action::Mark => self.request(OperatorRequest::Mark, "mark requested".to_owned()),
             Action::Kill | Action::Hang
                 if self.board.fates.get(in_charge) == Some(&ControllerState::Ended) =>

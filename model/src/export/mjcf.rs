@@ -84,7 +84,7 @@ fn not_expressed_of_bodies(parts: &Parts) -> Vec<String> {
             format!("gain and offset of the torque measurement of {name}, whose control is a position")
         });
         let changed = Principal::of(&parts.joint.inertia).changed.map(|changed| {
-            format!("the inertia of the link of {name}: no real body has it, the nearest that MuJoCo takes differs by {} kg*m^2", brief(changed))
+            format!("the inertia of the link of {name}: no real body has this inertia; the nearest that MuJoCo accepts differs by {} kg*m^2", brief(changed))
         });
         let negative = (parts.armature < 0.0).then(|| {
             format!("rotor inertia of {name} ({}): MJCF has none below zero", brief(parts.armature))
@@ -107,7 +107,7 @@ fn stand_in(parts: &mut Parts, arm: &Arm, not_expressed: &mut Vec<String>) -> f6
         if joint.armature <= 0.0 {
             joint.armature = STAND_IN * least;
             not_expressed.push(format!(
-                "the inertia of the motor of {}, which the model does not name: MuJoCo needs one, {} kg*m^2 stands for it",
+                "the inertia of the motor of {}, which the model lacks: MuJoCo needs one, and the file has {} kg*m^2",
                 joint.joint.name, brief(joint.armature)
             ));
         }
@@ -115,7 +115,7 @@ fn stand_in(parts: &mut Parts, arm: &Arm, not_expressed: &mut Vec<String>) -> f6
         if gear.gap > 0.0 && gear.compliance > 0.0 && gear.damping == 0.0 {
             gear.damping = 2.0 / (gear.compliance * gear.mobility).sqrt();
             not_expressed.push(format!(
-                "the damping of the flanks of {}, which the model does not name: {} stops the link on a flank without a bounce",
+                "the damping of the flanks of {}, which the model lacks: the file has {}, which stops the link on a flank without a bounce",
                 joint.joint.name, brief(gear.damping)
             ));
         }
@@ -139,7 +139,7 @@ fn carry_friction(parts: &mut Parts, arm: &Arm, step: f64, not_expressed: &mut V
         if least > felt {
             joint.armature = joint.armature.max(0.0) + least - felt;
             not_expressed.push(format!(
-                "an inertia of {} kg*m^2 too much on {}: MuJoCo's friction of {} needs it, the links have too little",
+                "an additional inertia of {} kg*m^2 on {}: MuJoCo's friction of {} needs it, since the links have too little",
                 brief(least - felt),
                 joint.joint.name,
                 brief(joint.friction)

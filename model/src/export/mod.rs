@@ -54,9 +54,9 @@ pub struct Exported {
 fn heading(not_expressed: &[String]) -> Vec<String> {
     let mut lines = vec![format!("Written by freeplay {}. SI units, radians.", env!("CARGO_PKG_VERSION"))];
     if not_expressed.is_empty() {
-        lines.push("This file says all of the model.".to_owned());
+        lines.push("This file expresses the whole model.".to_owned());
     } else {
-        lines.push("This file does not say:".to_owned());
+        lines.push("This file cannot express:".to_owned());
         lines.extend(not_expressed.iter().map(|line| format!("- {line}")));
     }
     lines

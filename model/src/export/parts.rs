@@ -211,7 +211,7 @@ impl JointParts {
         ];
         let name = &self.joint.name;
         let words =
-            |(words, value)| format!("{words} of {name} ({}): there is none below zero", brief(value));
+            |(words, value)| format!("{words} of {name} ({}): the format has none below zero", brief(value));
         parts.into_iter().filter(|(_, value)| *value < 0.0).map(words).collect()
     }
 

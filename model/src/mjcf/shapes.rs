@@ -90,7 +90,7 @@ impl<'d, 'i> Model<'_, 'd, 'i> {
         }
         if unknown > 0 {
             self.reader.notes.push(format!(
-                "body `{name}` has no <inertial>, and {unknown} of its shapes, such as meshes, count for nothing; write one with mujoco.mj_saveLastXML"
+                "body `{name}` has no <inertial>, and {unknown} of its shapes, such as meshes, contribute no mass; write an <inertial> with mujoco.mj_saveLastXML"
             ));
         }
         Ok(sum)

@@ -217,7 +217,7 @@ fn arms_of_bodies() {
         &file,
         "arm: base → left_hand, 8 joints; the gripper's 2 joints held still (`lf1`, `lg1`); 13 other joints held still",
     );
-    noted(&file, "as long are the chains to `right_hand`");
+    noted(&file, "the chains to `right_hand` are equally long");
 
     let file = two.choose(&Selection { tip: Some("right_hand".to_owned()), joints: Vec::new() }).unwrap();
     assert_eq!(names(&file)[1], "right_1");
@@ -326,7 +326,7 @@ fn inertias_that_cannot_be_matter_where_they_move() {
     let arm = Robot::new("base").chain("base", "j", 2, 0.3);
     let file = arm.clone().joint("base", ["aerial_mount", "fixed", "aerial"], odd, "").load();
     assert!(file.arm.require(Purpose::Simulation).is_ok());
-    noted(&file, "counts for nothing: `aerial`");
+    noted(&file, "impossible inertias that the arm does not move are not used: `aerial`");
     let file = arm.joint("jlink2", ["aerial_mount", "fixed", "aerial"], odd, "").load();
     assert!(file.arm.require(Purpose::ToolPose).is_ok());
     let said = file.arm.require(Purpose::Torque).unwrap_err().to_string();
@@ -416,7 +416,7 @@ fn numbers_that_cannot_be_meant() {
     );
     noted(
         &all("effort=\"300\"", "effort=\"0.3\""),
-        "joint `j2` (line 6): the arm's own weight asks it for up to",
+        "joint `j2` (line 6): the arm's own weight loads it with up to",
     );
     noted(&all("mass value=\"2\"", "mass value=\"2000\""), "densest metal");
 }

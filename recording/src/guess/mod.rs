@@ -66,7 +66,7 @@ pub(crate) fn guess(file: &str, names: &Names, sample: &Sample, form: Option<&Fo
     let mut text = Text { toml: String::new(), words: Vec::new(), names };
     let _ = writeln!(
         text.toml,
-        "# How the columns of {file} are taken. Correct what is wrong, and give it back with --mapping."
+        "# Mapping of the columns of {file}. Correct wrong entries, and pass this file with --mapping."
     );
     if let Some(form) = form.filter(|form| (form.separator, form.decimal) != (b',', b'.')) {
         let _ = writeln!(text.toml, "separator = {}", quoted(&char::from(form.separator).to_string()));

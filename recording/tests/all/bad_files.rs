@@ -29,7 +29,7 @@ const COLUMNS: [(&str, &str); 6] = [
 ];
 
 const NOTHING_LEFT: &str =
-    "nothing is left; record it, or name another column for it in a mapping file: freeplay record import";
+    "no row is left; record it, or name another column for it in a mapping file: freeplay record import";
 
 const CELLS: [(&str, &str); 12] = [
     (
@@ -75,10 +75,13 @@ const CELLS: [(&str, &str); 12] = [
 
 /// Files without a complete row, and the missing value of their first row.
 const LACKING: [(&str, &str); 4] = [
-    ("t,q1\n0,1e999\n", "run.csv:2: column q1 holds no number, and so in all 1 rows: "),
-    ("t,q1\nNaN,0\n", "run.csv:2: column t holds no number, and so in all 1 rows: "),
-    ("t,q1\n0,\n", "run.csv:2: column q1 holds no number, and so in all 1 rows: "),
-    ("t,q1,q2\n0,nan,1\n1,0,null\n2,0,\n", "run.csv:3: column q2 holds no number, and so in all 3 rows: "),
+    ("t,q1\n0,1e999\n", "run.csv:2: column q1 holds no number, and all 1 rows lack such a value: "),
+    ("t,q1\nNaN,0\n", "run.csv:2: column t holds no number, and all 1 rows lack such a value: "),
+    ("t,q1\n0,\n", "run.csv:2: column q1 holds no number, and all 1 rows lack such a value: "),
+    (
+        "t,q1,q2\n0,nan,1\n1,0,null\n2,0,\n",
+        "run.csv:3: column q2 holds no number, and all 3 rows lack such a value: ",
+    ),
 ];
 
 #[test]
@@ -125,7 +128,8 @@ fn bytes_that_are_no_text_are_told_apart() {
         assert!(matches!(error, ReadError::NotText { .. }), "{error}");
         let error = error.to_string();
         assert!(
-            error.starts_with(&format!("run.csv: {what}")) && error.contains("what is read: CSV, MCAP"),
+            error.starts_with(&format!("run.csv: {what}"))
+                && error.contains("the readable formats are CSV, MCAP"),
             "{error}"
         );
     }

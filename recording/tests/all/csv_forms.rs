@@ -228,5 +228,5 @@ fn late_and_repeated_stamps_are_put_right_and_counted() {
     let recording = read_text(&format!("t,q1,q2,tau1,tau2\n{}\n", rows.join("\n"))).expect("it reads");
     check("sorted", &recording);
     let said = recording.notes.join("; ");
-    assert!(said.contains("1 late, put in order; 1 repeated, dropped"), "{said}");
+    assert!(said.contains("1 late, sorted by time; 1 repeated, dropped"), "{said}");
 }

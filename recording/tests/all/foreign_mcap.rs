@@ -113,7 +113,7 @@ fn each_foreign_form_has_its_message() {
         ),
         (
             message_of(&[tick(joints, rows(&[&[0.5, f64::NAN]]))]),
-            "run.mcap, message 1: column q1 holds no number, and so in all 1 rows: nothing is left; record it, or name another column for it in a mapping file: freeplay record import".into(),
+            "run.mcap, message 1: column q1 holds no number, and all 1 rows lack such a value: no row is left; record it, or name another column for it in a mapping file: freeplay record import".into(),
         ),
         (
             message_of(&[tick(joints, rows(&[&[0.5, 1.0], &[0.5, 1.0]]))]),

@@ -98,7 +98,7 @@ fn what_a_mapping_gets_wrong_is_said_with_place_and_remedy() {
         (replaced("\"v_b\"", "\"pos_1\""), "column \"pos_1\" is named for q1 and for qd2; name it once"),
         (replaced("separator", "seperator"), "unknown field `seperator`, expected one of"),
         (replaced("unit = \"ms\"", "unit = 3"), "expected a unit in quotes, or a list of units"),
-        (replaced("decimal = \",\"", "decimal = \"7\""), "decimal = '7' cannot be; give a single"),
+        (replaced("decimal = \",\"", "decimal = \"7\""), "decimal = '7' is not possible; give a single"),
         (replaced("decimal = \",\"", "decimal = 7"), "found `7`, expected a single character in quotes"),
         (format!("joints = [\"a\"]\n{MAP}"), "joints: 1 names, expected 2; give one for each"),
         (
@@ -300,10 +300,9 @@ fn joint_states_are_read_by_name_and_poses_come_to_their_times() {
     assert!(x[0].is_nan());
     assert_close(&x[1..], &[0.5, 1.5]);
     let said = recording.notes.join("; ");
-    for words in [
-        "3 of 6 messages of /joint_states are passed over: they are of other joints",
-        "x…z in 1 of 3 samples",
-    ] {
+    for words in
+        ["3 of 6 messages of /joint_states are skipped: they are of other joints", "x…z in 1 of 3 samples"]
+    {
         assert!(said.contains(words), "{words}: {said}");
     }
 }
