@@ -67,7 +67,7 @@ fn what_has_no_name_is_learned_and_taken_out() {
     let checks = said["checks"][0].as_array().expect("checks");
     assert!(checks.len() == 3 && checks.iter().all(|check| check["holds"] == true), "{checks:#?}");
     for (file, words) in
-        [("report.html", "play-detent"), ("play-detent/report.html", "Where the network may be used")]
+        [("report.html", "play-detent"), ("play-detent/report.html", "Permitted use of the network")]
     {
         let page = std::fs::read_to_string(place.path().join("out").join(file)).expect("a page");
         assert!(page.contains(words), "{file}");

@@ -253,7 +253,7 @@ fn runs_whose_controller_never_starts_are_not_killed() {
     {
         let arguments = ["faults", &faulty(), "--kills", "1000", "--out", "out"];
         let ran = Call::new(fresh_folder(), &arguments).env("FREEPLAY_FAULT", fault).run().expect(code);
-        for words in [said, "so none was killed"] {
+        for words in [said, "so no run was killed"] {
             assert!(ran.stderr().contains(words), "{words}: {}", ran.dump());
         }
         assert!(!ran.out().join("kills.json").exists());

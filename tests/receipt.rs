@@ -378,7 +378,7 @@ fn every_field_is_bound_of_a_folder_of_someone_else() {
     changed["cases"][name]["answer"]["verdict"] = json!("unknown");
     changed["sha256"] = hash_of(&changed).into();
     std::fs::write(path("third/receipt.json"), changed.to_string()).expect("a receipt");
-    refused("truth.json", "committed to were");
+    refused("truth.json", "the committed answers have");
 }
 
 /// An implementation of the hashes from their description alone reproduces every hash of real receipts; so does the Python of the docs.
@@ -450,11 +450,11 @@ fn cheats_are_caught() {
         let case = r["cases"].as_object_mut().and_then(|table| table.shift_remove(one));
         r["cases"]["00"] = case.expect("a case");
     });
-    caught("answers swapped", "committed to were", false, &|r| {
+    caught("answers swapped", "the committed answers have", false, &|r| {
         let (a, b) = (r["cases"][one]["answer"].clone(), r["cases"][two]["answer"].clone());
         (r["cases"][one]["answer"], r["cases"][two]["answer"]) = (b, a);
     });
-    caught("an answer made right, its score kept", "committed to were", false, &|r| {
+    caught("an answer made right, its score kept", "the committed answers have", false, &|r| {
         r["cases"][one]["answer"]["verdict"] = json!("unknown");
     });
     caught("another truth, all hashes anew", "history", true, &|r| {

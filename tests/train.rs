@@ -63,7 +63,7 @@ fn what_the_model_leaves_is_learned_proved_and_taken_out() {
     assert!(folder.join("nominal.weights.json").is_file(), "where runs with this model find it");
     let page = std::fs::read_to_string(folder.join("nominal.weights.html")).expect("a page");
     assert!(
-        page.contains("Where the network may be used") && page.contains("forecast"),
+        page.contains("Permitted use of the network") && page.contains("forecast"),
         "what was learned is drawn"
     );
 

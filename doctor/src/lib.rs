@@ -125,7 +125,7 @@ impl Examination {
             Level::Warn => Mark::Warn,
             Level::Fail => Mark::Fail,
         };
-        let (mut change, mut order) = (Section::new("What to change"), Section::new("As it should be"));
+        let (mut change, mut order) = (Section::new("Settings to change"), Section::new("Correct settings"));
         for finding in &self.findings {
             let words = format!("{}: {}", finding.item, finding.found);
             match &finding.remedy {

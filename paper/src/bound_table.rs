@@ -126,8 +126,8 @@ fn in_words(all: &[Compared]) -> String {
     );
     let _ = writeln!(
         text,
-        "\nA local search from several starts finds the optimum without a proof, and only corners count; \"on the plant\" is \
-         what prescribed joints on it measure there.\nnarx-qp goes at least {:.0} % of the way from quasi-static to it in RMS.",
+        "\nA local search from several starts finds the optimum without a proof, and only corners count; \"on the plant\" is the measurement of \
+         prescribed joints on it there.\nIn RMS, narx-qp goes at least {:.0} % of the way from quasi-static to this optimum.",
         100.0 * least
     );
     text

@@ -327,8 +327,8 @@ fn in_words(rows: &[Row]) -> String {
     let _ = writeln!(
         text,
         "\nThe tool's deviation in mm after the start of the run. narx-qp is at least as good as quasi-static and as no compensation, in RMS and \
-         maximum and to {HARMLESS} mm, in {good} of {} cells.\nCommanded: the reference with its correction, and the torque; it stays \
-         within the limits in {within}. Measured: what the encoders saw, the knocks of landing journals on the light joints included.",
+         maximum and to {HARMLESS} mm, in {good} of {} cells.\nCommanded: the reference with its correction, and the torque; it stays within the \
+         limits in {within}. Measured: the values of the encoders, including the impacts of landing journals on the light joints.",
         rows.len()
     );
     text

@@ -232,7 +232,7 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
     let mut rows = read_reference().map_err(Failure::internal)?;
     rows.retain(|row| row.run.contains(&args.only));
     if rows.is_empty() {
-        let words = "give a part of one, such as lissajous or T12; without --only there are all";
+        let words = "give a part of a name, such as lissajous or T12, or leave out --only for all runs";
         return Err(Failure::usage(format!("no reference run has {:?} in its name; {words}", args.only)));
     }
     let claimed = |out| claim(Some(out), &["report.html"], args.force);

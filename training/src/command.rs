@@ -210,7 +210,7 @@ fn task_of_all(recordings: &[PathBuf]) -> Result<Option<Task>, Failure> {
             && (first.gains, first.mode, first.rate) != (found.gains, found.mode, found.rate)
         {
             return Err(Failure::input(format!(
-                "{}: another mode, rate or feedback than in the recordings before: what is learned depends on them",
+                "{}: its mode, rate or feedback differs from that of the recordings before, and the network depends on them; give recordings with the same",
                 recording.display()
             )));
         }

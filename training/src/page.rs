@@ -18,7 +18,10 @@ pub fn document(trained: &Trained) -> Document {
     let file = &trained.file;
     let verdict = Verdict::passed(trained.receipt.proved);
     Document::new("Freeplay training")
-        .subtitle(format!("What the model leaves of the tool's deviation, learned on {}", conditions(file)))
+        .subtitle(format!(
+            "Remainder of the tool's deviation beyond the model, learned on {}",
+            conditions(file)
+        ))
         .overview((verdict, trained.verdict_in_words().to_owned()))
         .overview(Block::Figures(figures(trained)))
         .overview(table(&trained.tried))
@@ -38,19 +41,19 @@ fn figures(trained: &Trained) -> Vec<Figure> {
         |of: fn(&freeplay_controller::remainder::Rehearsed) -> f64| 1e3 * rms(receipt.runs.iter().map(of));
     let mut figures = vec![
         Figure::new("remainder on held-out paths, RMS", format!("{before:.1} → {after:.1}"), "µm")
-            .note("what the tracker saw beyond the model, less the forecast"),
+            .note("tracked deviation beyond the model, minus the forecast"),
     ];
     if !receipt.runs.is_empty() {
         let [without, with] = [mean(|run| run.without_mm), mean(|run| run.with_mm)];
         figures.push(
             Figure::new("tool deviation in simulated runs, RMS", format!("{without:.1} → {with:.1}"), "µm")
-                .note(format!("chance of that without any use: {:.2} %", 1e2 * receipt.chance))
+                .note(format!("probability of this result by chance alone: {:.2} %", 1e2 * receipt.chance))
                 .verdict(Verdict::passed(receipt.proved)),
         );
     }
     let reach = trained.file.learned.region.trust.iter().rev().find(|[_, share]| *share > 0.0);
     if let Some([distance, _]) = reach {
-        let note = "half ranges of the trained inputs; beyond it fades to nothing";
+        let note = "half ranges of the trained inputs; beyond this distance the correction fades to zero";
         figures.push(Figure::new("used up to a distance of", format!("{distance:.2}"), "").note(note));
     }
     figures
@@ -97,11 +100,11 @@ fn along(forecast: &Forecast) -> Drawing {
             .height(180)
     };
     let drawing = Drawing::new(format!(
-        "The path of {} as the network of the other paths forecasts it",
+        "Forecast of the path of {} by the network of the other paths",
         forecast.name
     ))
     .caption(
-        "What the tracker saw of the tool beyond the model, and the forecast within its bounds, base frame.",
+        "Tracked deviation of the tool beyond the model, and the forecast within its bounds, base frame.",
     );
     (0..AXES.len()).fold(drawing, |drawing, axis| drawing.panel(panel(axis)))
 }
@@ -125,7 +128,7 @@ fn region(trained: &Trained) -> Drawing {
     let distances: Vec<f64> = trust.iter().map(|[distance, _]| *distance).collect();
     let shares: Vec<f64> = trust.iter().map(|[_, share]| *share).collect();
     let mut chart = Chart::trace(
-        "Where the network may be used",
+        "Permitted use of the network",
         Axis::new("distance from the trained inputs", "half ranges"),
         Axis::new("share of the answer that is used", ""),
     )
@@ -138,7 +141,7 @@ fn region(trained: &Trained) -> Drawing {
         chart = chart.mark(Mark::At { x: farthest, label: forecast.name.clone() });
     }
     Drawing::new("Region of validity")
-        .caption("Marks: the farthest instant of each held-out path. Beyond the end of the line the network says nothing.")
+        .caption("Marks: the farthest instant of each held-out path. Beyond the end of the line, the network has no effect.")
         .panel(chart)
 }
 

@@ -109,7 +109,7 @@ impl RecordedRun {
         let left = remainder(model, &observed, period).map_err(Failure::input)?;
         if let Some(at) = left.iter().position(|left| !left.iter().all(|value| value.is_finite())) {
             return Err(Failure::input(format!(
-                "{origin}, sample {}: the tool or a joint is not a number: cut that out, or repair it",
+                "{origin}, sample {}: the tool or a joint is not a number: cut this sample out, or repair it",
                 at + 1
             )));
         }

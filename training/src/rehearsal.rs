@@ -73,7 +73,7 @@ pub fn check_mode(task: &Task) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::input(format!(
-        "recordings in mode {:?}: runs that prove weights are of mode torque; record such ones",
+        "the recordings have mode {:?}, but the simulated runs that prove weights have mode torque; record in mode torque",
         task.mode
     )))
 }
@@ -87,7 +87,7 @@ pub fn check_rate(period: f64) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::input(format!(
-        "recordings of {:.6} Hz: runs that prove weights have {RATE} Hz; record such ones",
+        "the recordings have {:.6} Hz, but the simulated runs that prove weights have {RATE} Hz; record at this rate",
         1.0 / period
     )))
 }

@@ -23,8 +23,8 @@ pub fn text(trained: &Trained) -> String {
         }
     }
     let mut text = format!(
-        "{table}\n\nleft: what a predictor of the tool's deviation leaves of it, rms; R: correlation of the predicted deviation\n\
-         with the measured one, 1 at best. Weights predicted each path that it did not train. The first rows are baselines.\n\nchosen   {}\n",
+        "{table}\n\nleft: RMS of the tool's deviation minus its prediction; R: correlation of the predicted deviation\nwith the measured one, 1 at \
+         best. Weights predicted each path that it did not train. The first rows are baselines.\n\nchosen   {}\n",
         trained.structure
     );
     for (name, axis) in ["x", "y", "z"].iter().zip(&trained.file.learned.axes) {
@@ -46,8 +46,11 @@ pub fn text(trained: &Trained) -> String {
         );
     }
     if !trained.receipt.runs.is_empty() {
-        let _ =
-            writeln!(text, "chance   {:.3} % of runs as good without any use", 1e2 * trained.receipt.chance);
+        let _ = writeln!(
+            text,
+            "chance   {:.3} % probability of runs as good by chance alone",
+            1e2 * trained.receipt.chance
+        );
     }
     let _ = writeln!(text, "{}", trained.verdict_in_words());
     text

@@ -42,11 +42,11 @@ impl Trained {
     /// Text of the verdict: used or not, with the reason.
     pub fn verdict_in_words(&self) -> &'static str {
         if self.receipt.proved {
-            "proved: runs with this model use it"
+            "proved: runs with this model use the network"
         } else if self.receipt.runs.is_empty() {
-            "not used: held-out paths confirm nothing of what was learned"
+            "not used: the held-out paths do not confirm the network"
         } else {
-            "not used: one of the simulated runs was worse with it, or chance alone could have made them better"
+            "not used: one of the simulated runs was worse with the network, or chance alone could explain the improvement"
         }
     }
 }

@@ -72,9 +72,10 @@ impl Report<'_> {
         let caught_up = caught_up.note(
             "After a stall both loops catch up without a pause. These ticks are not wake-ups, because the loop did not sleep before them; the lateness of all ticks includes them. The full loop has work in each tick and therefore takes more ticks to catch up from the same stall.",
         );
-        Section::new("Beside the yardsticks").with(table).with(caught_up).with(
-            "The yardsticks run on the same cores, at the same priority and with the same wait, in blocks that take turns with the full \
-             loop. Absolute times depend on the machine; these ratios hardly do. Transport is the time of the state message plus that of the command message.",
+        Section::new("Comparison with the yardsticks").with(table).with(caught_up).with(
+            "The yardsticks run on the same cores, at the same priority and with the same wait, in blocks that take turns with the full loop. \
+             Absolute times depend on the machine; these ratios hardly depend on it. Transport is the time of the state message plus that of the \
+             command message.",
         )
     }
 

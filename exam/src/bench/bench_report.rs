@@ -146,21 +146,21 @@ impl Report<'_> {
             (
                 wake_up,
                 format!(
-                    "wake-up: p99 of ticks that were waited for {} of the bare loop's at most, median of the blocks, limit {MOST_WAKE_UP}",
+                    "wake-up: p99 of ticks after a wait, relative to the bare loop: {}, median of the blocks, limit {MOST_WAKE_UP}",
                     number(verdicts.wake_up_p99)
                 ),
             ),
             (
                 transport,
                 format!(
-                    "transport: p50 {} of bare iceoryx2's at most, limit {MOST_TRANSPORT}",
+                    "transport: p50 relative to bare iceoryx2: {}, limit {MOST_TRANSPORT}",
                     number(verdicts.transport_p50)
                 ),
             ),
             (
                 caused,
                 format!(
-                    "causes: {} of {} missed deadlines have one, limit {:.0} %",
+                    "causes: {} of {} missed deadlines have a known cause, limit {:.0} %",
                     verdicts.caused,
                     verdicts.missed,
                     LEAST_CAUSED * 100.0

@@ -218,7 +218,7 @@ fn in_words(costs: &[Cost], verdict: LimitVerdict, pairs: usize, controller: &st
         LimitVerdict::Open => {
             ": undecided where the bounds include the limit; use a quieter machine or more --pairs and --ticks"
         }
-        LimitVerdict::Fails => ": where it fails, so do the bounds of the median",
+        LimitVerdict::Fails => ": a stage fails if both bounds of the median exceed the limit",
     };
     format!(
         "{controller}, {pairs} blocks of each kind in turn; medians of the blocks' ratios\n\n{table}\n\n\

@@ -156,11 +156,9 @@ impl<'a> Report<'a> {
             let _ = writeln!(surroundings, " {:<17} {verdict:<6} {}", found.fault, found.found);
         }
         format!(
-            "Exam of {} with the standby {}, {}: each fault and how it was handled\n\n{table}\n\n{surroundings}\n\
-             applied values beyond a limit or not finite: {}\n\
-             ticks at which the plant woke up late: {}; ticks missing in recordings: {}\n\
-             faults during a stall of the machine, counted separately (+): {}\n\
-             runs left by killed processes and removed by the next run: {}\n\nreport   {}\nall      {}, faults.xml (JUnit)\n",
+            "Exam of {} with the standby {}, {}: the faults and their handling\n\n{table}\n\n{surroundings}\napplied values beyond a limit or not \
+             finite: {}\nticks at which the plant woke up late: {}; ticks missing in recordings: {}\nfaults during a stall of the machine, counted \
+             separately (+): {}\nruns left by killed processes and removed by the next run: {}\n\nreport   {}\nall      {}, faults.xml (JUnit)\n",
             self.examined,
             self.standby,
             pace_name(self.scenario.pace),

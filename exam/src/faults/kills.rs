@@ -88,7 +88,7 @@ pub fn kill_runs(
     if let Some(exit) = status.code().and_then(failed) {
         return Err(Failure {
             exit,
-            message: format!("{controller}: the run that nobody kills failed, so none was killed"),
+            message: format!("{controller}: the reference run without a kill failed, so no run was killed"),
         });
     }
     let mut latest = begun.elapsed();

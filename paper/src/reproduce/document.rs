@@ -17,7 +17,7 @@ use super::{Reproduction, figures, parameters, tables};
 /// Impossible parameters.
 pub fn document(done: &Reproduction) -> Result<Document, Failure> {
     let mut document = Document::new("Erkaya (2018), reproduced")
-        .subtitle("A six-axis arm whose joint 5 has play: what the paper claims, what its equations give, and what was left open")
+        .subtitle("A six-axis arm whose joint 5 has play: the claims of the paper, the results of its equations, and its open choices")
         .overview(counts(&done.claims))
         .overview(tables::claims(&done.claims))
         .section(verdicts(&done.claims))
@@ -26,7 +26,7 @@ pub fn document(done: &Reproduction) -> Result<Document, Failure> {
         .section(forces(done))
         .section(deviations(done))
         .section(
-            Section::new("What the imperfect joint costs").with(tables::cost(&done.runs, &done.scope)),
+            Section::new("Cost of the imperfect joint").with(tables::cost(&done.runs, &done.scope)),
         );
     if !done.studies.is_empty() {
         document = document.section(network(&done.studies));
@@ -49,7 +49,7 @@ fn counts(claims: &[Claim]) -> Block {
 
 fn verdicts(claims: &[Claim]) -> Section {
     let mut section = Section::new("The claims one by one").with(
-        "Every verdict is computed from the runs of this very command; a situation is a path, a drive, a period or what else the claim depends on. Where an independent simulator or training has the same number, it stands beside ours.",
+        "Every verdict is computed from the runs of this very command; a situation is a path, a drive, a period or another condition of the claim. If an independent simulator or training has the same number, the table shows it beside ours.",
     );
     for claim in claims {
         let words = match &claim.ruling {
@@ -74,7 +74,7 @@ fn verdicts(claims: &[Claim]) -> Section {
 }
 
 fn parameters() -> Result<Section, Failure> {
-    Ok(Section::new("Parameters and what was left open")
+    Ok(Section::new("Parameters and open choices")
         .with(parameters::links())
         .with(parameters::simulation()?)
         .with(parameters::left_open()))
@@ -92,7 +92,7 @@ fn joint(done: &Reproduction) -> Section {
 
 fn forces(done: &Reproduction) -> Section {
     let mut section = Section::new("Forces of joint 1, torques of joints 1 and 2").with(
-        "What Figs. 5 to 13 of the paper are about, as far as its text says; the figures themselves could not be compared.",
+        "The quantities of Figs. 5 to 13 of the paper, according to its text; a comparison with the figures themselves was not possible.",
     );
     for (drive, path) in done.scope.pairs() {
         section = section.with(figures::base_force(&done.runs, drive, path));
@@ -115,7 +115,7 @@ fn deviations(done: &Reproduction) -> Section {
 
 fn network(studies: &[Study]) -> Section {
     let mut section = Section::new("The network")
-        .with("The paper's network: 4 hidden layers of 10 sigmoid units; torques of six joints and three path components now and two samples back, deviations two samples back; where it learns from several clearances also their size, the number and the place of joints with play. Levenberg–Marquardt by MATLAB's rule, stopped early on the validation part. Nothing here is random but the seeds 1, 2, …: the same command gives the same networks.")
+        .with("The paper's network: 4 hidden layers of 10 sigmoid units; torques of six joints and three path components now and two samples back, deviations two samples back; where it learns from several clearances also their size, the number and the place of joints with play. Levenberg–Marquardt by MATLAB's rule, stopped early on the validation part. Only the seeds 1, 2, … are random: the same command gives the same networks.")
         .with(tables::networks(studies, false))
         .with(tables::networks(studies, true));
     let is_shown = |study: &&Study| {
@@ -144,7 +144,7 @@ fn network(studies: &[Study]) -> Section {
 }
 
 fn compensation(done: &Reproduction) -> Section {
-    let section = Section::new("What compensation leaves");
+    let section = Section::new("Deviation that compensation leaves");
     if done.played.is_empty() {
         return section.with("Left out in this run: see `--skip`.");
     }

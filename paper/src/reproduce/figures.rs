@@ -93,7 +93,7 @@ fn with_perfect() -> Vec<f64> {
 pub fn torques(runs: &Runs, drive: Drive, path: PathKind, period: f64) -> Drawing {
     let base = Case::new(drive, path, period, 0.0);
     let mut drawing = Drawing::new(format!("Torques of joints 1 and 2: {}", base.situation()))
-        .caption("The motors' torque at every millisecond; what happens between is not in it. The bounces of the first drop show at the beginning.");
+        .caption("The motors' torque at every millisecond, without the values between. The bounces of the first drop show at the beginning.");
     for joint in 0..2 {
         let axis = Axis::new(format!("torque of joint {}", joint + 1), "N·m");
         let chart = Chart::trace(format!("joint {}", joint + 1), time(), axis).height(230);
@@ -188,7 +188,7 @@ fn setting_name(study: &Study) -> String {
 /// Prediction against truth on the test samples, with the line of best fit and R.
 pub fn scatter(study: &Study) -> Drawing {
     let mut drawing = Drawing::new(format!("Prediction against truth, test samples, {}", setting_name(study)))
-        .caption("A good prediction lies on the diagonal. That the points do says little: repeating the last value puts them there, too, see the claims.")
+        .caption("The points of a good prediction lie on the diagonal. The converse does not hold: repeating the last value puts them there, too; see the claims.")
         .beside();
     for (axis, name) in AXES.into_iter().enumerate() {
         let (truth, predicted) = tested(&study.shown, axis);

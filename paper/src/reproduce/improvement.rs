@@ -176,9 +176,9 @@ pub fn claim(improved: &[Improved]) -> Claim {
         return claim;
     }
     let taken = match improved {
-        [_] => format!("In one run the network takes {least:.0} % of the deviation away."),
+        [_] => format!("In one run, the network removes {least:.0} % of the deviation."),
         _ => format!(
-            "In {} runs the network takes {least:.0} to {most:.0} % of the deviation away.",
+            "In {} runs, the network removes {least:.0} to {most:.0} % of the deviation.",
             improved.len()
         ),
     };
@@ -205,6 +205,6 @@ mod tests {
         assert_eq!(some.ruling, Ruling::HoldsOnlyIf("the path has no sharp corners".to_owned()));
         let one = claim(&[run(smooth, 0.7)]);
         assert_eq!(one.ruling, Ruling::DoesNotHold);
-        assert!(one.remark.starts_with("In one run the network takes -17 %"), "{}", one.remark);
+        assert!(one.remark.starts_with("In one run, the network removes -17 %"), "{}", one.remark);
     }
 }

@@ -143,7 +143,7 @@ impl Evidence<'_> {
             "deviation_grows_with_clearance",
             "The deviation of the tool grows with the clearance",
             format!(
-                "agrees where each RMS of the norm exceeds that of the next smaller clearance by {:.0} %, which is how far two simulators agree on sharp paths",
+                "agrees where each RMS of the norm exceeds that of the next smaller clearance by {:.0} %, the agreement of two simulators on sharp paths",
                 DEVIATION_MARGIN * 100.0
             ),
             CLEARANCES.iter().map(|c| Quantity::new(format!("RMS, c = {c} mm"), "mm")).collect(),
@@ -180,7 +180,7 @@ impl Evidence<'_> {
             "contact_force_grows_with_clearance",
             "The contact force in the joint grows with the clearance",
             format!(
-                "agrees where each peak normal force exceeds that of the next smaller clearance by {:.0} %, which is how far two simulators agree; on sharp paths for all clearances within 0.002 %",
+                "agrees where each peak normal force exceeds that of the next smaller clearance by {:.0} %, the agreement of two simulators; on sharp paths for all clearances within 0.002 %",
                 FORCE_MARGIN * 100.0
             ),
             CLEARANCES.iter().map(|c| Quantity::new(format!("peak force, c = {c} mm"), "N")).collect(),
@@ -223,7 +223,7 @@ impl Evidence<'_> {
             ],
             situations,
         )
-        .remark("How much depends on the drives: where the motion is prescribed the whole arm must bear the impact; where torques drive it, it gives way.")
+        .remark("The increase depends on the drives: with a prescribed motion, the whole arm must bear the impact; with torques, the arm gives way.")
     }
 
     fn peaks_at_the_beginning(&self) -> Claim {
@@ -314,7 +314,7 @@ impl Evidence<'_> {
             "shorter_period_more_chaotic",
             "A shorter period makes the deviation more chaotic",
             format!(
-                "agrees where lap {LAPS} of T = 6 s differs from the lap before by a mean square above 1e-6 mm² (1 µm, what a tracker sees at best) and {MORE_CHAOS:.0} times that of T = 12 s; a motion that repeats is not chaotic"
+                "agrees where lap {LAPS} of T = 6 s differs from the lap before by a mean square above 1e-6 mm² (1 µm, the best resolution of a tracker) and {MORE_CHAOS:.0} times that of T = 12 s; a motion that repeats is not chaotic"
             ),
             PERIODS.iter().map(|t| Quantity::new(format!("lap to lap, T = {t} s"), "mm²")).collect(),
             situations,
@@ -344,7 +344,7 @@ impl Evidence<'_> {
         Claim::judged(
             "friction_opposes_sliding",
             "The friction of the joint (Eqs. 6 and 7) opposes the sliding",
-            format!("agrees where the friction in the bearing feeds in less than {:.0} % of what it takes out in all, tick by tick (c = 0.4 mm, smooth path, T = 6 s): friction feeds nothing in, but a step that crosses rest is evaluated on one side of it", FED_IN * 100.0),
+            format!("agrees where the friction in the bearing feeds in less than {:.0} % of the energy that it takes out in all, tick by tick (c = 0.4 mm, smooth path, T = 6 s): friction feeds nothing in, but a step that crosses rest is evaluated on one side of it", FED_IN * 100.0),
             vec![
                 Quantity::new("energy fed in by friction", "mJ"),
                 Quantity::new("lost to friction, in all", "mJ"),

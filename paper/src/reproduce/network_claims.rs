@@ -242,7 +242,7 @@ fn predicts(studies: &[Study]) -> Claim {
         ],
         situations,
     )
-    .remark(format!("In {negative} of {all} situations the network is worse than what needs no learning."))
+    .remark(format!("In {negative} of {all} situations the network is worse than a baseline without learning."))
 }
 
 #[cfg(test)]

@@ -74,7 +74,7 @@ pub fn simulation() -> Result<Table, Failure> {
         ("network", "4 × 10 sigmoid units, delays 2/2", "tanh; u(t), u(t−1), u(t−2), y(t−1), y(t−2)".to_owned()),
         ("training", "Levenberg–Marquardt, 50/20/30 %", "MATLAB's rule; random and block split".to_owned()),
     ];
-    let mut table = Table::new("The paper's Table 2 and what it leaves open: joint, simulation, network")
+    let mut table = Table::new("The paper's Table 2 and its open values: joint, simulation, network")
         .column(Column::text("parameter"))
         .column(Column::text("in the paper"))
         .column(Column::text("taken here").wrapping());
@@ -86,9 +86,9 @@ pub fn simulation() -> Result<Table, Failure> {
 
 /// Open points of the paper besides numbers, and the choices for them.
 pub fn left_open() -> Table {
-    let mut table = Table::new("What the paper leaves open")
+    let mut table = Table::new("Open choices of the paper")
         .column(Column::text("what"))
-        .column(Column::text("taken here, and why").wrapping());
+        .column(Column::text("choice here, and reason").wrapping());
     for (what, taken) in [
         (
             "which robot",
@@ -101,18 +101,18 @@ pub fn left_open() -> Table {
             "a smooth Lissajous curve, each lap from rest to rest, and a square of 0.30 m with sharp corners (accelerating for 0.4 % of a side)",
         ),
         (
-            "how the joints are driven",
+            "drive of the joints",
             "both: prescribed motion, which its figures of forces suggest, and computed torque at 1 kHz (ω = 50 rad/s, ζ = 1)",
         ),
-        ("what turns joint 5 across its play", "a pure couple about its axis"),
+        ("load that turns joint 5 across its play", "a pure couple about its axis"),
         (
             "the sign of friction (Eqs. 6 and 7)",
             "corrected: as printed it pushes along the sliding; both are run, see the claims",
         ),
         ("tension in the contact", "none: F_N ≥ 0"),
-        ("how samples are split", "both at random (MATLAB's default) and in blocks of time"),
+        ("split of the samples", "both at random (MATLAB's default) and in blocks of time"),
         (
-            "what the network sees of u(t)",
+            "the network's input u(t)",
             "the torque of the very sample that is predicted, as Eq. 10 has it; a controller would not have it",
         ),
     ] {

@@ -99,7 +99,7 @@ pub fn cost(runs: &Runs, scope: &Scope) -> Table {
             }
         }
     }
-    table.note("Forces are the greatest within each millisecond, torques those at its end. Energy put in: what the motors give, what they take back left out.")
+    table.note("Forces are the greatest within each millisecond, torques those at its end. Energy put in: the energy from the motors, without the energy that they take back.")
 }
 
 fn cost_row(run: &Outcome, ideal: &Outcome) -> Vec<Cell> {
@@ -154,7 +154,7 @@ pub fn networks(studies: &[Study], closed: bool) -> Table {
         cells.push(study.skill(closed).into());
         table = table.row(cells);
     }
-    table.note("Medians over the trainings. Skill: 1 − MSE / MSE of the best baseline; below zero the network is worse than what needs no learning. Quasi-static: the physics prediction from the reference motion, one step with the last residual added. The previous lap exists where a lap was run before.")
+    table.note("Medians over the trainings. Skill: 1 − MSE / MSE of the best baseline; below zero the network is worse than a baseline without learning. Quasi-static: the physics prediction from the reference motion, one step with the last residual added. The previous lap exists where a lap was run before.")
 }
 
 /// The network's error and R by axis and part.
@@ -254,7 +254,7 @@ pub fn compensation(played: &[Played]) -> Table {
         cells.push(reference(task).unwrap_or(f64::NAN).into());
         table = table.row(cells);
     }
-    table.note("`computed-torque` compensates nothing. \"warn\" marks runs that did not end under control. Reference: an independent simulation with a feed-forward of its own that leaves friction out. The paper itself compensates nothing: this is what its prediction could be for.")
+    table.note("`computed-torque` compensates nothing. \"warn\" marks runs that did not end under control. Reference: an independent simulation with a feed-forward of its own that leaves friction out. The paper itself compensates nothing: this is a possible use of its prediction.")
 }
 
 /// Our runs compared with those of the independent reference.

@@ -115,7 +115,7 @@ pub enum GenerateError {
     },
     /// The recording could not distinguish the effect from a simpler one.
     #[error(
-        "the motions of {machine:?} never show what is particular about {kind}; ask for another motion or machine"
+        "the motions of {machine:?} never show the distinctive feature of {kind}; ask for another motion or machine"
     )]
     Riddle {
         /// The kind.

@@ -134,15 +134,15 @@ impl Mistake {
     /// The known reasons, in words: first from the recordings, then from the catalogue's entries of the two kinds.
     pub fn why(&self) -> String {
         let times = self.times;
-        let mut words = format!("explains more than counts in {} of {times}", self.counts);
+        let mut words = format!("the concealed effect exceeds the threshold in {} of {times}", self.counts);
         words += &match &self.leading {
-            None => ", and the most of all kinds".to_owned(),
+            None => ", and is the strongest of all kinds".to_owned(),
             Some(leading) => {
-                format!(", the most in {}; else mostly {leading} does", self.leads)
+                format!(", and is the strongest in {}; in the others it is mostly {leading}", self.leads)
             }
         };
         if self.said == "unknown" && self.held > 0 {
-            words += &format!(", rightly guessed in {} but more is left over than noise", self.held);
+            words += &format!(", is among the guesses in {}, but the residual exceeds the noise", self.held);
         }
         // The kind that it was confused with, or, for an answer without a name, the kind with the higher score.
         let by_name =

@@ -87,9 +87,9 @@ fn goals(goals: &[Goal]) -> Table {
         ])
     });
     table.note(
-        "Intervals: Wilson for shares, exact where all or none are; order statistics for medians. Parameters of rightly named effects, \
-         those left out that leave next to no trace; gains and scales by their distance from one, angles that may be zero in rad. \
-         Processor time for a six-axis arm, scaled from the two recordings of a case to 16 s of recording.",
+        "Intervals: Wilson for shares, exact where all or none are; order statistics for medians. Parameters of rightly named effects, without those \
+         that leave next to no trace; gains and scales by their distance from one, angles that may be zero in rad. Processor time for a six-axis arm, \
+         scaled from the two recordings of a case to 16 s of recording.",
     )
 }
 
@@ -164,12 +164,12 @@ fn calibration(score: &Score) -> Section {
     let words = covered.filter(|goal| goal.met.is_some()).map_or(String::new(), |goal| {
         let [low, high] = goal.ci95;
         format!(
-            "Of {} intervals {:.1} % hold the truth (95 %: {low:.1} to {high:.1} %).",
+            "Of {} intervals {:.1} % contain the truth (95 %: {low:.1} to {high:.1} %).",
             goal.of, goal.reached
         )
     });
     Section::new("Calibration")
-        .with("Confidence: one over the sum of the odds of all that was weighed in the place of the one named effect, itself included. Calibrated, it is the share of right answers.")
+        .with("Confidence: one over the sum of the odds of all alternatives to the one named effect, itself included. A calibrated confidence equals the share of right answers.")
         .with(table)
         .with(words)
 }
@@ -185,16 +185,16 @@ fn controls(score: &Score) -> Section {
     Section::new("Controls").with(Block::List(vec![
         format!("One effect, right: {} % of {}.", percent(&controls.right), controls.right.of),
         format!(
-            "Labels permuted, every case with the answer of each other one: {:.2} % (kind and joint), {:.2} % (kind alone).",
+            "With permuted labels (every case with the answer of each other one), right: {:.2} % (kind and joint), {:.2} % (kind alone).",
             100.0 * controls.permuted,
             100.0 * controls.permuted_kind
         ),
         format!(
-            "An oracle that knows what to look for finds it in {} % (95 %: {low:.1} to {high:.1} %): the concealed kind at its joint explains more than the least that counts.",
+            "An oracle that knows the concealed kind and its joint finds it in {} % (95 %: {low:.1} to {high:.1} %): its evidence exceeds the threshold for a name.",
             percent(&controls.oracle)
         ),
         format!("Held-out error closed, median, by the name: {}.", closed(&controls.closed_by_name)),
-        format!("By tuning inside the tolerances, without a name: {}.", closed(&controls.closed_by_tuning)),
+        format!("By tuning within the tolerances, without a name: {}.", closed(&controls.closed_by_tuning)),
         format!("By an unnamed correction: {}.", closed(&controls.closed_by_black_box)),
     ]))
 }
@@ -225,7 +225,7 @@ fn improvement(judged: &[Judged]) -> Section {
     }
     let blocks = vec![rest(table, named().count()).into()];
     Section::new("Improvement, case by case")
-        .with("(before − after) / (before − floor) on data that took no part in the fit, mean over the channels in which the named effects show.")
+        .with("(before − after) / (before − floor) on data that were not in the fit, mean over the channels in which the named effects show.")
         .with(Block::Details { summary: "All cases in which an effect was named".to_owned(), blocks })
 }
 
@@ -279,7 +279,7 @@ fn failure(case: &Judged) -> Block {
     });
     let leading: Vec<String> = leading.collect();
     if !leading.is_empty() {
-        lines.push(format!("explains most by itself: {}", leading.join(", ")));
+        lines.push(format!("strongest on their own: {}", leading.join(", ")));
     }
     lines.push(format!("the answer in words: {}", case.answer.statement));
     let summary = format!("{} · {} · {} → {}", case.outcome.name(), case.name, truth.words(), said(case));
@@ -290,9 +290,9 @@ fn rank(case: &Judged, kind: &str, joint: Option<&str>) -> String {
     let rows = &case.answer.hypotheses;
     match rows.iter().position(|row| row.kind == kind && row.joint.as_deref() == joint) {
         Some(place) if rows[place].alone > rows[place].threshold => {
-            format!("by itself it ranks {} with {:.0}", place + 1, rows[place].alone)
+            format!("on its own it has rank {} with evidence {:.0}", place + 1, rows[place].alone)
         }
-        Some(place) => format!("by itself it explains {:.0}, less than counts", rows[place].alone),
+        Some(place) => format!("on its own it has evidence {:.0}, below the threshold", rows[place].alone),
         None => "the search did not consider it".to_owned(),
     }
 }

@@ -107,9 +107,9 @@ fn mistakes(mistakes: &[Mistake]) -> Table {
         ]);
     }
     table.note(
-        "Signal: median of the signal-to-floor ratios. Explains more than counts: the concealed kind at its joint, by itself, against the \
-         least that counts; where it does not, the recording is too weak for it, and where it does but something else explains more, the \
-         two are alike there. What separates the two is what the catalogue says.",
+        "Signal: median of the signal-to-floor ratios. Threshold: least evidence for a name, compared with that of the concealed kind at its joint on \
+         its own. Below it, the recording is too weak. Above it, if another kind is stronger, the two kinds are alike there. The last part is the \
+         catalogue's remark on their difference.",
     )
 }
 
@@ -171,7 +171,7 @@ fn grids(section: Section, matrix: &Matrix, parts: &[Part], judged: &[Judged]) -
         .with(Block::List(vec![
             "r right, x right with an invented effect, o one of several with the truth among them, u unknown, m missed, w wrong, f no answer"
                 .to_owned(),
-            format!("{NOT_MADE} could not be made, · not in these shards, blank: the kind has no place there"),
+            format!("{NOT_MADE} could not be made, · not in these shards, blank: the kind cannot occur there"),
         ]));
     for machine in &matrix.machines {
         let Ok(arm) = machine.data_sheet() else { continue };

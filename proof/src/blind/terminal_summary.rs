@@ -42,7 +42,7 @@ pub fn summary(parts: &[Part], judged: &[Judged], score: &Score, path: &Path, re
     let controls = &score.controls;
     let _ = writeln!(
         text,
-        "\none effect right {:.0} %; answers of other cases {:.1} %, of their kind alone {:.1} %; an oracle that knows what to look for {:.0} %",
+        "\none effect right {:.0} %; answers of other cases {:.1} %, of their kind alone {:.1} %; an oracle that knows the concealed kind {:.0} %",
         100.0 * controls.right.value(),
         100.0 * controls.permuted,
         100.0 * controls.permuted_kind,

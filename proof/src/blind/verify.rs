@@ -81,7 +81,7 @@ pub fn text(checks: &[Check]) -> String {
 fn whole(receipt: &Receipt) -> Result<Check, Failure> {
     let now = receipt.hash()?;
     let changed = (now != receipt.sha256).then(|| {
-        format!("the file says {} of itself, its fields have {}", start(&receipt.sha256), start(&now))
+        format!("the file states the hash {}, but its fields have {}", start(&receipt.sha256), start(&now))
     });
     Ok(Check::new("receipt", changed.as_slice(), &format!("{} covers every field", start(&now))))
 }
@@ -186,7 +186,11 @@ fn answers(part: &Part, receipt: &Receipt) -> Check {
     let now = part.hash_of_answers(&receipt.cases);
     let mut wrong = Vec::new();
     if now != part.answers {
-        wrong.push(format!("committed to were {}, here are {}", start(&part.answers), start(&now)));
+        wrong.push(format!(
+            "the committed answers have the hash {}, but these answers have {}",
+            start(&part.answers),
+            start(&now)
+        ));
     }
     if isolation(part.records(&receipt.cases).map(|(_, record)| &record.answer)) != part.isolation {
         wrong.push("the isolation is not the one that the analysts found".to_owned());
@@ -250,7 +254,7 @@ fn score(receipt: &Receipt) -> Check {
     if let Some(pointer) = canonical::difference(&receipt.score, &now) {
         wrong.push(format!("the score does not follow from these answers: /score{pointer}"));
     }
-    Check::new("score", &wrong, &format!("{} cases score as they are said to", judged.len()))
+    Check::new("score", &wrong, &format!("the scores of {} cases follow from their answers", judged.len()))
 }
 
 /// The beginning of a hash, for people.

@@ -87,7 +87,7 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
         if let Some(other) = args.cases.iter().find(|name| !is_nameless(name)) {
             let names: Vec<&str> = machines.iter().map(|machine| machine.name).collect();
             return Err(Failure::usage(format!(
-                "--case {other}: a call with machines that have physics without a name takes these alone: {}",
+                "--case {other}: with --nameless, only these machines are possible: {}",
                 names.join(", ")
             )));
         }
@@ -99,7 +99,7 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
     let cases = chosen(&args.cases)?;
     if args.resume {
         return Err(Failure::usage(
-            "--resume: only a call with machines that have physics without a name goes on; leave it out, or add --nameless",
+            "--resume: only --nameless can continue an earlier call; leave --resume out, or add --nameless",
         ));
     }
     args.picture.as_deref().map_or(Ok(()), check_target)?;
@@ -276,7 +276,7 @@ fn text(outcomes: &[Outcome]) -> String {
     let mut text = format!("{table}\n");
     let _ = write!(
         text,
-        "\nhidden: in the plant, known to nobody else; found: from joints, torques and tracked tool alone; held-out error: model as given →\nwith what was found; tool deviation: {CONTROLLER} with the nominal model → with the diagnosed one, after the first 0.5 s\n"
+        "\nhidden: in the plant, known to nobody else; found: from joints, torques and tracked tool alone; held-out error: model as given →\nwith the findings; tool deviation: {CONTROLLER} with the nominal model → with the diagnosed one, after the first 0.5 s\n"
     );
     text
 }

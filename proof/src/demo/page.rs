@@ -42,7 +42,7 @@ fn table(outcomes: &[Outcome]) -> Table {
         .column(Column::text("held-out error"))
         .column(Column::number("nominal model", "mm").fixed(3).group("tool deviation, RMS"))
         .column(Column::number("diagnosed model", "mm").fixed(3).group("tool deviation, RMS"))
-        .note("Held-out error: of the model as given and with what was found, on data that took no part in the fit. Tool deviation: true tool against the perfect arm on the desired joints, after the first 0.5 s, the same controller with two models.");
+        .note("Held-out error: error of the model as given and with the findings, on data that were not in the fit. Tool deviation: true tool minus the tool of the perfect arm at the desired joints, after the first 0.5 s, with one controller and two models.");
     for outcome in outcomes {
         let error = errors(outcome).map_or_else(String::new, |(channel, unit, before, after)| {
             format!("{channel}: {} → {} {unit}", written(before), written(after))

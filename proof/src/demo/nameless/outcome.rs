@@ -117,14 +117,14 @@ impl Outcome {
         ];
         if self.is_nameless {
             let holds = all(&|cell| cell.taken().is_some_and(|taken| taken >= TAKEN));
-            checks.push(Check { what: "at least 70 % of the remainder is taken away", holds });
+            checks.push(Check { what: "the network removes at least 70 % of the remainder", holds });
         } else if self.is_its_model {
             let holds = all(&|cell| cell.change() <= SAME);
-            checks.push(Check { what: "where nothing is missing the network changes nothing", holds });
+            checks.push(Check { what: "if the model lacks nothing, the network changes nothing", holds });
         }
         if self.machine == "play" {
             let holds = all(&|cell| cell.taken_by(3, 0).is_some_and(|taken| taken >= PLAY_TAKEN));
-            let what = "the network on the nominal model takes at least 90 % of the play's deviation away";
+            let what = "the network on the nominal model removes at least 90 % of the play's deviation";
             checks.push(Check { what, holds });
         }
         checks

@@ -13,8 +13,8 @@ pub fn document(outcomes: &[Outcome]) -> Document {
     let held = checks.iter().filter(|check| check.holds).count();
     let cells: Vec<_> = outcomes.iter().flat_map(|outcome| &outcome.cells).collect();
     let best = cells.iter().filter(|cell| cell.holds()).count();
-    let mut document = Document::new("Freeplay: what has no name, learned")
-        .subtitle("Machines commissioned with a tracker on three paths, diagnosed, the rest learned, then judged on other paths and periods without a tracker")
+    let mut document = Document::new("Freeplay: learning the remainder without a name")
+        .subtitle("The machines run three paths with a tracker. A diagnosis names their effects, and a network learns the remainder. The test uses other paths and periods without a tracker")
         .overview((Verdict::passed(held == checks.len()), format!("{held} of {} checks hold.", checks.len())))
         .overview(Block::Figures(vec![
             Figure::new("diagnosed model and network is the best", format!("{best} of {}", cells.len()), "paths")
@@ -36,7 +36,7 @@ fn table(outcomes: &[Outcome]) -> Table {
             table = table.column(Column::number(way, "mm").fixed(4).group(what));
         }
     }
-    table = table.column(Column::number("taken away", "%").fixed(0)).column(Column::text("best"));
+    table = table.column(Column::number("removed", "%").fixed(0)).column(Column::text("best"));
     for outcome in outcomes {
         for cell in &outcome.cells {
             let number = |of: fn(&super::outcome::Reached) -> f64| {
@@ -52,15 +52,15 @@ fn table(outcomes: &[Outcome]) -> Table {
             table = table.row(row.into_iter().chain(numbers).chain(end));
         }
     }
-    table.note("Taken away: share of what the diagnosed model leaves that the network takes away.")
+    table.note("Removed: share of the diagnosed model's remainder that the network removes.")
 }
 
 fn section(outcome: &Outcome) -> Section {
     let named = if outcome.named.is_empty() { "nothing".to_owned() } else { outcome.named.join(", ") };
     let proved = |proved: bool| if proved { "proved" } else { "not proved, not used" };
     let words = format!(
-        "Concealed: {}. Verdict of the diagnosis: `{}`; it names {named}. The network on the nominal model is {}, the one on the diagnosed model is {}. \
-         What was learned: `{}/report.html`.",
+        "Concealed: {}. Verdict of the diagnosis: `{}`; it names {named}. The network on the nominal model is {}, the one on the diagnosed model is \
+         {}. Report on the network: `{}/report.html`.",
         outcome.hidden,
         outcome.verdict,
         proved(outcome.proved[0]),
@@ -70,7 +70,7 @@ fn section(outcome: &Outcome) -> Section {
     let mut section = Section::new(outcome.machine.clone()).with(words);
     if outcome.is_nominal {
         section =
-            section.with("Held-out paths do not say that less is left with the diagnosed model, so that the last way has the nominal one.");
+            section.with("The held-out paths do not show a smaller remainder with the diagnosed model, so that the last column uses the nominal one.");
     }
     checked(outcome, section)
 }
@@ -82,7 +82,7 @@ fn checked(outcome: &Outcome, section: Section) -> Section {
         .fold(section, |section, check| section.with((Verdict::passed(check.holds), check.what.to_owned())));
     if let [Some(without), Some(with)] = outcome.far {
         section = section.with(format!(
-            "On a path far outside the training `narx-qp` leaves {:.4} mm RMS without the network and {:.4} mm with it.",
+            "On a path far outside the training, `narx-qp` leaves {:.4} mm RMS without the network and {:.4} mm with it.",
             without.rms, with.rms
         ));
     }

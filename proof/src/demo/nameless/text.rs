@@ -9,7 +9,7 @@ use super::outcome::{METHODS, Outcome};
 /// The table of `outcomes`.
 pub fn text(outcomes: &[Outcome]) -> String {
     let mut table = text_table();
-    let header = ["machine", "path"].into_iter().chain(METHODS).chain(["taken", ""]);
+    let header = ["machine", "path"].into_iter().chain(METHODS).chain(["removed", ""]);
     table.set_header(header.collect::<Vec<_>>());
     for outcome in outcomes {
         for (number, cell) in outcome.cells.iter().enumerate() {
@@ -38,7 +38,7 @@ pub fn text(outcomes: &[Outcome]) -> String {
         );
         if outcome.is_nominal {
             text.push_str(
-                "    held-out paths do not say that less is left with the diagnosed model: the last way has the nominal one\n",
+                "    the held-out paths do not show a smaller remainder with the diagnosed model: the last column uses the nominal one\n",
             );
         }
         if let [Some(without), Some(with)] = outcome.far {
@@ -53,8 +53,8 @@ pub fn text(outcomes: &[Outcome]) -> String {
         }
     }
     text.push_str(
-        "\ndeviation of the tool after the first 0.5 s, RMS / greatest, mm, on paths and periods that took no part, without a tracker\n\
-         taken: share of what the diagnosed model leaves that the network takes away\n",
+        "\ndeviation of the tool after the first 0.5 s, RMS / greatest, mm, on paths and periods outside the training, without a tracker\nremoved: \
+         share of the diagnosed model's remainder that the network removes\n",
     );
     text
 }
