@@ -149,7 +149,7 @@ fn learned(task: &Task, model: &Model) -> Result<Option<Remainder>, NotReady> {
     file.check(&machine, model.arm.dof()).map_err(other)?;
     if !file.receipt.proved {
         eprintln!(
-            "narx-qp: {name} is not used: it did not prove itself in simulated runs (freeplay train says where)"
+            "narx-qp: {name} is not used: simulated runs did not prove it (freeplay train prints them)"
         );
         return Ok(None);
     }

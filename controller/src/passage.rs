@@ -23,7 +23,7 @@ pub enum PassageFault {
         force: f64,
     },
     /// A programme had no solution.
-    #[error("a programme of the planning ended with {0:?}")]
+    #[error("a quadratic programme of the planning ended with {0:?}")]
     Unsolved(QpStatus),
     /// The solver refused the data.
     #[error(transparent)]

@@ -32,7 +32,7 @@ pub fn description(file: &ArmFile, text: &str) -> Result<String, LawError> {
     let name = escaped(file.arm.name());
     let _ = writeln!(
         xml,
-        "<fmiModelDescription fmiVersion=\"3.0\" modelName=\"{name}\" instantiationToken=\"{}\" description=\"A robot arm with what its rigid model leaves out\" generationTool=\"freeplay {}\" variableNamingConvention=\"flat\">",
+        "<fmiModelDescription fmiVersion=\"3.0\" modelName=\"{name}\" instantiationToken=\"{}\" description=\"A robot arm with the effects that its rigid model leaves out\" generationTool=\"freeplay {}\" variableNamingConvention=\"flat\">",
         token(text),
         env!("CARGO_PKG_VERSION")
     );

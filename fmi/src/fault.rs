@@ -44,7 +44,7 @@ pub enum Fault {
         now: f64,
     },
     /// A missing state.
-    #[error("no state was given, or bytes that are no state of a Freeplay FMU")]
+    #[error("the state is missing, or its bytes are no state of a Freeplay FMU")]
     NoState,
     /// A state of another FMU.
     #[error(

@@ -28,7 +28,7 @@ pub enum SystemError {
     },
     /// A transmission oscillates too fast for the sub-step.
     #[error(
-        "the transmission of {joint} swings at {frequency:.0} Hz against a rotor inertia of {motor:.2e}: too fast for a sub-step of {step:e} s; take {needed} sub-steps a tick or more, or give the joint a larger rotor_inertia"
+        "the transmission of {joint} oscillates at {frequency:.0} Hz against a rotor inertia of {motor:.2e}: too fast for a sub-step of {step:e} s; take {needed} sub-steps a tick or more, or give the joint a larger rotor_inertia"
     )]
     TransmissionTooStiff {
         /// The joint.

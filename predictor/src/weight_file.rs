@@ -134,7 +134,7 @@ pub enum MismatchError {
     },
     /// The model uses other samples.
     #[error(
-        "the weights look at {}, the controller at {}: train with this program",
+        "the weights use {}, but the controller uses {}: train with this program",
         in_words(found),
         in_words(expected)
     )]

@@ -57,7 +57,7 @@ pub enum WindowError {
         lag: usize,
     },
     /// The layout has no regressors.
-    #[error("the layout looks at no sample: give at least one lag of a channel")]
+    #[error("the layout uses no sample: give at least one lag of a channel")]
     NoRegressors,
     /// A window exceeds its run, or has another horizon.
     #[error(

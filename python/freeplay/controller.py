@@ -421,7 +421,7 @@ class Link:
                     return Welcome.from_buffer_copy(
                         (ctypes.c_char * ctypes.sizeof(Welcome)).from_address(response.payload_ptr)
                     )
-                self._wait("the plant runs but does not reply")
+                self._wait("the plant is running, but does not answer the hello")
                 if not is_held:
                     break
 

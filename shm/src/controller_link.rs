@@ -199,7 +199,7 @@ fn is_accepted(welcome: &Welcome) -> bool {
 /// Sends `hello` until the plant answers.
 fn send_hello(client: &DoorClient, hello: &Hello, wait: &mut Wait) -> Result<Welcome, LinkError> {
     loop {
-        wait.note("the plant is there but does not greet");
+        wait.note("the plant is running, but does not answer the hello");
         let pending = client.send_copy(*hello).map_err(transport("knock on", services::DOOR_SERVICE))?;
         // The answer may arrive between the check for it and the check that the plant still holds the hello, so check once more.
         loop {
@@ -235,7 +235,7 @@ fn refusal(hello: &Hello, welcome: &Welcome) -> LinkError {
         Some(Verdict::WrongRun) => "it has the address of another run".to_owned(),
         Some(Verdict::NoSuchSlot) => {
             format!(
-                "it asks for slot {}, this run has slots 0 to {}",
+                "it asks for slot {}, but this run has slots 0 to {}",
                 hello.slot,
                 welcome.slots.saturating_sub(1)
             )

@@ -111,7 +111,7 @@ pub enum LinkError {
         bytes: usize,
     },
     /// No plant answered the hello in time.
-    #[error("no plant answered within {patience:?}{}: is it running, and does it greet?", waiting_for(last.as_ref()))]
+    #[error("no plant answered within {patience:?}{}: is it running?", waiting_for(last.as_ref()))]
     NoPlant {
         /// Time for which the controller tried.
         patience: Duration,
@@ -127,7 +127,7 @@ pub enum LinkError {
         reason: String,
     },
     /// The link has no slot of that number.
-    #[error("slot {slot} asked for, this run has slots 0 to {}", slots.saturating_sub(1))]
+    #[error("slot {slot} was requested, but this run has slots 0 to {}", slots.saturating_sub(1))]
     NoSlot {
         /// The requested number.
         slot: usize,
@@ -135,7 +135,7 @@ pub enum LinkError {
         slots: usize,
     },
     /// The requested number of slots exceeds the maximum of a run.
-    #[error("{slots} slots asked for, a run has 1 to {MAX_SLOTS}")]
+    #[error("{slots} slots were requested, but a run has 1 to {MAX_SLOTS}")]
     SlotCount {
         /// The requested number.
         slots: usize,

@@ -147,7 +147,7 @@ fn remedy_for_reading(kind: ErrorKind) -> &'static str {
 
 fn remedy_for_writing(kind: ErrorKind) -> &'static str {
     match kind {
-        ErrorKind::NotFound => "make the folder that it is to be in, or name another",
+        ErrorKind::NotFound => "make its folder, or name another one",
         ErrorKind::IsADirectory => "name a file in it",
         ErrorKind::AlreadyExists => "a file has this name; remove it, or name another folder",
         ErrorKind::NotADirectory => "a part of the path is a file; name another",

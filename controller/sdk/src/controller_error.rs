@@ -25,7 +25,7 @@ pub enum ControllerError {
         expected: usize,
     },
     /// Task and plant contradict each other.
-    #[error("the task says {key} = {task}, the plant says {plant}: write the same in both")]
+    #[error("the task has {key} = {task}, but the plant has {plant}: write the same in both")]
     Disagreement {
         /// The key of the task.
         key: &'static str,

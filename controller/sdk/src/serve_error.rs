@@ -31,7 +31,7 @@ pub enum ServeError {
         code: u32,
     },
     /// A state is not one of this run.
-    #[error("a state that is not to be used: {0}")]
+    #[error("the state is invalid: {0}")]
     Message(#[from] MessageFault),
     /// The plant is gone.
     #[error("the plant is gone: no state for {waited:?} after {states} states{cause}")]

@@ -48,7 +48,7 @@ pub enum WeightError {
         source: serde_json::Error,
     },
     /// The file is JSON of another format or version.
-    #[error("{path}: it says {found}, not {FORMAT:?} version {VERSION}: train again with this program")]
+    #[error("{path}: the format is {found}, not {FORMAT:?} version {VERSION}: train again with this program")]
     OtherFormat {
         /// The file.
         path: String,
@@ -280,17 +280,17 @@ impl WeightFile {
         let layout = narx.layout();
         let is_plain = layout.input_lags.is_empty() && layout.output_lags.is_empty();
         if !(is_plain && layout.horizon == 1 && layout.input_at_target) {
-            return inconsistent("the network looks at other instants than the predicted one");
+            return inconsistent("the network uses other instants than the predicted one");
         }
         if narx.output_names().len() != 3 {
-            return inconsistent("the network has not three outputs");
+            return inconsistent("the network must have three outputs");
         }
         let (learned, region) = (&self.learned, &self.learned.region);
         if !region.inputs.starts_with(&learned.inputs) || !region.is_usable() {
-            return inconsistent("the region has inputs or numbers that cannot be");
+            return inconsistent("the region has impossible inputs or numbers");
         }
         if !learned.axes.iter().all(Axis::is_usable) {
-            return inconsistent("the bounds of an axis cannot be");
+            return inconsistent("the bounds of an axis are impossible");
         }
         Ok(narx)
     }

@@ -77,7 +77,7 @@ fn controllers_refuse_what_does_not_fit() {
         ("[options.weights]\nchange = 0", RUN, "weights.change"),
         ("[options.weights]\nposition = [1, 1, -1]", RUN, "weights.position"),
         ("", RunInfo { joints: 7, ..RUN }, "has 6 joints, the plant's arm has 7"),
-        ("", RunInfo { mode: Mode::Driven, ..RUN }, "mode = torque, the plant says driven"),
+        ("", RunInfo { mode: Mode::Driven, ..RUN }, "mode = torque, but the plant has driven"),
         ("", RunInfo { period_ns: 2_000_000, ..RUN }, "rate = 1000 per second"),
         ("[path]\nperiod = -1", RUN, "path.period"),
         ("[path]\ncentre = [9.0, 0.0, 0.0]", RUN, "cannot reach"),

@@ -168,7 +168,7 @@ fn plainest<'a>(diagnosis: &'a Diagnosis, fit: &Fit) -> Option<&'a str> {
 /// The locations where model and machine differ.
 fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
     let fit = diagnosis.fit.as_ref()?;
-    let mut section = Section::new("Where");
+    let mut section = Section::new("Location");
     if diagnosis.location.is_empty() {
         section = section.with("No residual exceeds the noise floor of the instruments.");
     } else {

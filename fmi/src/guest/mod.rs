@@ -64,7 +64,7 @@ pub enum GuestError {
     },
     /// A variable without a signal of the run.
     #[error(
-        "the {role} `{name}` of the FMU is none that a run knows; write {name:?} = \"{example}\" under [{role}s] in {}, or \"\" to leave it alone",
+        "a run does not know the {role} `{name}` of the FMU; write {name:?} = \"{example}\" under [{role}s] in {}, or \"\" to leave it alone",
         file.display()
     )]
     Unknown {

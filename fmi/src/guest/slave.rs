@@ -227,7 +227,7 @@ fn unusable(error: &libloading::Error) -> GuestError {
     let remedy = match said.contains("undefined symbol: _Py") || said.contains("undefined symbol: Py") {
         true => "name Python's own library, such as libpython3.13.so, in FREEPLAY_FMU_PRELOAD",
         false => {
-            "export the FMU for this machine, and install what it needs; FREEPLAY_FMU_PRELOAD names a library to load before it"
+            "export the FMU for this machine, and install the libraries that it needs; FREEPLAY_FMU_PRELOAD names a library to load before it"
         }
     };
     GuestError::Library { said, remedy }

@@ -23,7 +23,7 @@ pub static KIND: Kind = Kind {
     words: "a base with a tilt of {tilt} in {waves} waves a turn",
     site: Site::Arm,
     parameters: &[
-        Parameter::number("tilt", "greatest lean", "rad", [0.0, 0.1]),
+        Parameter::number("tilt", "greatest tilt", "rad", [0.0, 0.1]),
         Parameter::number("waves", "waves in a turn of the first joint", "1/rev", [0.0, 100.0]),
     ],
     occurs: Occurrence::Rare,

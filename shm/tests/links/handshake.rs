@@ -105,7 +105,7 @@ fn patience_ends() {
     );
     let _silent = open_plant(&run, 1);
     let text = connect(run.address());
-    assert!(text.contains("the plant is there but does not greet"), "{text}");
+    assert!(text.contains("the plant is running, but does not answer the hello"), "{text}");
     let text = connect(&Address::parse("/dev/shm/freeplay-0/never-lived").unwrap());
     assert!(text.contains("no run lives at /dev/shm/freeplay-0/never-lived"), "{text}");
 }
