@@ -190,7 +190,7 @@ fn an_export_that_cannot_be_finished_leaves_the_old_file() {
         let mut command = Command::new("sh");
         command.args(["-c", &line, crate::common::FREEPLAY]);
         let stopped = Call::of(ran.folder, command).run().expect(3);
-        one_line(&stopped, &[&name, "as before"]);
+        one_line(&stopped, &[&name, "an existing file is unchanged"]);
         assert_eq!(bytes(&stopped, &name), b"what was there before");
         assert_eq!(std::fs::read_dir(stopped.folder.path()).expect("a folder").count(), 4, "no other file");
     }

@@ -109,7 +109,7 @@ fn archives() -> Vec<(Vec<Member>, &'static str)> {
     let none = || std::io::empty();
     let many = Box::new(npy("|i1", "268435456,", zeros())) as Box<dyn Read>;
     vec![
-        (vec![("t.npy", many)], "longer than the times of which so short a file can tell"),
+        (vec![("t.npy", many)], "claim more samples than so short a file can contain"),
         (vec![("t.npy", Box::new(npy("|i1", "16384, 16385", zeros())))], "write fewer rows"),
         (
             vec![
@@ -140,7 +140,7 @@ fn what_a_file_may_inflate_to_is_bounded_before_it_is_inflated() {
         refused(what);
     }
     mat(&path, 6, &sizes(&[1 << 28, 1]), 1 << 28);
-    refused("longer than the times of which so short a file can tell");
+    refused("claim more samples than so short a file can contain");
     mat(&path, 6, &sizes(&[1 << 15, 1 << 15]), 1 << 28);
     refused("more numbers than the limit");
     mat(&path, 6, &vec![1; 1 << 20], 8);

@@ -71,7 +71,7 @@ fn torques_of_another_sign_unit_or_side_are_found() {
     };
     let cases: [([f64; 2], &[&str], &str); 5] = [
         ([1000.0, 1000.0], &["torque_unit"], "N·mm"),
-        ([-1.0, -1.0], &["torque_sign"], "the other sign"),
+        ([-1.0, -1.0], &["torque_sign"], "the opposite sign"),
         ([-1000.0, -1000.0], &["torque_sign", "torque_unit"], "N·mm"),
         ([0.01, 0.01], &["torque_unit"], "motor's side"),
         ([0.1, 0.1], &["torque_unit"], "amperes"),

@@ -164,7 +164,7 @@ fn what_a_format_has_no_words_for_is_listed_in_the_file() {
     }
     let mjcf = to_mjcf(&mechanism);
     assert!(
-        mjcf.not_expressed.iter().any(|line| line.contains("stands for it"))
+        mjcf.not_expressed.iter().any(|line| line.contains("needs one, and the file has"))
             == (mechanism.arm.joints()[1].rotor_inertia == 0.0)
     );
     for exported in [urdf, mjcf] {
