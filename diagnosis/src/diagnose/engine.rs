@@ -100,7 +100,7 @@ impl Study<'_> {
         progress: &mut dyn FnMut(&str),
     ) -> Result<Diagnosis, DiagnoseError> {
         data.update_tolerances(&self.settings.tolerances);
-        progress("searching for effects that act for a limited time");
+        progress("searching for transients, such as pushes");
         let parts = data.parts.clone();
         let mut events = self.events_reserving_rows(&mut data, &found, &parts);
         data.active_parts = vec![Part::Fit, Part::Choice];
@@ -136,7 +136,7 @@ impl Study<'_> {
             let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
             search.found(&answer, self.settings.seed).ok_or(DiagnoseError::Singular)?
         };
-        progress("searching for effects that act for a limited time");
+        progress("searching for transients, such as pushes");
         events = self.events_beside(&mut data, &with, &events);
         data.parts.clone_from(&parts);
         if are_the_same(&with.members, &without.members) {

@@ -170,7 +170,7 @@ fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
     let fit = diagnosis.fit.as_ref()?;
     let mut section = Section::new("Location");
     if diagnosis.location.is_empty() {
-        section = section.with("No residual exceeds the noise floor of the instruments.");
+        section = section.with("No residual exceeds 1.4 times the noise floor of its channel.");
     } else {
         let mut table = Table::new("Residual of the tuned model")
             .column(Column::text("joint"))
@@ -196,7 +196,7 @@ fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
         .column(Column::number(MODELS[1].0, "").significant(3))
         .column(Column::number(MODELS[4].0, "").significant(3))
         .column(Column::number("ratio to the floor", "").significant(3).bars())
-        .note("Noise floor: simulated error of a machine that equals its model within the tolerances, with the same motion and the same measurement noise.");
+        .note("Noise floor: simulated error of a machine that equals its model, with the same motion and the same measurement noise.");
     for (channel, unit) in &fit.units {
         let (left, floor) = (fit.retuned[channel].rmse, fit.noise_floor[channel].rmse);
         let (scale, unit) = display_unit(unit, left);

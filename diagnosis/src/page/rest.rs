@@ -19,7 +19,7 @@ pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
         .column(Column::text(""))
         .column(Column::text("odds against it"))
         .column(Column::text("reason").wrapping())
-        .note("Odds below 150 : 1 do not separate two effects.");
+        .note("Odds below 20 : 1 do not separate two effects.");
     for other in &diagnosis.alternatives {
         let (verdict, why) = if other.indistinguishable {
             let why = format!("{}. To separate the two: {}", other.why_not, other.what_would_separate);
@@ -147,7 +147,7 @@ pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
             [Cell::from(channel.as_str()), (100.0 * discrepancy.share).into(), discrepancy.noise.into()];
         followed = followed.row(cells);
     }
-    let text = "The data were cut into three parts. The fit part shows which effects are missing. The choice part decides between sets of effects that fit equally well, and helps to estimate their parameters. No law was fitted to the test part: it excluded laws that it contradicts, and gave the errors and gains of this report. The search for effects that act for a limited time used all parts; their rows are not in the test.";
+    let text = "The data were cut into three parts. The fit part shows which effects are missing. The choice part decides between sets of effects that fit equally well, and helps to estimate their parameters. No law was fitted to the test part: it excluded laws that it contradicts, and gave the errors and gains of this report. The search for transients, such as pushes, used all parts; their rows are not in the test.";
     let blocks = vec![followed.into(), evidence.into(), tuned.into()];
     Some(
         Section::new("Method")
