@@ -168,7 +168,7 @@ mod tests {
         is(outcome([0.6, 0.5, 0.1, 0.05, 0.04], [0.1, 0.1], true), "70 %");
         is(outcome([0.6, 0.5, 0.1, 0.07, 0.01], [0.1, 0.1], true), "90 %");
         is(outcome([0.6, 0.5, 0.1, 0.02, 0.01], [0.1, 0.103], true), "far");
-        is(outcome([0.6, 0.5, 0.01, 0.02, 0.009], [0.1, 0.1], false), "nothing is missing");
+        is(outcome([0.6, 0.5, 0.01, 0.02, 0.009], [0.1, 0.1], false), "lacks nothing");
         let mut cut = outcome([0.6, 0.5, 0.1, 0.02, 0.01], [0.1, 0.1], true);
         cut.cells[0].reached[4] = None;
         assert_eq!(
