@@ -99,7 +99,7 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
     let cases = chosen(&args.cases)?;
     if args.resume {
         return Err(Failure::usage(
-            "--resume: only --nameless can continue an earlier call; leave --resume out, or add --nameless",
+            "--resume: only --nameless can continue an earlier call; remove --resume, or add --nameless",
         ));
     }
     args.picture.as_deref().map_or(Ok(()), check_target)?;
