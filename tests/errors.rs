@@ -338,7 +338,7 @@ fn values_and_flags_that_cannot_be() {
         (&format!("{diagnose} ./good.csv"), 2, "is given twice"),
         ("swap --quiet --out out --set duration=0.01", 3, "random_swaps = 15"),
         ("demo --period 0", 2, "between 1 and 120 s"),
-        ("demo --out out --case play --case clearance", 2, "these alone: play, play-detent"),
+        ("demo --out out --case play --case clearance", 2, "choose among play, play-detent"),
         ("demo --out out --case clearance --resume", 2, "--resume"),
         (&format!("{excite} --duration 0"), 2, "between 2 and 600 s"),
         (&format!("{excite} --duration -3"), 2, "between 2 and 600 s"),

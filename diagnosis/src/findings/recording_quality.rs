@@ -37,7 +37,7 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
             })
             .sum();
         return Some(format!(
-            "{}: too short: of its {whole:.1} s, the low-pass leaves {fit:.1} s for the fit, {choice:.1} s for the choice and {test:.1} s for the \
+            "{}: too short: it lasts {whole:.1} s, of which the low-pass leaves {fit:.1} s for the fit, {choice:.1} s for the choice and {test:.1} s for the \
              test; record at least {:.0} s of motion without a long rest",
             names.join(" and "),
             needed(data)

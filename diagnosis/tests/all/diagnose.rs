@@ -188,7 +188,7 @@ fn a_torque_that_is_stuck_is_no_measurement() {
     let found: Vec<_> =
         diagnosis.effects.iter().map(|effect| (effect.kind, effect.joint.as_deref())).collect();
     assert_eq!(found, [("coulomb_friction", Some("elbow"))]);
-    assert!(diagnosis.quality.iter().any(|note| note.contains("left out: tau1 stays at 0 N*m in 8")));
+    assert!(diagnosis.quality.iter().any(|note| note.contains("not measured: tau1 stays at 0 N*m in 8")));
     assert!(diagnosis.untestable.iter().any(|one| one.because == "tau1 is no measurement"));
     assert_eq!(diagnosis.fit.expect("a fit").before.keys().collect::<Vec<_>>(), ["tau2"]);
     let nothing = with_stuck(&["tau1", "tau2"]);

@@ -202,7 +202,12 @@ fn constant_and_missing_channels_are_told() {
     let tau2 = &comparison.channels[1];
     assert_eq!((tau2.nrmse, tau2.nrmse_std), (None, None));
     assert!(comparison.channels[0].nrmse.is_some() && comparison.channels[0].nrmse_std.is_none());
-    assert!(comparison.notes.iter().any(|note| note.starts_with("constant") && note.contains("tau2")));
+    assert!(
+        comparison
+            .notes
+            .iter()
+            .any(|note| note.contains("constant in this recording") && note.contains("tau2"))
+    );
     let tool_only = compared(&arm, without(made.clone(), "tau"));
     assert_eq!(tool_only.channels.len(), 3);
     assert!(tool_only.notes.iter().any(|note| note.contains("no torque")), "{:?}", tool_only.notes);

@@ -87,7 +87,7 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
         if let Some(other) = args.cases.iter().find(|name| !is_nameless(name)) {
             let names: Vec<&str> = machines.iter().map(|machine| machine.name).collect();
             return Err(Failure::usage(format!(
-                "--case {other}: with --nameless, only these machines are possible: {}",
+                "--case {other}: with --nameless, choose among {}",
                 names.join(", ")
             )));
         }
