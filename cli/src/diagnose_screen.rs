@@ -73,7 +73,8 @@ fn next(view: &View) -> String {
         }
         None if view.file().is_some() => {
             let file = view.file().filter(|file| file.is_file());
-            let words = file.map_or_else(|| "no file is written, since there is no model".to_owned(), shell_word);
+            let words =
+                file.map_or_else(|| "no file is written, since there is no model".to_owned(), shell_word);
             let _ = writeln!(text, "{:MARGIN$}{words}", "FILE");
         }
         None if is_quiet() => {}
