@@ -112,7 +112,8 @@ fn the_joints_that_are_asked_for_are_the_joints_that_are_imported() {
         );
         let ran = asked(ran.folder, file, "wrist_3,nose", 3);
         let said = ran.stderr();
-        for words in [file, "nose", "it has base, shoulder, elbow", "give each joint by its name"] {
+        for words in [file, "nose", "the recording has base, shoulder, elbow", "give each joint by its name"]
+        {
             assert!(said.contains(words), "{words}: {}", ran.dump());
         }
         let ran = asked(ran.folder, file, "wrist_3,wrist_3", 3);
