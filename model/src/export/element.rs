@@ -3,14 +3,14 @@
 /// One element. Joints are indices from the base; units are SI: N·m, rad for joints that turn, N, m for those that slide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Element {
-    /// Inertia of a rotor on the joint's own row of the mass matrix, in addition to [`crate::Joint::rotor_inertia`].
+    /// Inertia of a rotor on the joint's own row of the mass matrix, in addition to [`freeplay_arm::Joint::rotor_inertia`].
     RotorInertia {
         /// The joint.
         joint: usize,
         /// kg·m² (kg).
         inertia: f64,
     },
-    /// Torque against the velocity v: linear·v + quadratic·v|v|, in addition to [`crate::JointFriction`].
+    /// Torque against the velocity v: linear·v + quadratic·v|v|, in addition to [`freeplay_arm::JointFriction`].
     Damping {
         /// The joint.
         joint: usize,
@@ -19,7 +19,7 @@ pub enum Element {
         /// N·m·s²/rad².
         quadratic: f64,
     },
-    /// Coulomb friction, in addition to [`crate::JointFriction`].
+    /// Coulomb friction, in addition to [`freeplay_arm::JointFriction`].
     DryFriction {
         /// The joint.
         joint: usize,
