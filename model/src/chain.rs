@@ -14,8 +14,7 @@ use crate::error::ModelError;
 use crate::names::{listed, match_joints};
 use crate::robot::{Joint, Robot, Tree};
 use crate::urdf_joint::Motion;
-use freeplay_arm::JointKind;
-use freeplay_arm::Place;
+use freeplay_arm::{JointKind, Place};
 
 /// The name of the tool frame in REP-199; in robots of several arms the name ends with it.
 const TOOL: &str = "tool0";

@@ -4,8 +4,7 @@ use std::io;
 
 use thiserror::Error;
 
-use freeplay_arm::ArmError;
-use freeplay_arm::Place;
+use freeplay_arm::{ArmError, Place};
 
 /// Largest accepted model file, bytes.
 pub const MAX_FILE_BYTES: u64 = freeplay_storage::CONFIG_LIMIT;

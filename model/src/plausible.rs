@@ -4,12 +4,7 @@
 use nalgebra::Vector3;
 
 use crate::names::counted;
-use freeplay_arm::Arm;
-use freeplay_arm::Workspace;
-use freeplay_arm::brief;
-use freeplay_arm::gravity_torque;
-use freeplay_arm::{Inertia, JointKind};
-use freeplay_arm::{JointSource, Purpose};
+use freeplay_arm::{Arm, Inertia, JointKind, JointSource, Purpose, Workspace, brief, gravity_torque};
 
 /// Density of osmium, the densest of all materials, kg/m³ (Arblaster 1989, Platinum Metals Rev. 33:14).
 const DENSEST: f64 = 22_590.0;

@@ -15,11 +15,9 @@ use crate::plausible::Body;
 use crate::text::check_extent;
 use crate::toml_tables::{ArmTable, FrameTable, InertiaTable, JointTable, KindName, LimitsTable};
 use crate::urdf_tree::{GRAVITY, lacking};
-use freeplay_arm::Arm;
-use freeplay_arm::ArmError;
-use freeplay_arm::Place;
-use freeplay_arm::{Fitness, JointSource, Shortfall};
-use freeplay_arm::{Inertia, Joint, JointFriction, JointKind, Limits};
+use freeplay_arm::{
+    Arm, ArmError, Fitness, Inertia, Joint, JointFriction, JointKind, JointSource, Limits, Place, Shortfall,
+};
 
 /// Reads the arm file `text`. `path` names the file in errors; a relative `urdf` in the file starts from the folder of `path`.
 ///

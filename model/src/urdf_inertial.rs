@@ -6,8 +6,7 @@ use roxmltree::Node;
 use crate::error::ModelError;
 use crate::numbers::{IMPOSSIBLE, NO_REAL_BODY};
 use crate::urdf_xml::Reader;
-use freeplay_arm::Inertia;
-use freeplay_arm::Shortfall;
+use freeplay_arm::{Inertia, Shortfall};
 
 /// Smallest radius of gyration of a possible inertia, m: the radius of an atom.
 const SMALLEST: f64 = 1e-10;

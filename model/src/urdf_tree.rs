@@ -10,9 +10,7 @@ use crate::names::listed;
 use crate::plausible;
 use crate::robot::{Robot, Tree, tree};
 use crate::urdf_joint::{Details, Motion};
-use freeplay_arm::Arm;
-use freeplay_arm::{ArmError, MAX_DOF};
-use freeplay_arm::{Fitness, JointSource, Purpose, Shortfall};
+use freeplay_arm::{Arm, ArmError, Fitness, JointSource, MAX_DOF, Purpose, Shortfall};
 
 /// Standard gravity of the model's files, m/s².
 pub(super) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);

@@ -24,10 +24,7 @@ use super::parts::{JointParts, Parts};
 use super::rotation::quaternion;
 use super::xml::{Xml, number, numbers};
 use super::{Channel, Element, Exported, Mechanism, mjcf_joint, mjcf_tendon};
-use freeplay_arm::Arm;
-use freeplay_arm::Workspace;
-use freeplay_arm::brief;
-use freeplay_arm::crba;
+use freeplay_arm::{Arm, Workspace, brief, crba};
 
 /// Longest step of the integrator, s: the tick of a plant.
 const LONGEST_STEP: f64 = 1e-3;

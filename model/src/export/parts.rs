@@ -3,8 +3,7 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 use super::{Channel, Element, Mechanism};
-use freeplay_arm::brief;
-use freeplay_arm::{Joint, JointKind};
+use freeplay_arm::{Joint, JointKind, brief};
 
 /// One joint with its elements.
 #[derive(Clone, Debug)]

@@ -12,8 +12,7 @@ use super::parts::{JointParts, Parts};
 use super::rotation::roll_pitch_yaw;
 use super::xml::{Xml, number, numbers};
 use super::{Element, Exported, Mechanism};
-use freeplay_arm::brief;
-use freeplay_arm::{Joint, JointKind};
+use freeplay_arm::{Joint, JointKind, brief};
 
 /// Gravity that tools assume for a URDF, m/s².
 const GRAVITY: f64 = 9.81;
