@@ -49,6 +49,7 @@ mod report;
 mod search;
 mod servo;
 mod signals;
+mod sorting;
 mod statistics;
 
 pub use candidates::candidate::Untestable;

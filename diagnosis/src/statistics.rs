@@ -6,6 +6,8 @@ use std::ops::Range;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::sorting::sort;
+
 /// Natural logarithm of the odds that a name requires, 20 to 1: Kass & Raftery (1995, J. Am. Stat. Assoc. 90:773) call such evidence strong.
 pub const STRONG: f64 = 2.995_732_273_553_991;
 
@@ -95,7 +97,7 @@ pub(crate) fn half_width() -> f64 {
 
 /// The ends of the interval of 95 % of `values`; NaN for no values.
 fn interval(mut values: Vec<f64>) -> [f64; 2] {
-    values.sort_by(f64::total_cmp);
+    sort(&mut values);
     let outside = (0.5 * SIGNIFICANT * values.len() as f64) as usize;
     let at = |place: Option<usize>| place.and_then(|place| values.get(place)).copied().unwrap_or(f64::NAN);
     [at(Some(outside)), at(values.len().checked_sub(1 + outside))]

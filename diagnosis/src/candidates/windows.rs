@@ -5,6 +5,7 @@
 //! IRE Trans. Inf. Theory 6:311) for all windows at once.
 
 use crate::data::whitening::DriftModel;
+use crate::sorting::sort_falling;
 
 /// Share of a step below which the whitened step has decayed: its square, a millionth, adds nothing to the evidence.
 const OVER: f64 = 1e-3;
@@ -145,7 +146,7 @@ pub(crate) fn windows(torques: &[&Torque], most: usize) -> Vec<[usize; 2]> {
 
 /// The `most` windows that explain most, none of which overlaps a better one.
 fn without_overlap(mut windows: Vec<(f64, [usize; 2])>, most: usize) -> Vec<[usize; 2]> {
-    windows.sort_by(|a, b| b.0.total_cmp(&a.0));
+    sort_falling(&mut windows, |(gain, _)| *gain);
     let mut best: Vec<[usize; 2]> = Vec::new();
     for (_, [begin, end]) in windows {
         if best.len() == most {

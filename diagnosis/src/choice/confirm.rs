@@ -4,6 +4,7 @@ use crate::evidence::nameless::most_in_single_channels;
 use crate::evidence::system::all_but;
 use crate::search::moves::{EffectSet, Search, WORTH};
 use crate::search::tried::tried;
+use crate::sorting::sort_rising;
 use crate::statistics::MOST_ROUNDS;
 
 /// The answer that the search reaches from `members` when no replacement of a finding is more probable, neither another law nor several. `None` if the system
@@ -37,7 +38,7 @@ fn with_another(search: &mut Search, now: &mut EffectSet, progress: &mut dyn FnM
     let fit = search.system.fit_within_tolerances(&now.members)?;
     let mut others = tried(search, &fit);
     others.retain(|other| other.against < -WORTH);
-    others.sort_by(|a, b| a.against.total_cmp(&b.against));
+    sort_rising(&mut others, |other| other.against);
     for other in others {
         progress("replacing each finding by other effects");
         let rest = all_but(&now.members, other.place);

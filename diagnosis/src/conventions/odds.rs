@@ -5,6 +5,8 @@ use super::kinds::another_arm::UNEXPLAINED;
 use super::outcome::Outcome;
 use super::problem::{FLOOR, GEOMETRY, Links, Problem};
 
+use crate::sorting::sort_falling;
+
 /// The odds of each change in the best set of changes, against the best set without that change.
 pub(super) struct ChangeOdds<'p, 'a> {
     problem: &'p Problem<'a>,
@@ -75,7 +77,7 @@ impl<'p, 'a> ChangeOdds<'p, 'a> {
                 fall = fall.max((without.min(silent(c)) + floor) / (best.square(c) + floor));
             }
         }
-        by_silence.sort_by(|a, b| b.total_cmp(a));
+        sort_falling(&mut by_silence, |gain| *gain);
         let prices = std::iter::once(-RARE.ln()).chain(std::iter::repeat(-FURTHER.ln()));
         odds -= by_silence.iter().zip(prices).map(|(gain, price)| (gain - price).max(0.0)).sum::<f64>();
         // The change removes most of a channel's residual: more than half of its variance.

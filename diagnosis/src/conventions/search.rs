@@ -7,6 +7,7 @@ use super::kinds;
 use super::kinds::Ask;
 use super::outcome::{Outcome, SPOKEN};
 use super::problem::{FLOOR, Problem};
+use crate::sorting::sort_falling;
 use crate::statistics::STRONG;
 
 /// Rows of the screening: more than the parameters of any reading, and a quarter of all rows, so that a screening takes a quarter of the time.
@@ -256,7 +257,7 @@ fn one_more(problem: &Problem, best: &Outcome) -> impl Iterator<Item = Outcome> 
 /// `outcomes`, the most probable first.
 fn ranked(outcomes: impl Iterator<Item = Outcome>) -> Vec<Outcome> {
     let mut outcomes: Vec<Outcome> = outcomes.collect();
-    outcomes.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    sort_falling(&mut outcomes, |outcome| outcome.evidence);
     outcomes
 }
 

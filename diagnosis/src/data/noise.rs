@@ -6,6 +6,7 @@ use crate::data::columns::dot;
 use crate::signals::channel::{Channel, Kind};
 use crate::signals::missing::only;
 use crate::signals::motion::Treatment;
+use crate::sorting::sort;
 use crate::statistics::{FINEST, Quantile, difference, span, white_noise};
 
 /// Least noise of a torque, as a share of what the torque spans: a current sensor of twelve bits resolves 2.4·10⁻⁴. No model is more exact, and this noise stands in for
@@ -106,7 +107,7 @@ fn rounding(samples: &[f64]) -> f64 {
     if changes.len() < fewest {
         return 0.0;
     }
-    changes.sort_by(f64::total_cmp);
+    sort(&mut changes);
     // Without a few glitches.
     let glitches = (changes.len() / 50).min(4);
     let near = &changes[glitches..changes.len().min(glitches + most)];

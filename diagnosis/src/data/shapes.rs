@@ -8,6 +8,7 @@ use crate::data::linearised::LinearisedRecording;
 use crate::data::stacked::Data;
 use crate::data::tolerance::Nuisance;
 use crate::signals::channel::Kind;
+use crate::sorting::sort;
 
 /// Knots of the hat functions in position: enough to separate a law with a period of half the range from one without.
 const KNOTS: usize = 8;
@@ -334,7 +335,7 @@ pub(crate) fn way_since_reversal(q: &[f64], v: &[f64]) -> Vec<f64> {
 /// `count` quantiles of `x`, without those that are nearly the same.
 fn quantiles(x: &[f64], count: usize) -> Vec<f64> {
     let mut sorted = x.to_vec();
-    sorted.sort_by(f64::total_cmp);
+    sort(&mut sorted);
     if sorted.is_empty() {
         return vec![0.0];
     }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::data::stacked::Data;
+use crate::sorting::sort_falling;
 use crate::statistics::{blocks as blocks_of, bootstrap};
 
 /// A gain with its interval: the removed share of the error, 1 − after/before.
@@ -76,7 +77,7 @@ impl Compared<'_> {
         }
         let sum = by_channel.values().sum();
         let mut order: Vec<(usize, f64)> = by_channel.into_iter().collect();
-        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        sort_falling(&mut order, |(_, gain)| *gain);
         (sum, order.into_iter().map(|(c, _)| data.recordings[0].channels[c].name.clone()).collect())
     }
 }

@@ -10,6 +10,7 @@ use crate::report::diagnosis::{Alternative, EvidenceRow};
 use crate::report::words;
 use crate::search::moves::Search;
 use crate::search::tried::{Tried, tried};
+use crate::sorting::sort_falling;
 use crate::statistics::is_strong_evidence;
 
 /// The alternatives to the members of `fit` for the report.
@@ -70,7 +71,7 @@ pub(crate) fn rows_of_evidence(search: &mut Search, bare: &Fit, fit: &Fit) -> Ve
     }
     let mut rows: Vec<EvidenceRow> = rows.into_values().filter(|row| row.alone > f64::MIN).collect();
     rows.iter_mut().for_each(|row| row.beside = row.beside.max(-1e9));
-    rows.sort_by(|a, b| b.alone.total_cmp(&a.alone));
+    sort_falling(&mut rows, |row| row.alone);
     rows
 }
 

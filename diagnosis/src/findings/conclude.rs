@@ -23,6 +23,7 @@ use crate::report::diagnosis::{
 };
 use crate::report::words;
 use crate::signals::channel::Kind as ChannelKind;
+use crate::sorting::sort_falling;
 use crate::statistics::SIGNIFICANT;
 
 /// Makes a diagnosis of the confirmed part of the answer. The diagnosis carries the notes `quality` and lists the effects that are `untestable`.
@@ -225,7 +226,7 @@ impl Conclusion<'_, '_, '_, '_> {
                 }
             })
             .collect();
-        location.sort_by(|a, b| b.share.total_cmp(&a.share));
+        sort_falling(&mut location, |place| place.share);
         location
     }
 
@@ -238,7 +239,7 @@ impl Conclusion<'_, '_, '_, '_> {
             of: nuisance.of,
         };
         let mut tuned: Vec<Tuned> = bound.into_iter().map(one).collect();
-        tuned.sort_by(|a, b| b.deviations.abs().total_cmp(&a.deviations.abs()));
+        sort_falling(&mut tuned, |tuned| tuned.deviations.abs());
         tuned
     }
 

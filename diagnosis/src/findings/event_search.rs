@@ -18,6 +18,7 @@ use crate::findings::interval::{holds_nothing, parameters};
 use crate::report::diagnosis::Alternative;
 use crate::search::moves::Search;
 use crate::search::tried::LISTED;
+use crate::sorting::sort_rising;
 use crate::statistics::{STRONG, is_strong_evidence};
 
 /// The events in the active rows. The found laws leave the `residual`. An event must be more probable than none, and no law of `lasting` may
@@ -115,7 +116,7 @@ fn odds(
             let [named, other] = [members[place], other].map(|index| search.system.candidate(index));
             alternatives.push(instead(data.arm(), named, other, against));
         }
-        alternatives.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
+        sort_rising(&mut alternatives, |other| other.log_odds_against);
         alternatives.truncate(LISTED);
         odds.push((log_odds, alternatives));
     }

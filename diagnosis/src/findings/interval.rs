@@ -13,6 +13,7 @@ use crate::data::columns::sum_of;
 use crate::evidence::system::{Fit, System};
 use crate::random::normal;
 use crate::report::diagnosis::Parameter;
+use crate::sorting::sort;
 use crate::statistics::DRAWS;
 
 /// Steps of a nonlinear parameter, as [`Candidate::moved`] counts them, for the curvature of the evidence: two in each direction separate a curve from noise.
@@ -79,7 +80,7 @@ fn of_member(
     let interval = |name: &str| {
         let mut values: Vec<f64> =
             drawn.iter().filter_map(|table| table.get(name).and_then(Value::as_float)).collect();
-        values.sort_by(f64::total_cmp);
+        sort(&mut values);
         let (first, last) = (values.first()?, values.last()?);
         (first < last).then(|| [values[values.len() / 40], values[values.len() - 1 - values.len() / 40]])
     };

@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::data::linearised::LinearisedRecording;
 use crate::findings::variables::variables;
 use crate::report::diagnosis::{Map, Variable};
+use crate::sorting::rising_order;
 
 /// Bins of a map over a variable: wide enough that each holds many rows of a short recording, narrow enough for the sign and the curvature of a law.
 pub(crate) const BINS: usize = 12;
@@ -73,10 +74,9 @@ fn chance(shifted: &[f64], explained: f64) -> f64 {
 
 /// Corrects the p-values of all maps for their number (Holm 1979).
 pub(crate) fn correct(maps: &mut [Map]) {
-    let mut order: Vec<usize> = (0..maps.len()).collect();
-    order.sort_by(|&a, &b| maps[a].p.total_cmp(&maps[b].p));
+    let p: Vec<f64> = maps.iter().map(|map| map.p).collect();
     let mut least = 0.0_f64;
-    for (rank, index) in order.into_iter().enumerate() {
+    for (rank, index) in rising_order(&p).into_iter().enumerate() {
         least = least.max((maps[index].p * (maps.len() - rank) as f64).min(1.0));
         maps[index].p = least;
     }
@@ -92,8 +92,7 @@ struct Bins {
 impl Bins {
     /// Bins of `x`; `None` if it hardly varies or has too few values.
     fn new(x: &[f64]) -> Option<Self> {
-        let mut order: Vec<usize> = (0..x.len()).collect();
-        order.sort_by(|&a, &b| x[a].total_cmp(&x[b]));
+        let order = rising_order(x);
         let (least, most) = (x[*order.first()?], x[*order.last()?]);
         if most - least <= 1e-12 || x.len() < 4 * BINS {
             return None;

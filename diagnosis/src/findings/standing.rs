@@ -23,6 +23,7 @@ use crate::report::diagnosis::{Effect, Evidence};
 use crate::report::settings::DiagnoseSettings;
 use crate::report::words;
 use crate::search::moves::{EffectSet, Search};
+use crate::sorting::{sort_falling, sort_rising};
 use crate::statistics::is_strong_evidence;
 
 /// A fit whose members the test part confirms.
@@ -221,7 +222,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             let tested = self.tested(fit, place, on_test, [&residual, &system.residual(&others)]);
             order.push((tested.gain().unwrap_or(f64::INFINITY), place, others));
         }
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        sort_rising(&mut order, |(gain, ..)| *gain);
         Some(order.into_iter().map(|(_, place, others)| (place, others)).collect())
     }
 
@@ -360,7 +361,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             finding.effect.evidence.share =
                 (finding.effect.evidence.share / all.max(f64::MIN_POSITIVE)).max(0.0);
         }
-        found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
+        sort_falling(&mut found, |found| found.effect.evidence.share);
         Ok(Some(found))
     }
 

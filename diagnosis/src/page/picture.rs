@@ -9,6 +9,7 @@ use freeplay_report::{Axis, Chart, Drawing, Series};
 
 use super::points::{Over, Points, best_plot_variable, column, forwards, law, line, traces};
 use crate::search::tried::LISTED;
+use crate::sorting::sort_falling;
 use crate::statistics::SIGNIFICANT;
 use crate::{Diagnosis, Effect, Map};
 
@@ -38,7 +39,7 @@ pub fn of(diagnosis: &Diagnosis, arm: &Arm, index: usize) -> Vec<Drawing> {
     }
     let mut channels: Vec<(f64, &String)> =
         effect.evidence.channels.iter().map(|channel| (weight(diagnosis, index, channel), channel)).collect();
-    channels.sort_by(|a, b| b.0.total_cmp(&a.0));
+    sort_falling(&mut channels, |(size, _)| *size);
     let strongest = channels.into_iter().take(LISTED);
     strongest.filter_map(|(_, channel)| in_channel(diagnosis, arm, index, channel)).collect()
 }

@@ -1,6 +1,7 @@
 //! The points of a picture: the residual without an effect and with it, over the variable that shows the effect best.
 
 use crate::findings::locate::BINS;
+use crate::sorting::sort_rising;
 use crate::{Diagnosis, Passage, Trace, Variable};
 
 /// Least gain in the explained share for a variable later in the list to replace an earlier one: a picture does not show a difference of 3 %.
@@ -128,7 +129,7 @@ fn explained(x: &[f64], y: &[f64], group: &[bool]) -> f64 {
     let mut between = 0.0;
     for side in [false, true] {
         let mut order: Vec<usize> = counted.iter().copied().filter(|&k| group[k] == side).collect();
-        order.sort_by(|&a, &b| x[a].total_cmp(&x[b]));
+        sort_rising(&mut order, |&k| x[k]);
         for bin in order.chunks(order.len().div_ceil(BINS).max(1)) {
             let of_bin = bin.iter().map(|&k| y[k]).sum::<f64>() / bin.len() as f64;
             between += bin.len() as f64 * (of_bin - mean).powi(2);
@@ -141,7 +142,7 @@ fn explained(x: &[f64], y: &[f64], group: &[bool]) -> f64 {
 pub fn line(x: &[f64], law: &[f64], which: impl Fn(usize) -> bool, bins: usize) -> (Vec<f64>, Vec<f64>) {
     let seen = |k: &usize| x[*k].is_finite() && law[*k].is_finite() && which(*k);
     let mut order: Vec<usize> = (0..x.len().min(law.len())).filter(seen).collect();
-    order.sort_by(|&a, &b| x[a].total_cmp(&x[b]));
+    sort_rising(&mut order, |&k| x[k]);
     let mean = |bin: &[usize], column: &[f64]| bin.iter().map(|&k| column[k]).sum::<f64>() / bin.len() as f64;
     let chunks = order.chunks(order.len().div_ceil(bins).max(1));
     chunks.map(|bin| (mean(bin, x), mean(bin, law))).unzip()

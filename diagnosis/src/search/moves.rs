@@ -7,6 +7,7 @@ use freeplay_laws::{Occurrence, changed};
 
 use crate::candidates::candidate::{Candidate, Form};
 use crate::evidence::system::{Fit, Gain, System, all_but};
+use crate::sorting::sort_falling;
 use crate::statistics::BACKTRACKING;
 
 /// Largest number of candidates that the search tries in the place of several members: others are far less probable, and each trial takes a fit.
@@ -246,7 +247,7 @@ impl<'d, 'a> Search<'d, 'a> {
     fn record_visited(&mut self, answer: &EffectSet) {
         if self.visited.iter().all(|known| known.members != answer.members) {
             self.visited.push(answer.clone());
-            self.visited.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+            sort_falling(&mut self.visited, |answer| answer.evidence);
         }
     }
 
@@ -408,7 +409,7 @@ impl<'d, 'a> Search<'d, 'a> {
             (gain.is_inside || may_move()).then_some((index, gain.value))
         });
         let mut worth: Vec<(usize, f64)> = worth.collect();
-        worth.sort_by(|a, b| b.1.total_cmp(&a.1));
+        sort_falling(&mut worth, |(_, gain)| *gain);
         let mut nearest: Vec<usize> = Vec::new();
         for (index, _) in worth {
             let is_same =
@@ -454,7 +455,7 @@ impl<'d, 'a> Search<'d, 'a> {
                 Some((self.approximate_evidence(&members)?, members))
             })
             .collect();
-        without.sort_by(|a, b| b.0.total_cmp(&a.0));
+        sort_falling(&mut without, |(about, _)| *about);
         for (about, members) in without {
             if about <= now.evidence {
                 break;

@@ -9,6 +9,7 @@ use freeplay_servo::{DIFFERENCE_STEP, Fitted, ModelParameter, Problem, ServoArm,
 
 use super::limits::lost;
 use crate::data::tolerance::Tolerances;
+use crate::sorting::sort_rising;
 use crate::statistics::STRONG;
 
 /// Standard deviation of the prior of a base's roll and pitch, of an encoder's zero and of a gear's gap, rad: a third of a right angle.
@@ -178,7 +179,7 @@ pub fn add_burden(
         }
     }
     let total = |one: &Tried| one.left[0] + one.left[1];
-    tried.sort_by(|a, b| total(a).total_cmp(&total(b)));
+    sort_rising(&mut tried, total);
     let mut tried = tried.into_iter();
     let Some(best) = tried.next() else { return (fitted, None) };
     let rivals = tried

@@ -20,6 +20,7 @@ use crate::report::diagnosis::{
 };
 use crate::report::settings::DiagnoseSettings;
 use crate::report::words::{odds, phrase, site, statement};
+use crate::sorting::sort_falling;
 
 /// Kinds of joint effects in the file that the findings replace.
 const REPLACED: [&str; 6] =
@@ -441,7 +442,7 @@ impl Conclusion<'_> {
         };
         let mut locations: Vec<Location> =
             self.joints().into_iter().filter(|joint| self.moves[*joint]).map(of_joint).collect();
-        locations.sort_by(|a, b| b.share.total_cmp(&a.share));
+        sort_falling(&mut locations, |location| location.share);
         locations
     }
 
@@ -551,7 +552,7 @@ pub fn summary(effects: &[Effect]) -> String {
 
 /// Sets the share of each of `effects` in the removed squared error. Before the call, the share holds the effect's own squares; the effects of a channel divide
 /// its reduction in proportion to them.
-pub fn share_out(effects: &mut [Effect], fit: &Fit) {
+pub fn share_out(effects: &mut Vec<Effect>, fit: &Fit) {
     let gone = |channel: &String| -> f64 {
         let square =
             |table: &BTreeMap<String, Rmse>| table.get(channel).map_or(0.0, |error| error.rmse.powi(2));
@@ -572,5 +573,5 @@ pub fn share_out(effects: &mut [Effect], fit: &Fit) {
         };
         effect.evidence.share = effect.evidence.channels.iter().map(of_channel).sum();
     }
-    effects.sort_by(|a, b| b.evidence.share.total_cmp(&a.evidence.share));
+    sort_falling(effects, |effect| effect.evidence.share);
 }

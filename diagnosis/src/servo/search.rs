@@ -9,6 +9,7 @@ use super::changes::{Change, Given};
 use super::findings::named_from;
 use super::limits::lost;
 use super::recorded::{Found, Recorded, is_same, stop};
+use crate::sorting::sort_falling;
 use crate::statistics::STRONG;
 
 /// Changes that are fitted before the search takes the best of them, for each of its rankings: the first may rank first by chance, and a fit takes far longer
@@ -307,11 +308,7 @@ fn nearest(fit: &Problem, changes: &[&Change], model: &ServoArm, far: &Far) -> V
         };
         place.map(|(gain, place)| (gain, change.clone(), change.placed(model, &place)))
     });
-    tried.sort_by(|a, b| {
-        let gain =
-            |one: &Option<(f64, Change, ServoArm)>| one.as_ref().map_or(f64::NEG_INFINITY, |one| one.0);
-        gain(b).total_cmp(&gain(a))
-    });
+    sort_falling(&mut tried, |one| one.as_ref().map_or(f64::NEG_INFINITY, |(gain, ..)| *gain));
     tried.into_iter().flatten().take(FITTED).map(|(_, change, model)| (change, model)).collect()
 }
 

@@ -18,6 +18,7 @@ use crate::random::normals;
 use crate::signals::filter::{LowPass, derivatives};
 use crate::signals::missing::only;
 use crate::signals::motion::{LEAST_CUTOFF, Treatment};
+use crate::sorting::sort;
 use crate::statistics::{Moments, Quantile, difference};
 
 /// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
@@ -127,6 +128,6 @@ fn coherence(x: &[f64], y: &[f64]) -> f64 {
 /// The median of `values`, the greater of two; 0 if empty.
 fn middle(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
+    sort(&mut sorted);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }

@@ -8,6 +8,8 @@ use super::super::finding::{Certainty, SetupFinding};
 use super::super::outcome::Outcome;
 use super::{Ask, Results, brief, listed};
 
+use crate::sorting::sort;
+
 /// Between a half and two, a wrong gain or mass explains a scale; no unit does.
 const NEAR: f64 = 2.0;
 /// Relative tolerance within which two ratios are the same: torque constants are given to two figures.
@@ -51,7 +53,7 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let mut all: Vec<Change> = (0..n).map(Change::Scale).collect();
     let scales = &ask.best.scale;
     let mut known: Vec<f64> = scales.iter().copied().filter(|scale| !is_small(*scale)).collect();
-    known.sort_by(f64::total_cmp);
+    sort(&mut known);
     known.dedup();
     all.extend((0..n).flat_map(|joint| known.iter().map(move |factor| Change::SameScale(joint, *factor))));
     all.push(Change::CommonScale);
