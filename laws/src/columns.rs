@@ -34,6 +34,15 @@ impl Columns {
         self.columns.iter_mut().filter(|column| !column.is_empty()).for_each(change);
     }
 
+    /// Releases the columns that hold zeros alone.
+    pub fn release_zeros(&mut self) {
+        self.change_written(|column| {
+            if column.iter().all(|x| *x == 0.0) {
+                *column = Vec::new();
+            }
+        });
+    }
+
     /// Adds `factor` times `other`, of the same shape.
     pub fn add(&mut self, other: &Columns, factor: f64) {
         for (index, column) in other.all_written() {

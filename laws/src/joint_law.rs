@@ -4,7 +4,6 @@ use std::fmt::Debug;
 
 use freeplay_model::export::Element;
 
-use crate::DriveFriction;
 use crate::archive::Archive;
 use crate::columns::Columns;
 use crate::effect::{Effect, ExportCoverage};
@@ -20,7 +19,7 @@ pub struct Instant {
     pub q: f64,
     /// Velocity, rad/s (m/s).
     pub v: f64,
-    /// Sign of the velocity, −1 to 1: see [`DriveFriction::sign`].
+    /// Sign of the velocity, −1 to 1: see [`DriveFriction::sign`](crate::DriveFriction::sign).
     pub sign: f64,
     /// Torque of the rigid arm on the transmission, N·m (N).
     pub load: f64,
@@ -49,12 +48,10 @@ pub struct AtJoint<L> {
 impl<L: JointLaw> Effect for AtJoint<L> {
     fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let (motion, load) = (scene.motion, &scene.load[self.joint]);
-        let (q, v) = (&motion.q[self.joint], &motion.v[self.joint]);
+        let (q, v, signs) = (&motion.q[self.joint], &motion.v[self.joint], scene.signs(self.joint));
         for (point, torque) in torque[self.joint].iter_mut().enumerate() {
-            let v = v[point];
-            let sign = DriveFriction::sign(v);
-            *torque +=
-                self.law.resisting(&Instant { t: motion.t[point], q: q[point], v, sign, load: load[point] });
+            let (t, q, v, sign, load) = (motion.t[point], q[point], v[point], signs[point], load[point]);
+            *torque += self.law.resisting(&Instant { t, q, v, sign, load });
         }
     }
 

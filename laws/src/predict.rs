@@ -295,11 +295,37 @@ impl<'a> Baseline<'a> {
         Ok(Change::between(&self.measured, changed))
     }
 
-    /// The direct contribution of an effect that does not change the arm, without the consequences of its link shifts for torques and tool.
-    fn direct_change(&self, placed: &Placed) -> Change {
+    /// The change of the prediction by `plus` minus that by `minus`, an effect of the same kind: see [`Baseline::change`]. Neither the low-pass nor
+    /// the consequences of shifted links are computed for the part that both have.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if one of them makes the arm impossible.
+    pub fn change_between(&self, minus: &Placed, plus: &Placed) -> Result<Change, LawError> {
+        let effects = self.effects.iter().map(|held| &**held).chain([minus, plus]);
+        let is_measured = effects.into_iter().any(|placed| placed.effect.measures());
+        let changes_arm = |placed| self.is_changed_by(std::iter::once(placed));
+        if is_measured || changes_arm(minus)? || changes_arm(plus)? {
+            let mut change = self.change(plus)?;
+            change.add(&self.change(minus)?, -1.0);
+            return Ok(change);
+        }
+        let mut change = self.contribution(plus);
+        change.add(&self.contribution(minus), -1.0);
+        change.parts_mut().into_iter().for_each(Columns::release_zeros);
+        Ok(self.with_consequences(plus.kind.rough, self.filtered(plus.kind.rough, change)))
+    }
+
+    /// The contribution of an effect that does not change the arm, before the low-pass and without the consequences of its link shifts for torques
+    /// and tool.
+    fn contribution(&self, placed: &Placed) -> Change {
         let mut change = Change::nothing(self.scene.arm.dof(), self.scene.motion.len());
         placed.effect.apply(&self.scene, &mut change);
-        if placed.kind.rough {
+        change
+    }
+
+    /// `change` behind the low-pass, if its law is `rough`.
+    fn filtered(&self, rough: bool, mut change: Change) -> Change {
+        if rough {
             for columns in change.parts_mut() {
                 columns.change_written(|column| *column = (self.low_pass)(column));
             }
@@ -307,22 +333,31 @@ impl<'a> Baseline<'a> {
         change
     }
 
+    /// The contribution of an effect that does not change the arm behind the low-pass, without the consequences of its link shifts.
+    fn direct_change(&self, placed: &Placed) -> Change {
+        self.filtered(placed.kind.rough, self.contribution(placed))
+    }
+
     /// The change before the sensors by an effect that does not change the arm.
     fn plain_change(&self, placed: &Placed) -> Change {
+        self.with_consequences(placed.kind.rough, self.direct_change(placed))
+    }
+
+    /// `change` with the consequences of its link shifts for torques and tool.
+    fn with_consequences(&self, rough: bool, mut change: Change) -> Change {
         let (scene, points) = (&self.scene, self.scene.motion.len());
-        let mut change = self.direct_change(placed);
         for (joint, shift) in change.link.all_written() {
             let sensitivity =
                 self.tool_sensitivity.get_or_init(|| tool_sensitivity(&scene.arm, &self.plain.link));
             add_products(&mut change.tool, &sensitivity[joint], shift);
-            if placed.kind.rough {
+            if rough {
                 let sensitivity = self
                     .torque_sensitivity
                     .get_or_init(|| torque_sensitivity(&scene.arm, scene.motion, &self.shift));
                 add_products(&mut change.torque, &sensitivity[joint], shift);
             }
         }
-        if !placed.kind.rough && change.link.all_written().next().is_some() {
+        if !rough && change.link.all_written().next().is_some() {
             let mut shift = vec![vec![0.0; points]; scene.arm.dof()];
             change.link.all_written().for_each(|(joint, column)| shift[joint].copy_from_slice(column));
             let mut torque = link_torques(scene, &shift, &vec![vec![0.0; points]; scene.arm.dof()]);

@@ -5,10 +5,10 @@ use std::cell::OnceCell;
 use freeplay_arm::{Arm, Inertia, JointKind, Workspace, crba, forward_kinematics, jacobian, rnea};
 use nalgebra::{DMatrix, Isometry3};
 
-use crate::LawError;
 use crate::arm_parts::ArmParts;
 use crate::bearing_course::BearingCourse;
 use crate::trajectory::Trajectory;
+use crate::{DriveFriction, LawError};
 
 /// The inputs of effects: the arm, its motion, and the torques of the rigid arm.
 #[derive(Clone, Debug)]
@@ -24,6 +24,7 @@ pub struct Scene<'a> {
     carrying: OnceCell<Vec<Vec<f64>>>,
     inertia: OnceCell<Vec<Vec<f64>>>,
     yielding: Vec<OnceCell<Vec<f64>>>,
+    signs: Vec<OnceCell<Vec<f64>>>,
     bearings: Vec<OnceCell<Option<BearingCourse>>>,
 }
 
@@ -35,8 +36,9 @@ impl<'a> Scene<'a> {
             load.iter_mut().zip(torque).for_each(|(load, torque)| *load -= torque);
         }
         let (tool_sensitivity, carrying, inertia) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        let (bearings, yielding) = (vec![OnceCell::new(); arm.dof()], vec![OnceCell::new(); arm.dof()]);
-        Scene { arm, motion, load, tool_sensitivity, carrying, inertia, yielding, bearings }
+        let by_joint = vec![OnceCell::new(); arm.dof()];
+        let (yielding, signs, bearings) = (by_joint.clone(), by_joint, vec![OnceCell::new(); arm.dof()]);
+        Scene { arm, motion, load, tool_sensitivity, carrying, inertia, yielding, signs, bearings }
     }
 }
 
@@ -54,6 +56,12 @@ impl Scene<'_> {
     /// Derivative of the torque of `joint` by its own position along the motion, N·m/rad (N/m); computed once.
     pub fn position_derivative(&self, joint: usize) -> &[f64] {
         self.yielding[joint].get_or_init(|| slopes(&self.arm, self.motion, &[], joint).swap_remove(joint))
+    }
+
+    /// Sign of the velocity of `joint` along the motion, −1 to 1: see [`DriveFriction::sign`]; computed once.
+    pub(crate) fn signs(&self, joint: usize) -> &[f64] {
+        self.signs[joint]
+            .get_or_init(|| self.motion.v[joint].iter().map(|v| DriveFriction::sign(*v)).collect())
     }
 
     /// The load of the bearing of `joint` along the motion, if the joint can have play; computed once.

@@ -36,10 +36,11 @@ impl Kind {
     ) -> Result<Vec<(Term, Change)>, LawError> {
         let place = Place { scene: baseline.scene(), joint };
         let column = |term: Term| {
-            let mut column = baseline.change(&self.place(&place, term.plus.clone())?)?;
-            if let Some(minus) = &term.minus {
-                column.add(&baseline.change(&self.place(&place, minus.clone())?)?, -1.0);
-            }
+            let plus = self.place(&place, term.plus.clone())?;
+            let mut column = match &term.minus {
+                Some(minus) => baseline.change_between(&self.place(&place, minus.clone())?, &plus)?,
+                None => baseline.change(&plus)?,
+            };
             column.scale(term.weight);
             Ok((term, column))
         };

@@ -306,6 +306,24 @@ impl Backlash {
         }
     }
 
+    /// Shifts the link by the motor's `places` in the gap, and by the deflection of the flanks under the load.
+    fn shift_to(&self, scene: &Scene, places: &[f64], shift: &mut Columns) {
+        let loads = &scene.load[self.joint];
+        for ((shift, load), place) in shift[self.joint].iter_mut().zip(loads).zip(places) {
+            // The place behind friction includes the deflection by that friction.
+            *shift -= self.give(*load) + place;
+        }
+    }
+
+    /// Adds the friction behind the gap that the flanks carry at the motor's `places`.
+    fn slide_through(&self, scene: &Scene, places: &[f64], torque: &mut Columns) {
+        let play = self.play();
+        let v = &scene.motion.v[self.joint];
+        for ((torque, place), v) in torque[self.joint].iter_mut().zip(places).zip(v) {
+            *torque += of_friction(self.friction, play.flank(*place, *v));
+        }
+    }
+
     /// Position of the motor in the gap at each point if friction holds the link.
     fn crossings(&self, scene: &Scene) -> Vec<f64> {
         let q = &scene.motion.q[self.joint];
@@ -365,40 +383,35 @@ fn of_friction(friction: [f64; 2], share: f64) -> f64 {
 impl Effect for Backlash {
     fn shift(&self, scene: &Scene, shift: &mut Columns) {
         let loads = &scene.load[self.joint];
-        let mut places = vec![0.0; loads.len()];
-        if self.slides() {
-            // The motor's position includes the deflection of the flanks.
-            places = self.crossings(scene);
+        let places = if self.slides() {
+            self.crossings(scene)
         } else if self.flies {
+            let mut places = vec![0.0; loads.len()];
             self.fly(scene, |point, flight, _| places[point] = flight.place());
+            places
         } else {
-            places = loads.iter().map(|&load| Flight::resting(self.gap, load).place()).collect();
-        }
-        for ((shift, load), place) in shift[self.joint].iter_mut().zip(loads).zip(places) {
-            *shift -= self.give(*load) + place;
-        }
+            loads.iter().map(|&load| Flight::resting(self.gap, load).place()).collect()
+        };
+        self.shift_to(scene, &places, shift);
     }
 
     fn torque(&self, scene: &Scene, torque: &mut Columns) {
-        if !self.slides() {
+        if self.slides() {
+            self.slide_through(scene, &self.crossings(scene), torque);
+        } else if self.flies {
             let torque = &mut torque[self.joint];
-            if self.flies {
-                self.fly(scene, |point, _, extra| torque[point] += extra);
-            }
-            return;
-        }
-        let play = self.play();
-        let places = self.crossings(scene);
-        let v = &scene.motion.v[self.joint];
-        for ((torque, place), v) in torque[self.joint].iter_mut().zip(places).zip(v) {
-            *torque += of_friction(self.friction, play.flank(place, *v));
+            self.fly(scene, |point, _, extra| torque[point] += extra);
         }
     }
 
     fn apply(&self, scene: &Scene, change: &mut Change) {
-        if self.slides() || !self.flies {
-            self.shift(scene, &mut change.link);
-            return self.torque(scene, &mut change.torque);
+        if self.slides() {
+            let places = self.crossings(scene);
+            self.shift_to(scene, &places, &mut change.link);
+            return self.slide_through(scene, &places, &mut change.torque);
+        }
+        if !self.flies {
+            return self.shift(scene, &mut change.link);
         }
         let (shift, torque) = (&mut change.link[self.joint], &mut change.torque[self.joint]);
         shift.iter_mut().zip(&scene.load[self.joint]).for_each(|(shift, load)| *shift -= self.give(*load));
