@@ -5,8 +5,9 @@
 
 Each case draws the joint, its friction (1 to 10 N·m), the share of the time at which the joints rest (0 to 50 %), the natural frequency of the feedback (10
 to 50 rad/s), the noise (three levels) and the presence of a tool tracker. The masses of the arm are within 2 % of the given model. The folders have the
-form of `proof/mujoco`: DIR/0001/{model.toml,arm.urdf,recording.csv,truth.json}, … The plant stops an arm that cannot follow the motion, such as a light wrist
-with much friction under soft feedback. Such a case is drawn again, and the last line of the output counts them.
+form of `proof/mujoco`: DIR/0001/{model.toml,arm.urdf,recording.csv,truth.json}, … Under soft feedback much friction holds a light wrist: the plant stops
+an arm that cannot follow the motion, or the joint rests for more than half of the time. Such a case is drawn again, and the last line of the output counts
+these draws.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ NOISES = {"low": (1e-6, 0.02), "medium": (1e-5, 0.1), "high": (5e-5, 0.5)}
 """Noise of positions, rad, and of torques, N·m; ten times that of a position per second for velocities."""
 TOOL_NOISE_M = 3e-5
 FARTHEST_RAD = 0.6
+MOST_REST = 0.5
+LOOK_SAMPLES, RESTING_RAD = 100, 1e-3
+"""A joint rests if it moves less than that in so many samples."""
 STOPPED = 1
 """Exit code of a run in which the plant stopped the arm."""
 
@@ -72,7 +76,7 @@ def machine(rng: random.Random, urdf: str) -> str:
 
 
 def generate(program: str, urdf: str, joints: list[str], case: Path, seed: str) -> bool:
-    """Writes one case; false if the plant stopped the arm."""
+    """Writes one case; false if the plant stopped the arm, or if friction held the joint for more than half of the time."""
     rng = random.Random(seed)
     joint, torque = rng.choice(joints), log_uniform(rng, FRICTION_NM)
     rest, frequency, noise = rng.uniform(0.0, 0.5), log_uniform(rng, NATURAL_FREQUENCIES), rng.choice(list(NOISES))
@@ -102,12 +106,17 @@ def generate(program: str, urdf: str, joints: list[str], case: Path, seed: str) 
         if done.returncode == STOPPED:
             return False
         done.check_returncode()
+        with (work / "run" / "computed-torque.csv").open(newline="") as recorded:
+            places = [float(row[f"q{joints.index(joint) + 1}"]) for row in csv.DictReader(recorded)][::LOOK_SAMPLES]
+        at_rest = sum(abs(later - earlier) < RESTING_RAD for earlier, later in zip(places, places[1:], strict=False))
+        if at_rest > MOST_REST * (len(places) - 1):
+            return False
         with (work / "run" / "computed-torque.csv").open(newline="") as recorded, (case / "recording.csv").open("w", newline="") as kept:
-            rows = csv.DictReader(recorded)
-            wanted = [name for name in rows.fieldnames or [] if re.fullmatch(r"t|(q|qd|tau)\d+" + ("|[xyz]" if tracked else ""), name)]
+            samples = csv.DictReader(recorded)
+            wanted = [name for name in samples.fieldnames or [] if re.fullmatch(r"t|(q|qd|tau)\d+" + ("|[xyz]" if tracked else ""), name)]
             writer = csv.DictWriter(kept, wanted, extrasaction="ignore")
             writer.writeheader()
-            writer.writerows(rows)
+            writer.writerows(samples)
     effect = {"kind": "coulomb_friction", "joint": joint, "parameters": {"coulomb": torque}, "signal_to_floor": torque / of_torque}
     truth = {"machine": "closed loop", "joints": len(joints), "noise": noise, "rest": rest, "natural_frequency": frequency, "tracked": tracked, "effects": [effect]}
     (case / "truth.json").write_text(json.dumps(truth, indent=2) + "\n")
@@ -124,12 +133,12 @@ def main() -> None:
     options = parser.parse_args()
     read = subprocess.run([options.program, "arm", str(options.urdf), "--format", "json"], check=True, capture_output=True, text=True)
     joints = [joint["name"] for joint in json.loads(read.stdout)["joints"]]
-    urdf, stopped = options.urdf.read_text(), 0
+    urdf, again = options.urdf.read_text(), 0
     for number in range(1, options.cases + 1):
         attempt = 0
         while not generate(options.program, urdf, joints, options.out / f"{number:04}", f"{options.seed}/{number}/{attempt}"):
-            attempt, stopped = attempt + 1, stopped + 1
-    print(f"{options.cases} cases in {options.out}; the plant stopped the arm in {stopped} further draws")
+            attempt, again = attempt + 1, again + 1
+    print(f"{options.cases} cases in {options.out}; {again} draws were repeated")
 
 
 if __name__ == "__main__":
