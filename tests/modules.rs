@@ -11,6 +11,7 @@ use crate::crate_edges::packages;
 
 /// The folders of the diagnosis, each below the one before.
 const ROOMS: [&str; 18] = [
+    "sorting",
     "statistics",
     "random",
     "error",

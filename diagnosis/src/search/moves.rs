@@ -564,10 +564,11 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(best.into_iter().map(|(_, index)| index).collect())
     }
 
-    /// Returns true for different laws of which a machine has only one, and for events at the same time: one event is more probable than two.
+    /// Returns true for different laws of which a machine has only one, and for events at the same time in a common channel: one event is more probable
+    /// than two.
     fn is_rival(&self, one: usize, other: usize) -> bool {
         let (one, other) = (self.system.candidate(one), self.system.candidate(other));
-        (one.excludes(other) || one.happens_with(other)) && !one.same_effect(other)
+        (one.excludes(other) || one.happens_with(other) && one.meets(other)) && !one.same_effect(other)
     }
 
     /// `now` with one more effect and without the members that become unnecessary: one law replaces several that imitate it.
