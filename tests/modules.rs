@@ -10,7 +10,7 @@ use std::path::Path;
 use crate::crate_edges::packages;
 
 /// The folders of the diagnosis, each below the one before.
-const ROOMS: [&str; 18] = [
+const ROOMS: [&str; 19] = [
     "sorting",
     "statistics",
     "random",
