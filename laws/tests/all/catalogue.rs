@@ -228,6 +228,32 @@ fn the_short_cut_of_a_column_agrees_with_two_predictions() {
     }
 }
 
+/// A column that is the difference of two predictions, in every shape: the change by the first minus that by the second.
+#[test]
+fn the_change_between_two_effects_is_the_difference_of_their_changes() {
+    let (arm, motion) = (arm(), motion(6, 100.0, 6.0));
+    let baseline = Baseline::new(&arm, &[], &motion, &raw).unwrap();
+    for kind in kinds() {
+        let place = Place { scene: baseline.scene(), joint: site(kind) };
+        let mut worst = 0.0_f64;
+        for shape in (kind.shapes)(&place) {
+            for (term, column) in kind.columns(&baseline, site(kind), &shape).unwrap() {
+                let Some(minus) = &term.minus else { continue };
+                let change = |of: &Table| baseline.change(&kind.place(&place, of.clone()).unwrap()).unwrap();
+                let mut difference = change(&term.plus);
+                difference.add(&change(minus), -1.0);
+                difference.scale(term.weight);
+                let size = greatest(difference.torque.all_written().flat_map(|(_, column)| column));
+                difference.add(&column, -1.0);
+                let off = greatest(difference.torque.all_written().flat_map(|(_, column)| column));
+                worst = worst.max(off / size.max(f64::MIN_POSITIVE));
+            }
+        }
+        println!("{}: {worst:.1e} of the largest torque", kind.name);
+        assert!(worst < 1e-9, "{}", kind.name);
+    }
+}
+
 /// Bounds of the terms keep the result physical: a negative extra friction is at most the friction of the arm file.
 #[test]
 fn bounds_know_the_nominal_friction() {
