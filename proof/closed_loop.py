@@ -19,6 +19,7 @@ import random
 import re
 import subprocess
 import tempfile
+from bisect import bisect_right
 from collections.abc import Callable
 from pathlib import Path
 
@@ -56,7 +57,7 @@ def moves(rng: random.Random, start: float, rest: float) -> Position:
         places += [last, start + rng.uniform(-FARTHEST_RAD, FARTHEST_RAD)]
 
     def at(t: float) -> float:
-        k = max(i for i, begin in enumerate(times) if begin <= t)
+        k = bisect_right(times, t) - 1
         share = (t - times[k]) / (times[k + 1] - times[k]) if times[k + 1] > times[k] else 1.0
         return places[k] + (places[k + 1] - places[k]) * share**3 * (10 - 15 * share + 6 * share**2)
 
@@ -68,9 +69,7 @@ def machine(rng: random.Random, urdf: str) -> str:
 
     def other(inertial: re.Match[str]) -> str:
         scale = 1 + MASS_TOLERANCE * rng.uniform(-1, 1)
-        number = lambda value: f'{value[1]}="{float(value[2]) * scale:.12g}"'  # noqa: E731
-        text = re.sub(r'(<mass value)="([^"]+)"', number, inertial[0])
-        return re.sub(r'\b(i[xyz][xyz])="([^"]+)"', number, text)
+        return re.sub(r'(<mass value|\bi[xyz][xyz])="([^"]+)"', lambda number: f'{number[1]}="{float(number[2]) * scale:.12g}"', inertial[0])
 
     return re.sub(r"<inertial>.*?</inertial>", other, urdf, flags=re.DOTALL)
 
@@ -107,13 +106,13 @@ def generate(program: str, urdf: str, joints: list[str], case: Path, seed: str) 
             return False
         done.check_returncode()
         with (work / "run" / "computed-torque.csv").open(newline="") as recorded:
-            places = [float(row[f"q{joints.index(joint) + 1}"]) for row in csv.DictReader(recorded)][::LOOK_SAMPLES]
+            samples = list(csv.DictReader(recorded))
+        places = [float(sample[f"q{joints.index(joint) + 1}"]) for sample in samples[::LOOK_SAMPLES]]
         at_rest = sum(abs(later - earlier) < RESTING_RAD for earlier, later in zip(places, places[1:], strict=False))
         if at_rest > MOST_REST * (len(places) - 1):
             return False
-        with (work / "run" / "computed-torque.csv").open(newline="") as recorded, (case / "recording.csv").open("w", newline="") as kept:
-            samples = csv.DictReader(recorded)
-            wanted = [name for name in samples.fieldnames or [] if re.fullmatch(r"t|(q|qd|tau)\d+" + ("|[xyz]" if tracked else ""), name)]
+        wanted = [name for name in samples[0] if re.fullmatch(r"t|(q|qd|tau)\d+" + ("|[xyz]" if tracked else ""), name)]
+        with (case / "recording.csv").open("w", newline="") as kept:
             writer = csv.DictWriter(kept, wanted, extrasaction="ignore")
             writer.writeheader()
             writer.writerows(samples)

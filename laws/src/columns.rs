@@ -35,7 +35,7 @@ impl Columns {
     }
 
     /// Releases the columns that hold zeros alone.
-    pub fn release_zeros(&mut self) {
+    pub(crate) fn release_zeros(&mut self) {
         self.change_written(|column| {
             if column.iter().all(|x| *x == 0.0) {
                 *column = Vec::new();

@@ -10,6 +10,7 @@ use freeplay_arm::Arm;
 use crate::arm_parts::ArmParts;
 use crate::columns::Columns;
 use crate::effect::Effect;
+use crate::kind::Kind;
 use crate::prediction::{Change, Prediction};
 use crate::scene::{
     Scene, rigid_torques, rotor_torques, tool_positions, tool_sensitivity, torque_sensitivity,
@@ -234,7 +235,7 @@ impl<'a> Baseline<'a> {
         let changes: Vec<Change> = if is_changed {
             Vec::new()
         } else {
-            more.iter().map(|placed| self.direct_change(placed)).collect()
+            more.iter().map(|placed| self.filtered(placed.kind, self.contribution(placed))).collect()
         };
         let effects: Vec<Held<'b>> = self.effects.iter().cloned().chain(more).collect();
         if is_changed || changes.iter().any(|change| change.link.all_written().next().is_some()) {
@@ -284,7 +285,7 @@ impl<'a> Baseline<'a> {
             let effects = self.effects.iter().cloned().chain([Held::Lent(placed)]).collect();
             return Ok(Change::between(&self.measured, self.anew(effects)?.measured));
         }
-        let change = self.plain_change(placed);
+        let change = self.plain_change(placed.kind, self.contribution(placed));
         let effects = self.effects.iter().map(|held| &**held).chain([placed]);
         if !effects.clone().any(|placed| placed.effect.measures()) {
             return Ok(change);
@@ -301,8 +302,8 @@ impl<'a> Baseline<'a> {
     /// # Errors
     /// [`LawError::Changed`] if one of them makes the arm impossible.
     pub fn change_between(&self, minus: &Placed, plus: &Placed) -> Result<Change, LawError> {
-        let effects = self.effects.iter().map(|held| &**held).chain([minus, plus]);
-        let is_measured = effects.into_iter().any(|placed| placed.effect.measures());
+        let mut effects = self.effects.iter().map(|held| &**held).chain([minus, plus]);
+        let is_measured = effects.any(|placed| placed.effect.measures());
         let changes_arm = |placed| self.is_changed_by(std::iter::once(placed));
         if is_measured || changes_arm(minus)? || changes_arm(plus)? {
             let mut change = self.change(plus)?;
@@ -312,7 +313,7 @@ impl<'a> Baseline<'a> {
         let mut change = self.contribution(plus);
         change.add(&self.contribution(minus), -1.0);
         change.parts_mut().into_iter().for_each(Columns::release_zeros);
-        Ok(self.with_consequences(plus.kind.rough, self.filtered(plus.kind.rough, change)))
+        Ok(self.plain_change(plus.kind, change))
     }
 
     /// The contribution of an effect that does not change the arm, before the low-pass and without the consequences of its link shifts for torques
@@ -323,9 +324,9 @@ impl<'a> Baseline<'a> {
         change
     }
 
-    /// `change` behind the low-pass, if its law is `rough`.
-    fn filtered(&self, rough: bool, mut change: Change) -> Change {
-        if rough {
+    /// The contribution `change` of an effect of `kind`, behind the low-pass if the law is rough.
+    fn filtered(&self, kind: &Kind, mut change: Change) -> Change {
+        if kind.rough {
             for columns in change.parts_mut() {
                 columns.change_written(|column| *column = (self.low_pass)(column));
             }
@@ -333,31 +334,23 @@ impl<'a> Baseline<'a> {
         change
     }
 
-    /// The contribution of an effect that does not change the arm behind the low-pass, without the consequences of its link shifts.
-    fn direct_change(&self, placed: &Placed) -> Change {
-        self.filtered(placed.kind.rough, self.contribution(placed))
-    }
-
-    /// The change before the sensors by an effect that does not change the arm.
-    fn plain_change(&self, placed: &Placed) -> Change {
-        self.with_consequences(placed.kind.rough, self.direct_change(placed))
-    }
-
-    /// `change` with the consequences of its link shifts for torques and tool.
-    fn with_consequences(&self, rough: bool, mut change: Change) -> Change {
+    /// The change before the sensors by an effect of `kind` that does not change the arm, from its `contribution`: behind the low-pass, with the
+    /// consequences of link shifts for torques and tool.
+    fn plain_change(&self, kind: &Kind, contribution: Change) -> Change {
+        let mut change = self.filtered(kind, contribution);
         let (scene, points) = (&self.scene, self.scene.motion.len());
         for (joint, shift) in change.link.all_written() {
             let sensitivity =
                 self.tool_sensitivity.get_or_init(|| tool_sensitivity(&scene.arm, &self.plain.link));
             add_products(&mut change.tool, &sensitivity[joint], shift);
-            if rough {
+            if kind.rough {
                 let sensitivity = self
                     .torque_sensitivity
                     .get_or_init(|| torque_sensitivity(&scene.arm, scene.motion, &self.shift));
                 add_products(&mut change.torque, &sensitivity[joint], shift);
             }
         }
-        if !rough && change.link.all_written().next().is_some() {
+        if !kind.rough && change.link.all_written().next().is_some() {
             let mut shift = vec![vec![0.0; points]; scene.arm.dof()];
             change.link.all_written().for_each(|(joint, column)| shift[joint].copy_from_slice(column));
             let mut torque = link_torques(scene, &shift, &vec![vec![0.0; points]; scene.arm.dof()]);

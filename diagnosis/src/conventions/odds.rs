@@ -4,7 +4,6 @@ use super::change::{Change, FURTHER, RARE};
 use super::kinds::another_arm::UNEXPLAINED;
 use super::outcome::Outcome;
 use super::problem::{FLOOR, GEOMETRY, Links, Problem};
-
 use crate::sorting::sort_falling;
 
 /// The odds of each change in the best set of changes, against the best set without that change.

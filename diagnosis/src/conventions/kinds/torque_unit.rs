@@ -7,7 +7,6 @@ use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::outcome::Outcome;
 use super::{Ask, Results, brief, listed};
-
 use crate::sorting::sort;
 
 /// Between a half and two, a wrong gain or mass explains a scale; no unit does.
