@@ -34,6 +34,13 @@ impl Columns {
         self.columns.iter_mut().filter(|column| !column.is_empty()).for_each(change);
     }
 
+    /// The columns on other `points`: `resampled` gives the values of a written column there.
+    #[must_use]
+    pub fn resampled(&self, points: usize, resampled: impl Fn(&[f64]) -> Vec<f64>) -> Columns {
+        let of = |column: &Vec<f64>| if column.is_empty() { Vec::new() } else { resampled(column) };
+        Columns { points, columns: self.columns.iter().map(of).collect() }
+    }
+
     /// Releases the columns that hold zeros alone.
     pub(crate) fn release_zeros(&mut self) {
         self.change_written(|column| {

@@ -20,6 +20,7 @@ use crate::error::ResidualError;
 use crate::signals::channel::{Channel, Kind};
 use crate::signals::filter::derivatives;
 use crate::signals::initial_state::{InBearing, between, predicted_with_initial_states, within};
+use crate::signals::law_grid::LawGrid;
 use crate::signals::missing::masked;
 use crate::signals::motion::{Settings, Treatment};
 use crate::signals::residual::{Sharpening, check_joints, residuals_along};
@@ -34,6 +35,24 @@ enum Level {
     Sensor,
 }
 
+/// The points in time at which a model is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Points {
+    /// Those that the treatment keeps.
+    Kept,
+    /// Those of the grid of laws.
+    Laws,
+    /// All grid points.
+    All,
+}
+
+impl Points {
+    /// The points at which the columns of a `kind` are evaluated.
+    fn of(kind: &EffectKind) -> Self {
+        if kind.rough { Points::Laws } else { Points::Kept }
+    }
+}
+
 type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
 
 /// One recording after its treatment: the basis of a [`LinearisedRecording`].
@@ -46,6 +65,12 @@ pub(crate) struct PreparedRecording<'a> {
     pub motion: Trajectory,
     /// The motion on all grid points, for laws that jump or have a memory.
     pub whole: Trajectory,
+    /// The grid on which the search evaluates such laws, with the motion on it.
+    law_grid: LawGrid,
+    law_motion: Trajectory,
+    /// The part of [`Sharpening::more`] on that grid.
+    law_hidden: Change,
+    law_treated: Box<LowPass>,
     /// Measured, channel by channel.
     pub channels: Vec<Channel>,
     /// The noise of the measurements.
@@ -74,7 +99,15 @@ impl<'a> PreparedRecording<'a> {
         let own = treatment.clone();
         let treated = Box::new(move |column: &[f64]| own.low_pass(column));
         let as_it_is = Box::new(|column: &[f64]| column.to_vec());
+        let law_grid = treatment.law_grid()?;
+        let (law_motion, law_hidden) = (law_grid.motion(&whole), law_grid.change(&sharpening.more));
+        let own = law_grid.clone();
+        let law_treated = Box::new(move |column: &[f64]| own.low_pass(column));
         Ok(Self {
+            law_grid,
+            law_motion,
+            law_hidden,
+            law_treated,
             raw: recording,
             treatment,
             motion,
@@ -113,6 +146,8 @@ pub(crate) struct LinearisedRecording<'a> {
     smooth: Baseline<'a>,
     /// The model on all grid points: for effects that jump.
     rough: Baseline<'a>,
+    /// The model on the grid of laws: for the columns of effects that jump.
+    on_law_grid: Baseline<'a>,
     /// Torque and tool of the rigid arm on the kept points.
     rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
     /// The arm of the file, without its effects.
@@ -121,8 +156,8 @@ pub(crate) struct LinearisedRecording<'a> {
     known: Vec<&'a Placed>,
     /// The effects that were found, each with its level; other laws act on the machine with these effects.
     found: RefCell<Vec<(Level, Rc<Placed>)>>,
-    /// The model with the found effects below a level, smooth or rough, once it was computed.
-    beneath: RefCell<BTreeMap<(Level, bool), Rc<Baseline<'a>>>>,
+    /// The model with the found effects below a level on some points, once it was computed.
+    beneath: RefCell<BTreeMap<(Level, Points), Rc<Baseline<'a>>>>,
     /// The effect of the sensors on the drives. The recording computes it at the first use and forgets it when other laws are found.
     sensors: RefCell<Option<Rc<Sensors>>>,
 }
@@ -149,6 +184,13 @@ impl<'a> LinearisedRecording<'a> {
         let smooth = Baseline::new(arm, effects, &prepared.motion, &*prepared.as_it_is)?;
         let hidden = Some(&prepared.sharpening.more);
         let rough = Baseline::with_hidden(arm, effects, &prepared.whole, &*prepared.treated, hidden)?;
+        let on_law_grid = Baseline::with_hidden(
+            arm,
+            effects,
+            &prepared.law_motion,
+            &*prepared.law_treated,
+            Some(&prepared.law_hidden),
+        )?;
         let mut channels = prepared.channels.clone();
         for channel in &mut channels {
             channel.model = prepared.treatment.keep(channel.kind.of(rough.prediction()));
@@ -157,7 +199,19 @@ impl<'a> LinearisedRecording<'a> {
         let rigid = (rigid_torques(now, &prepared.motion, None), tool_positions(now, &prepared.motion.q));
         let known = effects.to_vec();
         let (found, beneath, sensors) = (RefCell::default(), RefCell::default(), RefCell::default());
-        Ok(Self { prepared, channels, smooth, rough, rigid, nominal: arm, known, found, beneath, sensors })
+        Ok(Self {
+            prepared,
+            channels,
+            smooth,
+            rough,
+            on_law_grid,
+            rigid,
+            nominal: arm,
+            known,
+            found,
+            beneath,
+            sensors,
+        })
     }
 
     /// Sets the effects that were `found`; the columns of all other laws then act on the machine with these effects. Load-dependent friction grows with
@@ -206,7 +260,16 @@ impl<'a> LinearisedRecording<'a> {
 
     /// The model on the grid on which effects of `kind` are evaluated.
     pub fn baseline(&self, kind: &EffectKind) -> &Baseline<'a> {
-        if kind.rough { &self.rough } else { &self.smooth }
+        self.on(Points::of(kind))
+    }
+
+    /// The model on `points`.
+    fn on(&self, points: Points) -> &Baseline<'a> {
+        match points {
+            Points::Kept => &self.smooth,
+            Points::Laws => &self.on_law_grid,
+            Points::All => &self.rough,
+        }
     }
 
     /// Derivative with respect to time of the model's prediction for `kind`, per second: the column of a law that delays a channel.
@@ -306,7 +369,7 @@ impl<'a> LinearisedRecording<'a> {
             }
             _ => (Level::Arm, false),
         };
-        let columns = match self.beneath(level, kind.rough)? {
+        let columns = match self.beneath(level, Points::of(kind))? {
             Some(beneath) => kind.columns(&beneath, joint, shape)?,
             None => kind.columns(self.baseline(kind), joint, shape)?,
         };
@@ -348,7 +411,7 @@ impl<'a> LinearisedRecording<'a> {
         }
         let through = self.let_through()?;
         let prediction = |level| -> Result<Prediction, LawError> {
-            let beneath = self.beneath(level, true)?;
+            let beneath = self.beneath(level, Points::All)?;
             Ok(beneath.as_deref().unwrap_or(&self.rough).prediction().clone())
         };
         let mut kept = vec![None; self.channels.len()];
@@ -368,18 +431,18 @@ impl<'a> LinearisedRecording<'a> {
     }
 
     /// The model with the found effects below `level`; `None` if there are none.
-    fn beneath(&self, level: Level, rough: bool) -> Result<Option<Rc<Baseline<'a>>>, LawError> {
+    fn beneath(&self, level: Level, points: Points) -> Result<Option<Rc<Baseline<'a>>>, LawError> {
         let found = self.found.borrow();
         let shared = |(_, placed): &(Level, Rc<Placed>)| Rc::clone(placed);
         let more: Vec<Rc<Placed>> = found.iter().filter(|(own, _)| *own < level).map(shared).collect();
         if more.is_empty() {
             return Ok(None);
         }
-        if let Some(known) = self.beneath.borrow().get(&(level, rough)) {
+        if let Some(known) = self.beneath.borrow().get(&(level, points)) {
             return Ok(Some(Rc::clone(known)));
         }
-        let baseline = Rc::new(if rough { &self.rough } else { &self.smooth }.extended_shared(&more)?);
-        self.beneath.borrow_mut().insert((level, rough), Rc::clone(&baseline));
+        let baseline = Rc::new(self.on(points).extended_shared(&more)?);
+        self.beneath.borrow_mut().insert((level, points), Rc::clone(&baseline));
         Ok(Some(baseline))
     }
 
@@ -452,7 +515,7 @@ impl<'a> LinearisedRecording<'a> {
         if !all.clone().any(|placed| placed.effect.bends()) {
             return Ok(vec![None; self.channels.len()]);
         }
-        let beneath = self.beneath(Level::Sensor, true)?;
+        let beneath = self.beneath(Level::Sensor, Points::All)?;
         let baseline = beneath.as_deref().unwrap_or(&self.rough);
         let mut now = baseline.before_sensors().clone();
         let steps: Vec<f64> =
@@ -481,7 +544,7 @@ impl<'a> LinearisedRecording<'a> {
                 Kind::Position(_) => None,
             };
             let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
-            Some(if kind.rough { self.prepared.treatment.keep(column) } else { column.to_vec() })
+            Some(if kind.rough { self.prepared.law_grid.keep(column) } else { column.to_vec() })
         })
     }
 

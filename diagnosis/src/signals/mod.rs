@@ -5,6 +5,7 @@ pub(crate) mod cutoff;
 pub(crate) mod filter;
 pub(crate) mod grid;
 pub(crate) mod initial_state;
+pub(crate) mod law_grid;
 pub(crate) mod long;
 pub(crate) mod missing;
 pub(crate) mod motion;

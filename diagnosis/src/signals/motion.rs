@@ -26,7 +26,7 @@ const FINE_CUTOFF_RATIO: f64 = 3.0;
 const MAX_CUTOFF_SHARE: f64 = 0.4;
 /// Smallest number of points kept per period of the cutoff: twice the number of Shannon (1949), as the low-pass still transmits half of the signal at
 /// the cutoff.
-const POINTS_PER_PERIOD: f64 = 4.0;
+pub(crate) const POINTS_PER_PERIOD: f64 = 4.0;
 /// Largest share of a stretch that the treatment trims at either end: three quarters of a short stretch remain, even if the low-pass would require
 /// more.
 pub(crate) const GREATEST_TRIM: f64 = 0.125;
