@@ -14,8 +14,6 @@ use crate::statistics::BACKTRACKING;
 const TRIED: usize = 12;
 /// Steps of the logarithm of a shape's parameter: from the distance between two candidate shapes down to a difference that no motion shows.
 const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
-/// Largest number of effects per joint: an arm that lacks more is not known by its laws, and more of them would only imitate its shapes.
-const MOST: usize = 3;
 /// Smallest increase of the log evidence that justifies another step: less is far below the resolution of any odds, and partly a rounding error.
 pub const WORTH: f64 = 0.01;
 
@@ -429,9 +427,6 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `now` with the additional effect that gives the highest evidence.
     pub fn added(&mut self, now: &EffectSet) -> Option<Option<EffectSet>> {
-        if now.members.len() >= MOST * self.system.data.arm().dof() {
-            return Some(None);
-        }
         for index in self.nearest(&now.members, 0.0)? {
             let index = self.best_of_rivals(&now.members, index)?;
             if !self.is_inside(&now.members, index)? {
