@@ -163,7 +163,7 @@ mod tests {
         let made = recording(without(columns_along(alike, &arm, &even(16.0, 250.0), friction), "x"));
         let prepared = PreparedRecording::new(&arm, &made, &Settings::default()).expect("a ground");
         let recording = LinearisedRecording::new(&arm, &[], &prepared).expect("a stage");
-        let data = Data::new(vec![recording], &Tolerances::default());
+        let data = Data::new(vec![recording], &Tolerances::default(), &[]);
         let target = data.target();
         let (candidates, _) = candidates(&data, &mut |_| {});
         let weights = Weights::new(&data, &target, None, &data.row_error, 1);

@@ -32,6 +32,7 @@ pub(crate) use change::Late;
 pub use examine::examine;
 pub use finding::{Certainty, Setup, SetupFinding, sentences};
 pub(crate) use kinds::clock_offset::unsure as clock_unsure;
+pub(crate) use kinds::joint_zero::unsure as zero_unsure;
 pub use kinds::time_unit::found as time_unit;
 pub use reading::{PositionReading, Reading, TorqueReading};
 pub use several::Mended;

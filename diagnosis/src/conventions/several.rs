@@ -6,7 +6,7 @@ use freeplay_recording::Recording;
 use super::change::Late;
 use super::examine::examine;
 use super::finding::{Certainty, Setup, SetupFinding};
-use super::kinds::clock_offset;
+use super::kinds::{clock_offset, joint_zero};
 use super::reading::Reading;
 
 /// The faults in recordings of one machine, and the corrected recordings.
@@ -95,8 +95,40 @@ impl Mended {
         self.readings.iter().find_map(late)
     }
 
-    /// Increases the delay of the channels `late` by `later` seconds, and applies the readings to `recordings` of the machine of `file`.
-    pub(crate) fn set_clock(&mut self, file: &ArmFile, recordings: &[Recording], late: Late, later: f64) {
+    /// The joints whose zero was fitted, with nearly the same result for all recordings.
+    pub(crate) fn fitted_zeros(&self) -> Vec<usize> {
+        let Some(first) = self.readings.first() else { return Vec::new() };
+        let zero = |reading: &Reading, joint: usize| reading.positions[joint].zero;
+        let is_fitted = |joint: &usize| {
+            let own = zero(first, *joint);
+            let is_near = |other: &Reading| (zero(other, *joint) - own).abs() < joint_zero::unsure();
+            joint_zero::is_fitted(own) && self.readings.iter().all(is_near)
+        };
+        (0..first.positions.len()).filter(is_fitted).collect()
+    }
+
+    /// Increases the delay of the channels that are `late` by some seconds, moves each joint of `farther` by an angle, rad, and applies the readings to
+    /// `recordings` of the machine of `file`. All readings take the mean of a joint's zero.
+    pub(crate) fn refine(
+        &mut self,
+        file: &ArmFile,
+        recordings: &[Recording],
+        late: Option<(Late, f64)>,
+        farther: &[(usize, f64)],
+    ) {
+        if let Some((late, later)) = late {
+            self.set_clock(late, later);
+        }
+        for &(joint, angle) in farther {
+            let sum: f64 = self.readings.iter().map(|reading| reading.positions[joint].zero).sum();
+            let zero = sum / self.readings.len() as f64 - angle;
+            self.readings.iter_mut().for_each(|reading| reading.positions[joint].zero = zero);
+            joint_zero::restate(&mut self.findings, &file.arm.joints()[joint].name, zero);
+        }
+        self.read(file, recordings);
+    }
+
+    fn set_clock(&mut self, late: Late, later: f64) {
         for reading in &mut self.readings {
             for delay in [&mut reading.torque_delay, &mut reading.tool_delay] {
                 if *delay != 0.0 {
@@ -111,7 +143,6 @@ impl Mended {
                 *finding = clock_offset::finding(late, delay, finding.certainty);
             }
         }
-        self.read(file, recordings);
     }
 
     /// Returns true if the readings change the recordings.

@@ -1,23 +1,28 @@
 //! The nuisances of a recording: each permitted difference between machine and model, as a column of the channels.
 
-use freeplay_arm::{Joint, JointKind};
+use freeplay_arm::{Arm, Joint, JointKind};
 use freeplay_laws::{ArmParts, DriveFriction, Placed, Tolerance};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-use crate::conventions::Late;
+use crate::conventions::{Late, zero_unsure};
 use crate::data::columns::Answer;
 use crate::data::linearised::LinearisedRecording;
 use crate::data::tolerance::{Nuisance, Of, Tolerances, even};
 use crate::signals::channel::Kind;
 
-/// All nuisances of `recording`, the same in number and order for every recording of an arm.
-pub(crate) fn nuisances(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nuisance> {
+/// All nuisances of `recording`, the same in number and order for every recording of an arm. The zeros of the joints `fitted_zeros` are uncertain.
+pub(crate) fn nuisances(
+    recording: &LinearisedRecording,
+    tolerances: &Tolerances,
+    fitted_zeros: &[usize],
+) -> Vec<Nuisance> {
     let mut all = of_links(recording, tolerances);
     all.extend(of_friction(recording, tolerances));
     all.extend(of_laws(recording, tolerances));
     all.extend(of_zeros(recording, tolerances));
     all.extend(of_delays(recording, tolerances));
     all.extend(of_tracker(recording, tolerances));
+    all.extend(of_fitted_zeros(recording, fitted_zeros));
     // An arm that can't exist gets the sensor transmission of the model's arm.
     let let_through = recording.let_through().unwrap_or_default();
     for nuisance in &mut all {
@@ -146,6 +151,27 @@ fn of_zeros(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nui
             Nuisance { name, answer, free: false, of: Of::Zero }
         })
         .collect()
+}
+
+/// `arm` with `joint`, a revolute one, `shift` farther than its encoder reads, rad; `None` if no such arm is possible.
+fn turned(arm: &Arm, joint: usize, shift: f64) -> Option<Arm> {
+    let mut parts = ArmParts::of(arm);
+    let along = UnitQuaternion::from_axis_angle(&parts.joints[joint].axis, shift);
+    parts.joints[joint].placement *= along;
+    parts.into_arm(arm.name()).ok()
+}
+
+/// Zeros of `joints` that the test of conventions fitted without the missing effects. These act on the turned arm, too: a payload may be heavier than the links
+/// behind the joint.
+fn of_fitted_zeros(recording: &LinearisedRecording, joints: &[usize]) -> Vec<Nuisance> {
+    let deviation = even() * zero_unsure();
+    let one = |&joint: &usize| {
+        let arm = turned(recording.arm(), joint, deviation)?;
+        let name = format!("fitted zero of {}", recording.arm().joints()[joint].name);
+        let answer = recording.answers_of(&[arm]).pop()?;
+        Some(Nuisance { name, answer, free: false, of: Of::FittedZero(joint, deviation) })
+    };
+    joints.iter().filter_map(one).collect()
 }
 
 /// Delays between the channels. A torque that is held from one sample to the next is already late or early by half a sample.

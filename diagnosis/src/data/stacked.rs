@@ -33,12 +33,19 @@ pub(crate) struct Data<'a> {
     pub active_parts: Vec<Part>,
     /// The division of the data, in words.
     pub how: String,
+    /// The joints whose zeros are uncertain.
+    fitted_zeros: Vec<usize>,
 }
 
 impl<'a> Data<'a> {
-    /// Stacks `recordings` and divides their rows into parts.
-    pub fn new(recordings: Vec<LinearisedRecording<'a>>, tolerances: &Tolerances) -> Self {
-        let nuisances = recordings.iter().map(|recording| nuisances(recording, tolerances)).collect();
+    /// Stacks `recordings` and divides their rows into parts. The zeros of the joints `fitted_zeros` are uncertain.
+    pub fn new(
+        recordings: Vec<LinearisedRecording<'a>>,
+        tolerances: &Tolerances,
+        fitted_zeros: &[usize],
+    ) -> Self {
+        let of_recording = |recording| nuisances(recording, tolerances, fitted_zeros);
+        let nuisances = recordings.iter().map(of_recording).collect();
         let (mut counts, mut row_error) = (Vec::new(), Vec::new());
         for recording in &recordings {
             for channel in 0..recording.channels.len() {
@@ -48,17 +55,19 @@ impl<'a> Data<'a> {
             }
         }
         let (parts, how) = parts_of(&recordings, &counts);
-        Self { recordings, nuisances, counts, row_error, parts, active_parts: vec![Part::Fit], how }
+        let (active_parts, fitted_zeros) = (vec![Part::Fit], fitted_zeros.to_vec());
+        Self { recordings, nuisances, counts, row_error, parts, active_parts, how, fitted_zeros }
     }
 
     /// Recomputes the tolerances of the arm on the machine with the found effects: a gear twists more under a heavier link.
     pub fn update_tolerances(&mut self, tolerances: &Tolerances) {
-        self.nuisances = self.recordings.iter().map(|recording| nuisances(recording, tolerances)).collect();
+        let of_recording = |recording| nuisances(recording, tolerances, &self.fitted_zeros);
+        self.nuisances = self.recordings.iter().map(of_recording).collect();
     }
 
     /// Stacks `recordings` with all rows in the fit part, for a planned motion.
     pub fn whole(recordings: Vec<LinearisedRecording<'a>>, tolerances: &Tolerances) -> Self {
-        let mut data = Self::new(recordings, tolerances);
+        let mut data = Self::new(recordings, tolerances, &[]);
         data.parts.iter_mut().for_each(|parts| parts.fill(Part::Fit));
         data
     }

@@ -92,6 +92,8 @@ pub(crate) enum Of {
     Zero,
     /// Delay of the torques or of the tracker, and its standard deviation in seconds.
     Delay(Late, f64),
+    /// Zero of a joint that the test of conventions fitted, and its standard deviation in rad.
+    FittedZero(usize, f64),
     /// A property of the measurement other than a delay: the tracker's frame, the zero of a link encoder.
     Measurement,
 }
@@ -111,7 +113,7 @@ impl Of {
             Self::Tool => lengthen(&mut parts.tool, by(tolerances.length)),
             Self::Viscous(joint) => parts.joints[joint].friction.viscous *= 1.0 + by(tolerances.friction),
             Self::Coulomb(joint) => parts.joints[joint].friction.coulomb *= 1.0 + by(tolerances.friction),
-            Self::Law | Self::Zero | Self::Delay(..) | Self::Measurement => {}
+            Self::Law | Self::Zero | Self::Delay(..) | Self::FittedZero(..) | Self::Measurement => {}
         }
     }
 }

@@ -28,7 +28,7 @@ use crate::search::moves::{EffectSet, Found, Search};
 use crate::signals::residual::check_joints;
 
 /// Locates the differences between `recordings` and the model `file`, names and fits the missing effects, and shows the gain on the test part of the
-/// data. No search uses that part: it can only reject laws. The function reports each step to `progress`.
+/// data. No search uses that part: it can only reject laws. The zeros of the joints `fitted_zeros` are uncertain. The function reports each step to `progress`.
 ///
 /// # Errors
 /// See [`DiagnoseError`].
@@ -36,6 +36,7 @@ pub(crate) fn diagnose(
     file: &ArmFile,
     recordings: &[Recording],
     settings: &DiagnoseSettings,
+    fitted_zeros: &[usize],
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, DiagnoseError> {
     check(&file.arm, recordings)?;
@@ -60,7 +61,7 @@ pub(crate) fn diagnose(
         .iter()
         .map(|one| LinearisedRecording::new(&file.arm, &known, one))
         .collect::<Result<_, _>>()?;
-    let data = Data::new(recordings, &settings.tolerances);
+    let data = Data::new(recordings, &settings.tolerances, fitted_zeros);
     if let Some(lack) = recording_quality::lack(&data) {
         return Ok(insufficient(file, settings, notes, lack));
     }

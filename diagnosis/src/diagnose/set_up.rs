@@ -5,7 +5,7 @@ use freeplay_recording::Recording;
 
 use super::engine;
 use crate::conventions::{Certainty, Late, Mended, SetupFinding, clock_unsure, sentences};
-use crate::data::tolerance::{Of, Tolerances};
+use crate::data::tolerance::Of;
 use crate::report::diagnosis::{Diagnosis, Tuned, Verdict, insufficient};
 use crate::report::settings::{DiagnoseError, DiagnoseSettings};
 use crate::servo;
@@ -42,10 +42,11 @@ pub fn diagnose(
         diagnosis.setup = mended.findings;
         return Ok(diagnosis);
     }
-    if let Some(late) = mended.late() {
-        progress("estimating the clock offset together with the missing effects");
-        let later = later(&mended, late, settings, progress)?;
-        mended.set_clock(file, recordings, late, later);
+    let (late, zeros) = (mended.late(), mended.fitted_zeros());
+    if late.is_some() || !zeros.is_empty() {
+        progress("estimating the correction together with the missing effects");
+        let (later, farther) = together(&mended, late, &zeros, settings, progress)?;
+        mended.refine(file, recordings, late.map(|late| (late, later)), &farther);
     }
     let mut diagnosis = by_channels(&mended.file, &mended.recordings, settings, progress)?;
     diagnosis.statement =
@@ -56,25 +57,33 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
-/// The correction of the delay of the channels `late`, s. The delay in the `mended` recordings was estimated before the missing physics were known; this
-/// diagnosis fits both together.
-fn later(
+/// The correction of the delay of the channels `late`, s, and that of the `zeros` of joints, by number, rad. They were estimated in the `mended` recordings
+/// before the missing physics were known; this diagnosis fits all together.
+fn together(
     mended: &Mended,
-    late: Late,
+    late: Option<Late>,
+    zeros: &[usize],
     settings: &DiagnoseSettings,
     progress: &mut dyn FnMut(&str),
-) -> Result<f64, DiagnoseError> {
-    let tolerances =
-        Tolerances { delay: settings.tolerances.delay.max(clock_unsure()), ..settings.tolerances };
-    let unsure = DiagnoseSettings { tolerances, ..*settings };
-    let diagnosis = engine::diagnose(&mended.file, &mended.recordings, &unsure, progress)?;
+) -> Result<(f64, Vec<(usize, f64)>), DiagnoseError> {
+    let mut tolerances = settings.tolerances;
+    if late.is_some() {
+        tolerances.delay = tolerances.delay.max(clock_unsure());
+    }
+    let settings = DiagnoseSettings { tolerances, ..*settings };
+    let diagnosis = engine::diagnose(&mended.file, &mended.recordings, &settings, zeros, progress)?;
     // With torques and tool on one clock, the tool determines the delay better: geometry lacks no physics.
-    let asked = if late == Late::Torque { Late::Torque } else { Late::Tool };
-    let of = |tuned: &Tuned| match tuned.of {
+    let asked = if late == Some(Late::Torque) { Late::Torque } else { Late::Tool };
+    let later = |tuned: &Tuned| match tuned.of {
         Of::Delay(late, seconds) if late == asked => Some(tuned.deviations * seconds),
         _ => None,
     };
-    Ok(diagnosis.tuned.iter().find_map(of).unwrap_or_default())
+    let farther = |tuned: &Tuned| match tuned.of {
+        Of::FittedZero(joint, deviation) => Some((joint, tuned.deviations * deviation)),
+        _ => None,
+    };
+    let tuned = &diagnosis.tuned;
+    Ok((tuned.iter().find_map(later).unwrap_or_default(), tuned.iter().filter_map(farther).collect()))
 }
 
 impl Diagnosis {
@@ -106,7 +115,7 @@ fn by_channels(
     if recordings.iter().all(commands_alone) {
         return servo::diagnose(file, recordings, settings, progress);
     }
-    let diagnosis = engine::diagnose(file, recordings, settings, progress)?;
+    let diagnosis = engine::diagnose(file, recordings, settings, &[], progress)?;
     servo::add_servos(file, recordings, settings, diagnosis, progress)
 }
 

@@ -225,6 +225,34 @@ fn a_clock_is_set_beside_missing_physics() {
     );
 }
 
+/// The diagnosis fits the zero of a joint together with the missing physics, which was unknown during the test of conventions. The correction leaves no remainder
+/// that an effect would have to explain.
+#[test]
+fn a_zero_is_set_beside_missing_physics() {
+    let file = paper_arm();
+    let zero = 0.9;
+    let mut recording = made(&loaded(&file.arm, 0.5, [0.05, -0.1, 0.2]));
+    recording.q[4].iter_mut().for_each(|q| *q += zero);
+    let first = examine(&file.arm, &recording).findings[0].value;
+    let settings = DiagnoseSettings::default();
+    let diagnosis =
+        diagnose(&file, std::slice::from_ref(&recording), &settings, &mut |_| {}).expect("torques");
+    let named: Vec<_> = diagnosis.effects.iter().map(|effect| (effect.kind, effect.joint.clone())).collect();
+    let found = &diagnosis.setup[0];
+    println!("{zero} rad: {first} at first, {} beside {named:?}", found.value);
+    assert_eq!((diagnosis.setup.len(), found.kind), (1, "joint_zero"));
+    assert!(diagnosis.statement.starts_with(&found.statement), "{}", diagnosis.statement);
+    assert!(
+        (first - zero).abs() > 0.01 && (found.value - zero).abs() < 1e-3,
+        "{} is not {zero}",
+        found.value
+    );
+    assert!(
+        named.iter().all(|(kind, _)| ["payload", "coulomb_friction", "viscous_friction"].contains(kind)),
+        "{named:?}"
+    );
+}
+
 /// Three linear parameters: a wall is at exactly 90 degrees, a ceiling at 180, a wedge at its own angle.
 #[test]
 fn gravity_is_found_wherever_it_points() {

@@ -14,6 +14,8 @@ use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Results, brief};
 
+/// The name of this kind of finding.
+const KIND: &str = "joint_zero";
 /// Number of tested parts of half a turn: a fit that starts within 15 degrees of an offset finds it, and right angles are among them.
 const PARTS: i8 = 6;
 
@@ -42,23 +44,48 @@ pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
     let found = results.of(|change| matches!(change, Change::Zero { .. }));
     let one = |change: Change| {
         let Change::Zero { joint, offset, .. } = change else { return None };
-        let (name, degrees) = (results.name(joint), brief(offset.to_degrees()));
-        Some(SetupFinding {
-            kind: "joint_zero",
-            value: offset,
-            unit: "rad",
-            certainty: Certainty::Sure,
-            statement: format!(
-                "{name} reads {degrees} degrees where the model has its zero.{}",
-                results.rival(&change)
-            ),
-            remedy: format!(
-                "Subtract {} rad from {name} in the mapping, or rotate its frame in the model.",
-                brief(offset)
-            ),
-            joint: Some(name),
-            gravity: None,
-        })
+        Some(finding(&results.name(joint), offset, &results.rival(&change)))
     };
     found.into_iter().filter_map(one).collect()
+}
+
+/// The finding that the joint `name` reads `offset` rad where the model has its zero, with a sentence on its `rival`.
+fn finding(name: &str, offset: f64, rival: &str) -> SetupFinding {
+    SetupFinding {
+        kind: KIND,
+        value: offset,
+        unit: "rad",
+        certainty: Certainty::Sure,
+        statement: format!("{}{rival}", statement(name, offset)),
+        remedy: format!(
+            "Subtract {} rad from {name} in the mapping, or rotate its frame in the model.",
+            brief(offset)
+        ),
+        joint: Some(name.to_owned()),
+        gravity: None,
+    }
+}
+
+fn statement(name: &str, offset: f64) -> String {
+    format!("{name} reads {} degrees where the model has its zero.", brief(offset.to_degrees()))
+}
+
+/// Half the width of the range in which a fitted zero is uncertain, rad: as far as the catalogue has an effect for the same change.
+pub(crate) fn unsure() -> f64 {
+    LEAST
+}
+
+/// Returns true if a `zero` was fitted: it is no multiple of a quarter turn.
+pub(crate) fn is_fitted(zero: f64) -> bool {
+    let quarters = zero / (0.5 * PI);
+    (quarters - quarters.round()).abs() > f64::EPSILON.sqrt()
+}
+
+/// Changes those of `findings` that concern the zero of the joint `name`: it reads `offset` rad there.
+pub(crate) fn restate(findings: &mut [SetupFinding], name: &str, offset: f64) {
+    let is_own = |one: &&mut SetupFinding| one.kind == KIND && one.joint.as_deref() == Some(name);
+    for one in findings.iter_mut().filter(is_own) {
+        let rival = one.statement.strip_prefix(&statement(name, one.value)).unwrap_or_default().to_owned();
+        *one = SetupFinding { certainty: one.certainty, ..finding(name, offset, &rival) };
+    }
 }
