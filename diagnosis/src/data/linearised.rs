@@ -47,9 +47,13 @@ enum Points {
 }
 
 impl Points {
-    /// The points at which the columns of a `kind` are evaluated.
+    /// The points at which the columns of a `kind` are evaluated. An event begins and ends between two points: on all points its times are most accurate.
     fn of(kind: &EffectKind) -> Self {
-        if kind.rough { Points::Laws } else { Points::Kept }
+        match (kind.rough, kind.happens()) {
+            (false, _) => Points::Kept,
+            (true, false) => Points::Laws,
+            (true, true) => Points::All,
+        }
     }
 }
 
@@ -544,7 +548,11 @@ impl<'a> LinearisedRecording<'a> {
                 Kind::Position(_) => None,
             };
             let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
-            Some(if kind.rough { self.prepared.law_grid.keep(column) } else { column.to_vec() })
+            Some(match Points::of(kind) {
+                Points::Kept => column.to_vec(),
+                Points::Laws => self.prepared.law_grid.keep(column),
+                Points::All => self.prepared.treatment.keep(column),
+            })
         })
     }
 

@@ -1,4 +1,4 @@
-//! The grid on which the search evaluates laws with jumps or a memory.
+//! The grid on which the search evaluates lasting laws with jumps or a memory.
 //!
 //! A fast recording has many more samples than such a law needs, because the low-pass removes all that is far above its cutoff. This grid takes every n-th point
 //! of the recording's grid, among them all points that the treatment keeps.
