@@ -46,18 +46,24 @@ enum Points {
     All,
 }
 
-impl Points {
-    /// The points at which the columns of a `kind` are evaluated. An event begins and ends between two points: on all points its times are most accurate.
-    fn of(kind: &EffectKind) -> Self {
-        match (kind.rough, kind.happens()) {
-            (false, _) => Points::Kept,
-            (true, false) => Points::Laws,
-            (true, true) => Points::All,
-        }
-    }
+type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
+
+/// A recording on a grid of laws that is coarser than its own.
+struct Coarse {
+    grid: LawGrid,
+    motion: Trajectory,
+    /// [`Sharpening::more`] on that grid.
+    hidden: Change,
+    treated: Box<LowPass>,
 }
 
-type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
+impl Coarse {
+    fn new(grid: LawGrid, whole: &Trajectory, sharpening: &Sharpening) -> Self {
+        let (motion, hidden) = (grid.motion(whole), grid.change(&sharpening.more));
+        let own = grid.clone();
+        Self { grid, motion, hidden, treated: Box::new(move |column| own.low_pass(column)) }
+    }
+}
 
 /// One recording after its treatment: the basis of a [`LinearisedRecording`].
 pub(crate) struct PreparedRecording<'a> {
@@ -69,12 +75,8 @@ pub(crate) struct PreparedRecording<'a> {
     pub motion: Trajectory,
     /// The motion on all grid points, for laws that jump or have a memory.
     pub whole: Trajectory,
-    /// The grid on which the search evaluates such laws, with the motion on it.
-    law_grid: LawGrid,
-    law_motion: Trajectory,
-    /// The part of [`Sharpening::more`] on that grid.
-    law_hidden: Change,
-    law_treated: Box<LowPass>,
+    /// The recording on the grid on which the search evaluates such laws; `None` if that grid has all points.
+    coarse: Option<Coarse>,
     /// Measured, channel by channel.
     pub channels: Vec<Channel>,
     /// The noise of the measurements.
@@ -103,15 +105,10 @@ impl<'a> PreparedRecording<'a> {
         let own = treatment.clone();
         let treated = Box::new(move |column: &[f64]| own.low_pass(column));
         let as_it_is = Box::new(|column: &[f64]| column.to_vec());
-        let law_grid = treatment.law_grid()?;
-        let (law_motion, law_hidden) = (law_grid.motion(&whole), law_grid.change(&sharpening.more));
-        let own = law_grid.clone();
-        let law_treated = Box::new(move |column: &[f64]| own.low_pass(column));
+        let law_grid = Some(treatment.law_grid()?).filter(|grid| grid.every > 1);
+        let coarse = law_grid.map(|grid| Coarse::new(grid, &whole, &sharpening));
         Ok(Self {
-            law_grid,
-            law_motion,
-            law_hidden,
-            law_treated,
+            coarse,
             raw: recording,
             treatment,
             motion,
@@ -150,8 +147,8 @@ pub(crate) struct LinearisedRecording<'a> {
     smooth: Baseline<'a>,
     /// The model on all grid points: for effects that jump.
     rough: Baseline<'a>,
-    /// The model on the grid of laws: for the columns of effects that jump.
-    on_law_grid: Baseline<'a>,
+    /// The model on the grid of laws, if that is coarser: for the columns of lasting effects that jump.
+    coarse: Option<Baseline<'a>>,
     /// Torque and tool of the rigid arm on the kept points.
     rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
     /// The arm of the file, without its effects.
@@ -188,13 +185,10 @@ impl<'a> LinearisedRecording<'a> {
         let smooth = Baseline::new(arm, effects, &prepared.motion, &*prepared.as_it_is)?;
         let hidden = Some(&prepared.sharpening.more);
         let rough = Baseline::with_hidden(arm, effects, &prepared.whole, &*prepared.treated, hidden)?;
-        let on_law_grid = Baseline::with_hidden(
-            arm,
-            effects,
-            &prepared.law_motion,
-            &*prepared.law_treated,
-            Some(&prepared.law_hidden),
-        )?;
+        let on_coarse = |coarse: &'a Coarse| {
+            Baseline::with_hidden(arm, effects, &coarse.motion, &*coarse.treated, Some(&coarse.hidden))
+        };
+        let coarse = prepared.coarse.as_ref().map(on_coarse).transpose()?;
         let mut channels = prepared.channels.clone();
         for channel in &mut channels {
             channel.model = prepared.treatment.keep(channel.kind.of(rough.prediction()));
@@ -208,7 +202,7 @@ impl<'a> LinearisedRecording<'a> {
             channels,
             smooth,
             rough,
-            on_law_grid,
+            coarse,
             rigid,
             nominal: arm,
             known,
@@ -264,14 +258,23 @@ impl<'a> LinearisedRecording<'a> {
 
     /// The model on the grid on which effects of `kind` are evaluated.
     pub fn baseline(&self, kind: &EffectKind) -> &Baseline<'a> {
-        self.on(Points::of(kind))
+        self.on(self.points(kind))
+    }
+
+    /// The points at which the columns of a `kind` are evaluated. An event begins and ends between two points: on all points its times are most accurate.
+    fn points(&self, kind: &EffectKind) -> Points {
+        match (kind.rough, kind.happens()) {
+            (false, _) => Points::Kept,
+            (true, false) if self.coarse.is_some() => Points::Laws,
+            (true, _) => Points::All,
+        }
     }
 
     /// The model on `points`.
     fn on(&self, points: Points) -> &Baseline<'a> {
         match points {
             Points::Kept => &self.smooth,
-            Points::Laws => &self.on_law_grid,
+            Points::Laws => self.coarse.as_ref().unwrap_or(&self.rough),
             Points::All => &self.rough,
         }
     }
@@ -373,7 +376,7 @@ impl<'a> LinearisedRecording<'a> {
             }
             _ => (Level::Arm, false),
         };
-        let columns = match self.beneath(level, Points::of(kind))? {
+        let columns = match self.beneath(level, self.points(kind))? {
             Some(beneath) => kind.columns(&beneath, joint, shape)?,
             None => kind.columns(self.baseline(kind), joint, shape)?,
         };
@@ -548,10 +551,10 @@ impl<'a> LinearisedRecording<'a> {
                 Kind::Position(_) => None,
             };
             let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
-            Some(match Points::of(kind) {
-                Points::Kept => column.to_vec(),
-                Points::Laws => self.prepared.law_grid.keep(column),
-                Points::All => self.prepared.treatment.keep(column),
+            Some(match (self.points(kind), &self.prepared.coarse) {
+                (Points::Kept, _) => column.to_vec(),
+                (Points::Laws, Some(coarse)) => coarse.grid.keep(column),
+                (Points::Laws | Points::All, _) => self.prepared.treatment.keep(column),
             })
         })
     }

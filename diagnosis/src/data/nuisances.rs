@@ -1,6 +1,6 @@
 //! The nuisances of a recording: each permitted difference between machine and model, as a column of the channels.
 
-use freeplay_arm::{Arm, Joint, JointKind};
+use freeplay_arm::{Joint, JointKind};
 use freeplay_laws::{ArmParts, DriveFriction, Placed, Tolerance};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
@@ -16,13 +16,12 @@ pub(crate) fn nuisances(
     tolerances: &Tolerances,
     fitted_zeros: &[usize],
 ) -> Vec<Nuisance> {
-    let mut all = of_links(recording, tolerances);
+    let mut all = of_links(recording, tolerances, fitted_zeros);
     all.extend(of_friction(recording, tolerances));
     all.extend(of_laws(recording, tolerances));
     all.extend(of_zeros(recording, tolerances));
     all.extend(of_delays(recording, tolerances));
     all.extend(of_tracker(recording, tolerances));
-    all.extend(of_fitted_zeros(recording, fitted_zeros));
     // An arm that can't exist gets the sensor transmission of the model's arm.
     let let_through = recording.let_through().unwrap_or_default();
     for nuisance in &mut all {
@@ -34,8 +33,13 @@ pub(crate) fn nuisances(
     all
 }
 
-/// Masses, centres of mass, inertias and lengths.
-fn of_links(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nuisance> {
+/// Masses, centres of mass, inertias and lengths, and the zeros of joints that the test of conventions fitted without the missing effects. These effects act
+/// on the changed arm, too: a payload may be heavier than the links behind such a joint.
+fn of_links(
+    recording: &LinearisedRecording,
+    tolerances: &Tolerances,
+    fitted_zeros: &[usize],
+) -> Vec<Nuisance> {
     let nominal = recording.arm();
     let (mut varied, mut arms) = (Vec::new(), Vec::new());
     let mut vary = |name: String, of: Of| {
@@ -61,6 +65,10 @@ fn of_links(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nui
         }
     }
     vary("length of the tool".to_owned(), Of::Tool);
+    for &joint in fitted_zeros {
+        let of = Of::FittedZero(joint, even() * zero_unsure());
+        vary(format!("fitted zero of {}", nominal.joints()[joint].name), of);
+    }
     let answers = recording.answers_of(&arms);
     let one = |((name, of), answer)| Nuisance { name, answer, free: false, of };
     varied.into_iter().zip(answers).map(one).collect()
@@ -151,27 +159,6 @@ fn of_zeros(recording: &LinearisedRecording, tolerances: &Tolerances) -> Vec<Nui
             Nuisance { name, answer, free: false, of: Of::Zero }
         })
         .collect()
-}
-
-/// `arm` with `joint`, a revolute one, `shift` farther than its encoder reads, rad; `None` if no such arm is possible.
-fn turned(arm: &Arm, joint: usize, shift: f64) -> Option<Arm> {
-    let mut parts = ArmParts::of(arm);
-    let along = UnitQuaternion::from_axis_angle(&parts.joints[joint].axis, shift);
-    parts.joints[joint].placement *= along;
-    parts.into_arm(arm.name()).ok()
-}
-
-/// Zeros of `joints` that the test of conventions fitted without the missing effects. These act on the turned arm, too: a payload may be heavier than the links
-/// behind the joint.
-fn of_fitted_zeros(recording: &LinearisedRecording, joints: &[usize]) -> Vec<Nuisance> {
-    let deviation = even() * zero_unsure();
-    let one = |&joint: &usize| {
-        let arm = turned(recording.arm(), joint, deviation)?;
-        let name = format!("fitted zero of {}", recording.arm().joints()[joint].name);
-        let answer = recording.answers_of(&[arm]).pop()?;
-        Some(Nuisance { name, answer, free: false, of: Of::FittedZero(joint, deviation) })
-    };
-    joints.iter().filter_map(one).collect()
 }
 
 /// Delays between the channels. A torque that is held from one sample to the next is already late or early by half a sample.

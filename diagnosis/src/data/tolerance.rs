@@ -1,7 +1,7 @@
 //! Tolerances: permitted differences between a machine and its model; the diagnosis does not report them as findings.
 
 use freeplay_laws::{ArmParts, Kind as EffectKind, Tolerance};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::conventions::Late;
 use crate::data::columns::Answer;
@@ -113,7 +113,11 @@ impl Of {
             Self::Tool => lengthen(&mut parts.tool, by(tolerances.length)),
             Self::Viscous(joint) => parts.joints[joint].friction.viscous *= 1.0 + by(tolerances.friction),
             Self::Coulomb(joint) => parts.joints[joint].friction.coulomb *= 1.0 + by(tolerances.friction),
-            Self::Law | Self::Zero | Self::Delay(..) | Self::FittedZero(..) | Self::Measurement => {}
+            Self::FittedZero(joint, deviation) => {
+                let joint = &mut parts.joints[joint];
+                joint.placement *= UnitQuaternion::from_axis_angle(&joint.axis, deviation * deviations);
+            }
+            Self::Law | Self::Zero | Self::Delay(..) | Self::Measurement => {}
         }
     }
 }

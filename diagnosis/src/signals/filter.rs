@@ -76,6 +76,15 @@ impl LowPass {
         padded
     }
 
+    /// Filters each stretch of `column` on its own; the stretches have these `lengths`.
+    pub(crate) fn apply_to_each(&self, lengths: impl Iterator<Item = usize>, column: &[f64]) -> Vec<f64> {
+        let mut out = Vec::with_capacity(column.len());
+        for length in lengths {
+            out.extend(self.apply(&column[out.len()..out.len() + length]));
+        }
+        out
+    }
+
     /// One pass of the filter in place, from the steady state of the first sample.
     ///
     /// Once the signal is zero, the state becomes zero, too, as soon as it is below the rounding of the signal's largest sample.

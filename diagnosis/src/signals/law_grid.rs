@@ -9,28 +9,20 @@ use freeplay_laws::{Change, Columns, Trajectory};
 
 use crate::error::ResidualError;
 use crate::signals::filter::LowPass;
-use crate::signals::motion::{POINTS_PER_PERIOD, Treatment};
+use crate::signals::motion::{POINTS_PER_PERIOD, Treatment, laid};
 
 /// The grid.
 #[derive(Clone, Debug)]
 pub(crate) struct LawGrid {
     filter: LowPass,
-    stretches: Vec<Stretch>,
     /// The grid takes every n-th point of the recording's grid.
-    every: usize,
-    /// The treatment keeps one point of this grid in so many.
-    decimation: usize,
-}
-
-/// A part of the recording without a gap.
-#[derive(Clone, Debug)]
-struct Stretch {
-    /// Its points on the grid of the recording, from the first that this grid takes.
-    all: Range<usize>,
-    /// The number of points on this grid.
-    len: usize,
-    /// The points on this grid among which the treatment keeps one in `decimation`.
-    keep: Range<usize>,
+    pub every: usize,
+    /// The numbers of these points.
+    points: Vec<usize>,
+    /// The stretches without gaps, as ranges of these points.
+    stretches: Vec<Range<usize>>,
+    /// Those of these points that the treatment keeps, by their numbers on this grid.
+    kept: Vec<usize>,
 }
 
 impl Treatment {
@@ -42,67 +34,47 @@ impl Treatment {
         let most = self.rate_hz() / (POINTS_PER_PERIOD * self.fine.cutoff_hz());
         let divides = |every: &usize| self.decimation.is_multiple_of(*every) && *every as f64 <= most;
         let every = (1..=self.decimation).rev().find(divides).unwrap_or(1);
-        let mut begin = 0;
-        let mut stretches = Vec::new();
+        let (mut points, mut lengths, mut kept, mut begin) = (Vec::new(), Vec::new(), Vec::new(), 0);
         for stretch in &self.grid.stretches {
             let first = stretch.keep.start % every;
-            let count = |end: usize| (end - first).div_ceil(every);
-            stretches.push(Stretch {
-                all: begin + first..begin + stretch.len,
-                len: count(stretch.len),
-                keep: stretch.keep.start / every..count(stretch.keep.end),
-            });
+            let before = points.len();
+            kept.extend(self.kept(stretch).map(|k| before + (k - first) / every));
+            points.extend((first..stretch.len).step_by(every).map(|k| begin + k));
+            lengths.push(points.len() - before);
             begin += stretch.len;
         }
         let filter = LowPass::new(self.rate_hz() / every as f64, self.filter.cutoff_hz())?;
-        Ok(LawGrid { filter, stretches, every, decimation: self.decimation / every })
+        Ok(LawGrid { filter, every, points, stretches: laid(lengths.into_iter()), kept })
     }
 }
 
 impl LawGrid {
     /// The points of this grid of a `column` on all points of the recording's grid.
-    fn points(&self, column: &[f64]) -> Vec<f64> {
-        let of = |stretch: &Stretch| column[stretch.all.clone()].iter().step_by(self.every).copied();
-        self.stretches.iter().flat_map(of).collect()
+    fn taken(&self, column: &[f64]) -> Vec<f64> {
+        self.points.iter().map(|&k| column[k]).collect()
     }
 
     /// `motion` on this grid, from all points of the recording's grid.
     pub fn motion(&self, motion: &Trajectory) -> Trajectory {
-        let each = |columns: &[Vec<f64>]| columns.iter().map(|column| self.points(column)).collect();
+        let each = |columns: &[Vec<f64>]| columns.iter().map(|column| self.taken(column)).collect();
         let (q, v, a) = (each(&motion.q), each(&motion.v), each(&motion.a));
-        let mut begin = 0;
-        let range = |stretch: &Stretch| {
-            let end = begin + stretch.len;
-            std::mem::replace(&mut begin, end)..end
-        };
-        let stretches = self.stretches.iter().map(range).collect();
-        Trajectory { t: self.points(&motion.t), q, v, a, stretches }
+        Trajectory { t: self.taken(&motion.t), q, v, a, stretches: self.stretches.clone() }
     }
 
     /// `change` on this grid, from all points of the recording's grid.
     pub fn change(&self, change: &Change) -> Change {
-        let points = self.stretches.iter().map(|stretch| stretch.len).sum();
-        let each = |columns: &Columns| columns.resampled(points, |column| self.points(column));
+        let each = |columns: &Columns| columns.resampled(self.points.len(), |column| self.taken(column));
         Change { torque: each(&change.torque), tool: each(&change.tool), link: each(&change.link) }
     }
 
     /// The low-pass of the treatment on one column of this grid, stretch by stretch.
     pub fn low_pass(&self, column: &[f64]) -> Vec<f64> {
-        let mut out = Vec::with_capacity(column.len());
-        for stretch in &self.stretches {
-            out.extend(self.filter.apply(&column[out.len()..out.len() + stretch.len]));
-        }
-        out
+        self.filter.apply_to_each(self.stretches.iter().map(Range::len), column)
     }
 
     /// The points of one column of this grid that the treatment keeps.
     pub fn keep(&self, column: &[f64]) -> Vec<f64> {
-        let (mut begin, mut out) = (0, Vec::new());
-        for stretch in &self.stretches {
-            out.extend(stretch.keep.clone().step_by(self.decimation).map(|k| column[begin + k]));
-            begin += stretch.len;
-        }
-        out
+        self.kept.iter().map(|&k| column[k]).collect()
     }
 }
 

@@ -187,7 +187,7 @@ impl Treatment {
     }
 
     /// Grid points of `stretch` that the treatment keeps.
-    fn kept(&self, stretch: &Stretch) -> impl Iterator<Item = usize> {
+    pub(crate) fn kept(&self, stretch: &Stretch) -> impl Iterator<Item = usize> {
         stretch.keep.clone().step_by(self.decimation)
     }
 
@@ -200,12 +200,7 @@ impl Treatment {
 
     /// The stretches without gaps, as ranges of kept points.
     pub fn stretches(&self) -> Vec<Range<usize>> {
-        let mut begin = 0;
-        let range = |stretch: &Stretch| {
-            let end = begin + self.kept(stretch).count();
-            std::mem::replace(&mut begin, end)..end
-        };
-        self.grid.stretches.iter().map(range).collect()
+        laid(self.grid.stretches.iter().map(|stretch| self.kept(stretch).count()))
     }
 
     /// `column` of `recording` on the kept points, not filtered.
@@ -264,12 +259,10 @@ impl Treatment {
 
     /// The motion of the recorded positions, with `noise` by joint and grid point added if it is given.
     fn motion_of(&self, filter: &LowPass, recording: &Recording, noise: Option<&[Vec<f64>]>) -> Trajectory {
-        let mut whole = Trajectory::default();
-        let mut begin = 0;
+        let stretches = laid(self.grid.stretches.iter().map(|stretch| stretch.len));
+        let mut whole = Trajectory { stretches, ..Trajectory::default() };
         for stretch in &self.grid.stretches {
             whole.t.extend((0..stretch.len).map(|k| stretch.start + k as f64 * self.grid.step));
-            whole.stretches.push(begin..begin + stretch.len);
-            begin += stretch.len;
         }
         for (number, column) in recording.q.iter().enumerate() {
             let mut joint = [const { Vec::new() }; 3];
@@ -306,11 +299,7 @@ impl Treatment {
 
     /// `filter` on one column of the points of [`Treatment::whole_motion`], stretch by stretch.
     pub(crate) fn through(&self, filter: &LowPass, column: &[f64]) -> Vec<f64> {
-        let mut out = Vec::with_capacity(column.len());
-        for stretch in &self.grid.stretches {
-            out.extend(filter.apply(&column[out.len()..out.len() + stretch.len]));
-        }
-        out
+        filter.apply_to_each(self.grid.stretches.iter().map(|stretch| stretch.len), column)
     }
 
     /// Standard deviation of the white noise with the same amplitude as `column`, on all grid points, in the octave above the cutoff.
@@ -371,6 +360,16 @@ impl Treatment {
         }
         motion
     }
+}
+
+/// The ranges of stretches of these `lengths`, one after the other.
+pub(crate) fn laid(lengths: impl Iterator<Item = usize>) -> Vec<Range<usize>> {
+    let mut begin = 0;
+    let range = |length| {
+        let end = begin + length;
+        std::mem::replace(&mut begin, end)..end
+    };
+    lengths.map(range).collect()
 }
 
 /// Share of the power of white noise that `wide` transmits and `narrow` does not, by the closed form of their gains.
