@@ -4,5 +4,6 @@ pub(crate) mod block;
 pub(crate) mod bvls;
 pub(crate) mod gain;
 pub(crate) mod nameless;
+pub(crate) mod parabola;
 pub(crate) mod system;
 pub(crate) mod tails;

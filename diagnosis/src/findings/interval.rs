@@ -10,15 +10,14 @@ use toml::{Table, Value};
 
 use crate::candidates::candidate::Candidate;
 use crate::data::columns::sum_of;
+use crate::evidence::parabola::Parabola;
 use crate::evidence::system::{Fit, System};
 use crate::random::normal;
 use crate::report::diagnosis::Parameter;
 use crate::sorting::sort;
 use crate::statistics::DRAWS;
 
-/// Steps of a nonlinear parameter, as [`Candidate::moved`] counts them, for the curvature of the evidence: two in each direction separate a curve from noise.
-const STEPS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
-/// Greatest standard deviation in such steps: beyond it, the motion does not determine the parameter.
+/// Greatest standard deviation, as [`Candidate::moved`] counts: beyond it, the motion does not determine the parameter.
 const VAGUE: f64 = 1.0;
 
 /// Uncertainty of a nonlinear parameter.
@@ -100,6 +99,10 @@ fn of_member(
 /// Uncertainty of the nonlinear parameters of member number `place`, from the curvature of the profile of the evidence (Venzon & Moolgavkar 1988, Appl. Stat.
 /// 37:87); without the parameters that the motion does not determine.
 fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
+    /// First distance from the estimate.
+    const FIRST_STEP: f64 = 0.1;
+    /// Turns until the distance is the standard deviation itself: a parabola needs one, a cusp, as at the end of an event, some more.
+    const TURNS: usize = 4;
     let member = fit.members[place];
     let mut others = fit.members.clone();
     others.remove(place);
@@ -107,25 +110,23 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     let Some(best) = system.gains(&without, &[member]).pop().flatten() else { return Vec::new() };
     let mut all = Vec::new();
     for name in system.candidate(member).numbers() {
-        // The evidence falls by half of (step/deviation)².
-        let (mut over, mut under, mut square) = (0.0, 0.0, 0.0);
-        let mut pull = DVector::zeros(best.beta.len());
-        for step in STEPS {
-            let form = system.candidate(member).moved(system.data, &[(&name, 1.0)], step);
-            let Some(other) = system.candidate(member).reformed(system.data, form) else { continue };
-            let Some(at) = system.take(other) else { continue };
-            let gain = system.gains(&without, &[at]).pop().flatten();
-            system.forget(at);
-            let Some(gain) = gain else { continue };
-            over += step.powi(4);
-            under += 2.0 * (best.value - gain.value) * step.powi(2);
-            square += step.powi(2);
-            pull += step * (gain.beta - &best.beta);
+        let mut step = FIRST_STEP;
+        let mut found = None;
+        for _ in 0..TURNS {
+            let mut gain = |step: f64| {
+                let form = system.candidate(member).moved(system.data, &[(&name, 1.0)], step);
+                let at = system.take(system.candidate(member).reformed(system.data, form)?)?;
+                let gain = system.gains(&without, &[at]).pop().flatten();
+                system.forget(at);
+                gain
+            };
+            let (Some(under), Some(over)) = (gain(-step), gain(step)) else { break };
+            let parabola = Parabola::new([under.value, best.value, over.value], step);
+            let deviation = parabola.map(|parabola| parabola.deviation().min(VAGUE));
+            found = deviation.map(|deviation| (deviation, (over.beta - under.beta) / (2.0 * step)));
+            step = deviation.unwrap_or(VAGUE);
         }
-        let deviation = (over / under).sqrt();
-        if deviation.is_finite() && square > 0.0 {
-            all.push(Loose { name, deviation: deviation.min(VAGUE), pull: pull / square });
-        }
+        all.extend(found.map(|(deviation, pull)| Loose { name, deviation, pull }));
     }
     all
 }

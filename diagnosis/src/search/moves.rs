@@ -6,6 +6,7 @@ use freeplay_arm::Arm;
 use freeplay_laws::{Occurrence, changed};
 
 use crate::candidates::candidate::{Candidate, Form};
+use crate::evidence::parabola::Parabola;
 use crate::evidence::system::{Fit, Gain, System, all_but};
 use crate::sorting::sort_falling;
 use crate::statistics::BACKTRACKING;
@@ -672,19 +673,60 @@ impl<'d, 'a> Search<'d, 'a> {
     /// present value.
     fn moved(&mut self, fit: &Fit, index: usize, now: f64) -> (usize, f64) {
         let (mut best, mut now) = (index, now);
-        let moves = moves(&self.system.candidate(best).numbers());
-        for step in STEPS {
-            for along in &moves {
+        let lines = lines(&self.system.candidate(best).numbers());
+        for step in STEPS.into_iter().flat_map(|step| [step, -step]) {
+            for line in &lines {
                 loop {
-                    let along: Vec<(&str, f64)> =
-                        along.iter().map(|(name, way)| (name.as_str(), *way)).collect();
-                    let form = self.system.candidate(best).moved(self.system.data, &along, step);
+                    let form = self.system.candidate(best).moved(self.system.data, &along(line), step);
                     let Some(there) = self.try_form(fit, best, form, now) else { break };
                     (best, now) = there;
                 }
             }
         }
+        self.moved_to_vertex(fit, best, now, &lines)
+    }
+
+    /// Moves the shape parameters of `index` along each of `lines` to the vertex of the parabola through the values at two neighbours, as long as it promises
+    /// more than [`WORTH`]. Returns the new number and the value there; `now` is the present value.
+    fn moved_to_vertex(&mut self, fit: &Fit, index: usize, now: f64, lines: &[Line]) -> (usize, f64) {
+        let (mut best, mut now) = (index, now);
+        for line in lines {
+            let mut step = STEPS[STEPS.len() - 1];
+            while let Some(parabola) = self.parabola(fit, best, now, &along(line), step) {
+                if parabola.rise() <= WORTH {
+                    break;
+                }
+                let form =
+                    self.system.candidate(best).moved(self.system.data, &along(line), parabola.vertex());
+                let Some(there) = self.try_form(fit, best, form, now) else { break };
+                (best, now) = there;
+                // The parabola is exact over a short distance.
+                step = parabola.deviation().min(step);
+            }
+        }
         (best, now)
+    }
+
+    /// The parabola through the value `now` of `index` beside `fit` and its values at a `step` to each side; `None` if there is no maximum near.
+    fn parabola(
+        &mut self,
+        fit: &Fit,
+        index: usize,
+        now: f64,
+        along: &[(&str, f64)],
+        step: f64,
+    ) -> Option<Parabola> {
+        let mut value = |step: f64| {
+            let candidate = self.system.candidate(index);
+            let form = candidate.moved(self.system.data, along, step);
+            let data = self.system.data;
+            let other = self.tried.get(candidate, form, |one, form| one.reformed(data, form))?;
+            let at = self.system.take(other)?;
+            let gain = self.system.gains(fit, &[at]).pop().flatten();
+            self.system.forget(at);
+            Some(gain?.value)
+        };
+        Parabola::new([value(-step)?, now, value(step)?], step)
     }
 
     /// The number of `index` in another `form` and its value beside `fit`, if that is more than `now`.
@@ -704,18 +746,25 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 }
 
-/// The directions in which the search moves the parameters `numbers` of a shape: each alone, and each pair in the same and in opposite directions, as
-/// a wider gap with softer flanks.
-fn moves(numbers: &[String]) -> Vec<Vec<(String, f64)>> {
+/// A direction in the space of a shape's parameters: each parameter's name and its share.
+type Line = Vec<(String, f64)>;
+
+/// The lines along which the search moves the parameters `numbers` of a shape: each alone, and each pair in the same and in opposite directions, as a wider
+/// gap with softer flanks.
+fn lines(numbers: &[String]) -> Vec<Line> {
     let mut all = Vec::new();
     for (k, name) in numbers.iter().enumerate() {
-        all.extend([1.0, -1.0].map(|way| vec![(name.clone(), way)]));
+        all.push(vec![(name.clone(), 1.0)]);
         for other in &numbers[k + 1..] {
-            let ways = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
-            all.extend(ways.map(|[a, b]| vec![(name.clone(), a), (other.clone(), b)]));
+            all.extend([1.0, -1.0].map(|way| vec![(name.clone(), 1.0), (other.clone(), way)]));
         }
     }
     all
+}
+
+/// The parts of `line` by name.
+fn along(line: &Line) -> Vec<(&str, f64)> {
+    line.iter().map(|(name, way)| (name.as_str(), *way)).collect()
 }
 
 /// Largest number of linearisations of a law at the fitted coefficients: each has a shorter distance to the solution, and a step without a gain ends

@@ -46,9 +46,13 @@ impl Chain {
     }
 }
 
-/// Positions of the hinges of a bending link, as shares of its length: the points of two-point Gauss quadrature. Hinges there, each with half of the beam's
-/// L/EI, deflect under a force and a moment at the end like a uniform beam, since that deflection is an integral of squares.
-const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+/// Positions of the hinges of a bending link whose centre of mass is at the share `centre` of its length, and their shares of the beam's L/EI: the points and
+/// weights of Gauss–Radau quadrature from the centre of mass to each end. Deflections are integrals over the two parts of products of two linear functions, so
+/// that a force and a moment at the end and the link's own weight deflect these hinges like a uniform beam (Abramowitz & Stegun 1964, 25.4.31).
+fn hinges_of(centre: f64) -> [(f64, f64); 3] {
+    let beyond = 1.0 - centre;
+    [(centre / 3.0, 0.75 * centre), (centre, 0.25), (1.0 - beyond / 3.0, 0.75 * beyond)]
+}
 
 /// A joint without inertia.
 fn massless_joint(name: String, kind: JointKind, axis: Vector3<f64>, placement: Isometry3<f64>) -> Joint {
@@ -162,7 +166,7 @@ fn insert_slides(chain: &mut Chain, effect: &Effect, joint: usize) -> Result<(),
     Ok(())
 }
 
-/// Inserts a bending link, as hinges about both axes across it at the two points of [`GAUSS`].
+/// Inserts a bending link, as hinges about both axes across it at the points of [`hinges_of`].
 fn insert_hinges(chain: &mut Chain, effect: &Effect, joint: usize, stiffness: f64) -> Result<(), PlanError> {
     let at = chain.place(joint);
     let why = "no link of some length with a joint beyond it moves with it";
@@ -170,29 +174,36 @@ fn insert_hinges(chain: &mut Chain, effect: &Effect, joint: usize, stiffness: f6
     let next = &mut chain.links.get_mut(at + 1).ok_or_else(seat)?.0;
     let way = next.placement.translation.vector;
     let direction = way.try_normalize(0.02).ok_or_else(seat)?;
-    let [near, far] = GAUSS;
-    next.placement.translation.vector = way * (1.0 - far);
     let own = std::mem::replace(&mut chain.links[at].0.inertia, Inertia::zero());
-    // k = 3EI/L³, and each of the hinges has half of L/EI.
-    let turning = 2.0 / 3.0 * stiffness * way.norm_squared();
-    // A twentieth of critical damping for a mass of 5 kg at the end.
-    let damping = 0.1 * turning * (5.0 / stiffness).sqrt();
+    let centre = (own.com.dot(&way) / way.norm_squared()).clamp(0.0, 1.0);
     let first = across(&direction);
-    let second = direction.cross(&first);
-    let hinge = |name: &str, axis, along: f64| {
-        let root = Isometry3::from_parts(Translation3::from(way * along), UnitQuaternion::identity());
-        let joint = massless_joint(format!("bend {name} {joint}"), JointKind::Revolute, axis, root);
-        (joint, Role::Spring { stiffness: turning, damping })
-    };
-    let mut hinges = [
-        hinge("1", first, near),
-        hinge("2", second, 0.0),
-        hinge("3", first, far - near),
-        hinge("4", second, 0.0),
-    ];
-    // The mass of the link is between the two hinges.
-    hinges[1].0.inertia = Inertia { com: own.com - way * near, ..own };
-    chain.links.splice(at + 1..at + 1, hinges);
+    let axes = [first, direction.cross(&first)];
+    let (mut parts, mut last) = (vec![(chain.links[at].0.clone(), chain.links[at].1, 0.0)], 0.0);
+    for (along, share) in hinges_of(centre).into_iter().filter(|(_, share)| *share > 0.0) {
+        // k = 3EI/L³.
+        let turning = stiffness * way.norm_squared() / (3.0 * share);
+        // A twentieth of critical damping for a mass of 5 kg at the end.
+        let damping = 0.1 * turning * (5.0 / stiffness).sqrt();
+        for axis in axes {
+            let root =
+                Isometry3::from_parts(Translation3::from(way * (along - last)), UnitQuaternion::identity());
+            let name = format!("bend {} {joint}", parts.len());
+            parts.push((
+                massless_joint(name, JointKind::Revolute, axis, root),
+                Role::Spring { stiffness: turning, damping },
+                along,
+            ));
+            last = along;
+        }
+    }
+    // The mass of the link is before the hinge at its centre.
+    if let Some((bearer, _, along)) =
+        parts.iter_mut().rev().find(|(_, _, along)| *along < centre || *along == 0.0)
+    {
+        bearer.inertia = Inertia { com: own.com - way * *along, ..own };
+    }
+    chain.links[at + 1].0.placement.translation.vector = way * (1.0 - last);
+    chain.links.splice(at..=at, parts.into_iter().map(|(part, role, _)| (part, role)));
     Ok(())
 }
 
@@ -246,8 +257,8 @@ mod tests {
     use crate::Machine;
     use crate::physics::{Effect, Physics};
 
-    /// Deflection and slope of the link's end under a force and under a moment are those of a uniform cantilever with k = 3EI/L³, about both
-    /// axes across it: 1/k, 3/2kL and 3/kL² (Timoshenko 1955, §39).
+    /// Deflection and slope of the link's end under a force, under a moment and under its own weight are those of a uniform cantilever with k = 3EI/L³, about
+    /// both axes across it: 1/k, 3/2kL and 3/kL² (Timoshenko 1955, §39).
     #[test]
     fn a_link_bends_as_a_cantilever() {
         let (arm, load) = Machine::Two.loaded(1.0).expect("an arm");
@@ -271,7 +282,7 @@ mod tests {
                 _ => None,
             })
             .collect();
-        assert_eq!(hinges.len(), 4);
+        assert_eq!(hinges.len(), 6);
         for axis in [hinges[0].2, hinges[1].2] {
             let sum = |power: i32| -> f64 {
                 let about = hinges.iter().filter(|(_, _, other)| other.cross(&axis).norm() < 1e-12);
@@ -282,6 +293,24 @@ mod tests {
                 println!("lever to the {power}: off by {:.1e}", sum(power) / exact - 1.0);
                 assert!((sum(power) / exact - 1.0).abs() < 1e-12);
             }
+        }
+        // The link's own weight W at the share σ of its length: σ²(3 − σ)/2 · W/k at the end, σ³ · W/k at its centre.
+        let bearer = chain.links.iter().position(|(joint, _)| joint.inertia.mass > 0.0).expect("a mass");
+        let way = arm.joints()[1].placement.translation.vector;
+        let own = arm.joints()[0].inertia.com.dot(&way) / (length * length);
+        let near = |place: usize| to_end(place) / length - (1.0 - own);
+        let before = |lever: &dyn Fn(f64) -> f64| -> f64 {
+            let about = (0..=bearer).filter_map(|place| match chain.links[place].1 {
+                Role::Spring { stiffness, .. } => Some(near(place) * length * lever(near(place)) / stiffness),
+                _ => None,
+            });
+            0.5 * about.sum::<f64>()
+        };
+        let exact = [own * own * (3.0 - own) / (2.0 * stiffness), own.powi(3) / stiffness];
+        let levers: [&dyn Fn(f64) -> f64; 2] = [&|near| (near + 1.0 - own) * length, &|near| near * length];
+        for (lever, exact) in levers.into_iter().zip(exact) {
+            println!("own weight at {own:.3}: off by {:.1e}", before(lever) / exact - 1.0);
+            assert!((before(lever) / exact - 1.0).abs() < 1e-12);
         }
         // The total mass and the length of the arm are unchanged.
         let mass = |links: &mut dyn Iterator<Item = f64>| links.sum::<f64>();
