@@ -279,9 +279,12 @@ impl<'a> LinearisedRecording<'a> {
         }
     }
 
-    /// Derivative with respect to time of the model's prediction for `kind`, per second: the column of a law that delays a channel.
+    /// Derivative with respect to time of the prediction for `kind` by the model with the found effects, per second: the column of a delay of that channel.
     pub fn rate_of_change(&self, kind: Kind) -> Vec<f64> {
-        let (model, motion) = (kind.of(self.rough.prediction()), self.whole());
+        // Effects that leave no possible arm delay nothing.
+        let beneath = self.beneath(Level::Sensor, Points::All).ok().flatten();
+        let baseline = beneath.as_deref().unwrap_or(&self.rough);
+        let (model, motion) = (kind.of(baseline.prediction()), self.whole());
         let mut rate = Vec::with_capacity(model.len());
         for stretch in &motion.stretches {
             rate.extend(derivatives(&model[stretch.clone()], motion.step(stretch)).0);
