@@ -173,6 +173,28 @@ impl Candidate {
         (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
     }
 
+    /// A law that is linearised along a chord: the same with the derivative of its contribution over its `coefficient` as column, from the contributions at both
+    /// sides by `deviation`. `None` for other laws, and if a side has another sign.
+    pub fn tangent(&self, data: &Data, coefficient: f64, deviation: f64) -> Option<Self> {
+        if !self.form.is_chord() || deviation >= coefficient.abs() {
+            return None;
+        }
+        let mut columns: Vec<Column> = vec![vec![None; data.channels()]];
+        for way in [1.0, -1.0] {
+            let at = coefficient + way * deviation;
+            let mut form = self.form.clone();
+            form.shape.insert(OPERATING_POINT.to_owned(), Value::Float(at));
+            let there = self.reformed(data, form)?;
+            for (sum, column) in columns[0].iter_mut().zip(&there.columns[0]) {
+                let Some(column) = column else { continue };
+                let sum = sum.get_or_insert_with(|| vec![0.0; column.len()]);
+                let share = way * at / (2.0 * deviation);
+                sum.iter_mut().zip(column).for_each(|(sum, x)| *sum += share * x);
+            }
+        }
+        Some(Self { columns: Rc::new(columns), ..self.clone() })
+    }
+
     /// A key for the candidate in another `form`: no two candidates with different columns share one.
     pub fn name_in(&self, form: &Form) -> String {
         format!(

@@ -27,12 +27,13 @@ use crate::signals::residual::{Sharpening, check_joints, residuals_along};
 use crate::signals::stuck::Stuck;
 use crate::statistics::{Moments, difference};
 
-/// The object on which an effect acts. A drive moves the arm, and a sensor reads the sum of both.
+/// The object on which an effect acts. A drive moves the arm, a sensor reads the sum of both, and the reading is what a sensor gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Level {
     Arm,
     Drive,
     Sensor,
+    Reading,
 }
 
 /// The points in time at which a model is evaluated.
@@ -282,7 +283,7 @@ impl<'a> LinearisedRecording<'a> {
     /// Derivative with respect to time of the prediction for `kind` by the model with the found effects, per second: the column of a delay of that channel.
     pub fn rate_of_change(&self, kind: Kind) -> Vec<f64> {
         // Effects that leave no possible arm delay nothing.
-        let beneath = self.beneath(Level::Sensor, Points::All).ok().flatten();
+        let beneath = self.beneath(Level::Reading, Points::All).ok().flatten();
         let baseline = beneath.as_deref().unwrap_or(&self.rough);
         let (model, motion) = (kind.of(baseline.prediction()), self.whole());
         let mut rate = Vec::with_capacity(model.len());
@@ -392,7 +393,7 @@ impl<'a> LinearisedRecording<'a> {
             Level::Sensor if bends => {
                 self.each_column(&mut terms, |sensors| &sensors.kept, |x, kept| x + kept)?
             }
-            Level::Arm | Level::Sensor => {}
+            Level::Arm | Level::Sensor | Level::Reading => {}
         }
         Ok(terms)
     }

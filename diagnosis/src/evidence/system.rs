@@ -493,13 +493,12 @@ impl<'d, 'a> System<'d, 'a> {
         residual
     }
 
-    /// The score of each block of neighbouring rows at the coefficients of `fit`, the tolerances eliminated: ZᵀW(residual) of the block.
-    pub fn block_scores(&self, fit: &Fit) -> Vec<DVector<f64>> {
-        let residual = self.residual(fit);
+    /// The score of each block of neighbouring rows with the `residual` of a fit, for the columns of `members`, the tolerances eliminated: ZᵀW(residual) of the
+    /// block.
+    pub fn block_scores(&self, members: &[usize], residual: &[Vec<f64>]) -> Vec<DVector<f64>> {
         // The columns after the elimination of the tolerances, Z − N K⁻¹NᵀWZ, channel by channel.
         let upper = self.factor.l().transpose();
-        let through: Vec<DMatrix<f64>> = fit
-            .members
+        let through: Vec<DMatrix<f64>> = members
             .iter()
             .filter_map(|&member| upper.solve_upper_triangular(&self.products(member).whitened))
             .collect();
@@ -508,7 +507,7 @@ impl<'d, 'a> System<'d, 'a> {
             self.channels.iter().enumerate().filter(|(_, channel)| !channel.tolerances.is_empty())
         {
             let mut columns = Vec::new();
-            for (&member, through) in fit.members.iter().zip(&through) {
+            for (&member, through) in members.iter().zip(&through) {
                 for (k, column) in self.candidate(member).columns.iter().enumerate() {
                     let mut own = column[c].clone().unwrap_or_else(|| vec![0.0; residual[c].len()]);
                     for (index, _) in &channel.tolerances {

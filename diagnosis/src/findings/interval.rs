@@ -136,19 +136,38 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
 /// hide: with a nominal friction of 10 ± 5 %, a friction of 15 is not known better than to 0.5. It also adds the part that no row shows: see [`coherent`].
 fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
     let n = fit.beta.len();
-    let Some(factor) = Cholesky::new(fit.normal.clone()) else { return DMatrix::identity(n, n) };
+    let tangents = tangents(system, fit);
+    let along = system.fit(&tangents).and_then(|along| Cholesky::new(along.normal));
+    let Some(factor) = along else { return DMatrix::identity(n, n) };
     let posterior = factor.inverse();
     let mut scores = DMatrix::zeros(n, n);
-    for pull in system.block_scores(fit) {
+    for pull in system.block_scores(&tangents, &system.residual(fit)) {
         scores += &pull * pull.transpose();
     }
     let sandwich = &posterior * scores * &posterior;
     // Each coefficient takes the larger of the two deviations; the correlation stays.
     let wider = DVector::from_fn(n, |k, _| (sandwich[(k, k)] / posterior[(k, k)]).max(1.0).sqrt());
-    let beside_all = system.normal_beside_all(&fit.members).and_then(Cholesky::new);
+    let beside_all = system.normal_beside_all(&tangents).and_then(Cholesky::new);
     let hidden = beside_all.map_or_else(|| DMatrix::zeros(n, n), |factor| factor.inverse() - &posterior);
     let coherent = coherent(system, fit);
     DMatrix::from_fn(n, n, |i, j| posterior[(i, j)] * wider[i] * wider[j] + hidden[(i, j)] + coherent[(i, j)])
+}
+
+/// The members of `fit`, each law that is linearised along a chord with its tangent at the fitted coefficient in its place: a chord is right for the value of a
+/// law, and its slope at the coefficient is right for the uncertainty.
+fn tangents(system: &mut System, fit: &Fit) -> Vec<usize> {
+    let mut at = 0;
+    let mut all = Vec::new();
+    for (place, &member) in fit.members.iter().enumerate() {
+        let candidate = system.candidate(member);
+        let tangent = match *system.coefficients(fit, place) {
+            [coefficient] => candidate.tangent(system.data, coefficient, fit.normal[(at, at)].sqrt().recip()),
+            _ => None,
+        };
+        at += candidate.size();
+        all.push(tangent.and_then(|tangent| system.take(tangent)).unwrap_or(member));
+    }
+    all
 }
 
 /// Covariance of the coefficients of `fit` due to the discrepancy, as far as no row shows it. A law has a relative error s. The part of this error that differs
