@@ -164,13 +164,13 @@ pub(crate) struct LinearisedRecording<'a> {
     sensors: RefCell<Option<Rc<Sensors>>>,
 }
 
-/// The effect of the sensors that were found on the torques of the drives, by channel. A channel whose sensor bends nothing holds `None`.
+/// The found sensors, by channel.
 struct Sensors {
-    /// The share of a small change that they let through: where a torque has reached its limit, a drive changes nothing of it.
+    /// The share of a small change that they let through: where a torque has reached its limit, a drive changes nothing of it. A channel whose sensor bends nothing
+    /// holds `None`.
     through: Answer,
-    /// The part of the found drive laws' torques that the sensors cut off. The column of the bending sensor includes this part, so that its column and those of the
-    /// drives add up to the prediction of the machine with both.
-    kept: Answer,
+    /// The contribution of the found drive laws to what the sensors measure.
+    measured: Answer,
 }
 
 impl<'a> LinearisedRecording<'a> {
@@ -373,49 +373,55 @@ impl<'a> LinearisedRecording<'a> {
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let place = Place { scene: self.baseline(kind).scene(), joint };
         let first = kind.terms_at(&place, shape).into_iter().next();
-        let (level, bends) = match first {
-            Some(term) if !self.found.borrow().is_empty() => {
-                let placed = kind.place(&place, term.plus)?;
-                (self.level(&placed), placed.effect.bends())
-            }
-            _ => (Level::Arm, false),
+        let placed = match first {
+            Some(term) if !self.found.borrow().is_empty() => Some(kind.place(&place, term.plus)?),
+            _ => None,
         };
+        let level = placed.as_ref().map_or(Level::Arm, |placed| self.level(placed));
         let columns = match self.beneath(level, self.points(kind))? {
             Some(beneath) => kind.columns(&beneath, joint, shape)?,
             None => kind.columns(self.baseline(kind), joint, shape)?,
         };
         let mut terms: Vec<(Term, Answer)> =
             columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect();
-        match level {
-            Level::Drive => {
-                self.each_column(&mut terms, |sensors| &sensors.through, |x, through| x * through)?
+        let found = self.found.borrow();
+        let own = placed.and_then(|placed| {
+            let is_own = |known: &&Placed| known.kind.name == placed.kind.name && known.joint == placed.joint;
+            found.iter().map(|(_, known)| &**known).find(is_own)
+        });
+        match (level, own) {
+            (Level::Drive, _) => {
+                let sensors = self.sensors()?;
+                for (_, answer) in &mut terms {
+                    *answer = self.as_recorded(std::mem::take(answer), &sensors.through);
+                }
             }
-            Level::Sensor if bends => {
-                self.each_column(&mut terms, |sensors| &sensors.kept, |x, kept| x + kept)?
-            }
-            Level::Arm | Level::Sensor | Level::Reading => {}
+            (Level::Sensor, Some(own)) => self.with_kept(&mut terms, own)?,
+            _ => {}
         }
         Ok(terms)
     }
 
-    /// Changes every value of `terms` by the value of the sensors there, if the sensors bend that channel.
-    fn each_column(
-        &self,
-        terms: &mut [(Term, Answer)],
-        of: impl Fn(&Sensors) -> &Answer,
-        changed: impl Fn(f64, f64) -> f64,
-    ) -> Result<(), LawError> {
+    /// Adds to `terms` of the found sensor `own` the part of the found drive laws' contributions that it keeps off the recording. Their columns are as recorded, so
+    /// that its column and theirs add up to the prediction of the machine with both.
+    fn with_kept(&self, terms: &mut [(Term, Answer)], own: &Placed) -> Result<(), LawError> {
         let sensors = self.sensors()?;
+        let recorded = if own.effect.bends() {
+            scaled(sensors.measured.clone(), &sensors.through)
+        } else {
+            self.read_by(&[own], &sensors.measured)
+        };
         for (_, answer) in terms {
-            for (column, by) in answer.iter_mut().zip(of(&sensors)) {
-                let both = column.iter_mut().flatten().zip(by.iter().flatten());
-                both.for_each(|(x, by)| *x = changed(*x, *by));
+            for ((column, measured), recorded) in answer.iter_mut().zip(&sensors.measured).zip(&recorded) {
+                let Some(column) = column else { continue };
+                column.iter_mut().zip(measured.iter().flatten()).for_each(|(x, measured)| *x += measured);
+                column.iter_mut().zip(recorded.iter().flatten()).for_each(|(x, recorded)| *x -= recorded);
             }
         }
         Ok(())
     }
 
-    /// The effect of the found sensors, from the cache or computed now.
+    /// The found sensors, from the cache or computed now.
     fn sensors(&self) -> Result<Rc<Sensors>, LawError> {
         if let Some(known) = &*self.sensors.borrow() {
             return Ok(Rc::clone(known));
@@ -425,18 +431,11 @@ impl<'a> LinearisedRecording<'a> {
             let beneath = self.beneath(level, Points::All)?;
             Ok(beneath.as_deref().unwrap_or(&self.rough).prediction().clone())
         };
-        let mut kept = vec![None; self.channels.len()];
-        if through.iter().any(Option::is_some) {
-            let (with, without) = (prediction(Level::Sensor)?, prediction(Level::Drive)?);
-            for ((kept, through), channel) in kept.iter_mut().zip(&through).zip(&self.channels) {
-                let said = change(channel.kind.of(&with), channel.kind.of(&without));
-                let said = said.map(|said| self.prepared.treatment.keep(&said));
-                *kept = said.zip(through.as_deref()).map(|(said, through)| {
-                    said.iter().zip(through).map(|(said, through)| said * (1.0 - through)).collect()
-                });
-            }
-        }
-        let sensors = Rc::new(Sensors { through, kept });
+        let (with, without) = (prediction(Level::Sensor)?, prediction(Level::Drive)?);
+        let measured = self.by_channel(|kind| {
+            Some(self.prepared.treatment.keep(&change(kind.of(&with), kind.of(&without))?))
+        });
+        let sensors = Rc::new(Sensors { through, measured });
         self.sensors.replace(Some(Rc::clone(&sensors)));
         Ok(sensors)
     }
@@ -546,6 +545,32 @@ impl<'a> LinearisedRecording<'a> {
         Ok(self.by_channel(|kind| is_bent(kind.of(&then)).then(|| self.treated(kind.of(&then)))))
     }
 
+    /// A small change `answer` of what the sensors measure, as the sensors of the machine with the found effects record it; `let_through` comes from the method
+    /// of that name.
+    pub fn as_recorded(&self, answer: Answer, let_through: &Answer) -> Answer {
+        let found = self.found.borrow();
+        let all = self.known.iter().copied().chain(found.iter().map(|(_, placed)| &**placed));
+        let linear: Vec<&Placed> =
+            all.filter(|placed| placed.effect.measures() && !placed.effect.bends()).collect();
+        let answer = if linear.is_empty() { answer } else { self.read_by(&linear, &answer) };
+        scaled(answer, let_through)
+    }
+
+    /// The change `answer` of what linear `sensors` measure, in their readings.
+    fn read_by(&self, sensors: &[&Placed], answer: &Answer) -> Answer {
+        let mut without = Prediction::blank(self.nominal.dof(), self.motion().len());
+        let mut with = without.clone();
+        for (channel, column) in self.channels.iter().zip(answer) {
+            let both = channel.kind.of_mut(&mut with).iter_mut().zip(column.iter().flatten());
+            both.for_each(|(x, column)| *x = *column);
+        }
+        for sensor in sensors {
+            sensor.effect.measure(self.smooth.scene(), &mut without);
+            sensor.effect.measure(self.smooth.scene(), &mut with);
+        }
+        self.by_channel(|kind| change(kind.of(&with), kind.of(&without)))
+    }
+
     fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {
         self.by_channel(|channel| {
             let column = match channel {
@@ -579,14 +604,15 @@ impl<'a> LinearisedRecording<'a> {
         })
     }
 
-    /// For each of `arms`: the change of every channel if the machine has that arm in the place of its own. The smooth laws of the model and those that were found
-    /// act on that arm; without any, the arm is rigid. Laws that jump take no part: a slightly different arm shifts only the instant of a jump.
+    /// For each of `arms`: the change of what the sensors measure if the machine has that arm in the place of its own. The smooth laws of the model and those that
+    /// were found act on that arm; without any, the arm is rigid. Laws that jump take no part: a slightly different arm shifts only the instant of a jump.
     pub fn answers_of(&self, arms: &[Arm]) -> Vec<Answer> {
         let found = self.found.borrow();
         // The arms include the changes that the model's laws make to an arm.
         let known = self.known.iter().filter(|placed| self.level(placed) != Level::Arm).copied();
         let all = known.chain(found.iter().map(|(_, placed)| &**placed));
-        let smooth: Vec<&Placed> = all.filter(|placed| !placed.kind.rough).collect();
+        let smooth: Vec<&Placed> =
+            all.filter(|placed| !placed.kind.rough && !placed.effect.measures()).collect();
         let now =
             if smooth.is_empty() { None } else { self.predicted(self.arm(), &smooth, self.motion()).ok() };
         let beside = |arm: &Arm| {
@@ -621,6 +647,14 @@ impl<'a> LinearisedRecording<'a> {
     pub fn by_channel(&self, column: impl Fn(Kind) -> Option<Vec<f64>>) -> Answer {
         self.channels.iter().map(|channel| column(channel.kind)).collect()
     }
+}
+
+/// Each value of `answer` times the `share` of its row.
+fn scaled(mut answer: Answer, share: &Answer) -> Answer {
+    for (column, share) in answer.iter_mut().zip(share) {
+        column.iter_mut().flatten().zip(share.iter().flatten()).for_each(|(x, share)| *x *= share);
+    }
+    answer
 }
 
 fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {

@@ -20,16 +20,14 @@ pub(crate) fn nuisances(
     all.extend(of_friction(recording, tolerances));
     all.extend(of_laws(recording, tolerances));
     all.extend(of_zeros(recording, tolerances));
-    all.extend(of_delays(recording, tolerances));
-    all.extend(of_tracker(recording, tolerances));
-    // An arm that can't exist gets the sensor transmission of the model's arm.
+    // An arm that can't exist gets the sensors of the model's arm.
     let let_through = recording.let_through().unwrap_or_default();
     for nuisance in &mut all {
-        for (answer, share) in nuisance.answer.iter_mut().zip(&let_through) {
-            let both = answer.iter_mut().flatten().zip(share.iter().flatten());
-            both.for_each(|(x, share)| *x *= share);
-        }
+        nuisance.answer = recording.as_recorded(std::mem::take(&mut nuisance.answer), &let_through);
     }
+    // These belong to the readings.
+    all.extend(of_delays(recording, tolerances));
+    all.extend(of_tracker(recording, tolerances));
     all
 }
 

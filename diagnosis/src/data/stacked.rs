@@ -10,7 +10,7 @@ use crate::data::linearised::LinearisedRecording;
 use crate::data::nuisances::nuisances;
 use crate::data::parts::{Part, parts_of};
 use crate::data::rows::{row_error_with, solution_spread_with, usable_rows};
-use crate::data::tolerance::{Nuisance, Tolerances};
+use crate::data::tolerance::{Nuisance, Of, Tolerances};
 use crate::signals::channel::Kind;
 use crate::statistics::WIDE;
 
@@ -228,9 +228,9 @@ impl<'a> Data<'a> {
         (0..self.channels_per_recording()).map(of_channel).collect()
     }
 
-    /// The columns of the tolerances, and the precision of the prior of each. A tolerance without a prior has one column for each recording.
-    pub fn tolerances(&self) -> (Vec<Column>, Vec<f64>) {
-        let (mut columns, mut precision) = (Vec::new(), Vec::new());
+    /// The columns of the tolerances, the precision of the prior of each, and its uncertain quantity. A tolerance without a prior has one column for each recording.
+    pub fn tolerances(&self) -> (Vec<Column>, Vec<f64>, Vec<Of>) {
+        let (mut columns, mut precision, mut of) = (Vec::new(), Vec::new(), Vec::new());
         let nothing = || vec![None; self.channels_per_recording()];
         for index in 0..self.nuisances.first().map_or(0, Vec::len) {
             let answer = |recording: usize| self.nuisances[recording][index].answer.clone();
@@ -240,13 +240,15 @@ impl<'a> Data<'a> {
                     let answers = recordings.clone().map(|s| if s == only { answer(s) } else { nothing() });
                     columns.push(self.raw_column(answers.collect()));
                     precision.push(WIDE.powi(-2));
+                    of.push(self.nuisances[0][index].of);
                 }
             } else {
                 columns.push(self.raw_column(recordings.map(answer).collect()));
                 precision.push(1.0);
+                of.push(self.nuisances[0][index].of);
             }
         }
-        (columns, precision)
+        (columns, precision, of)
     }
 
     /// [`Data::column`] without the subtraction of the mean from link encoders.

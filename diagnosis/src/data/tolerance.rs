@@ -99,6 +99,18 @@ pub(crate) enum Of {
 }
 
 impl Of {
+    /// Returns true if the law `kind` with this `shape` changes the same delay. The columns of a delay and of a change of it differ, unlike those of other
+    /// quantities.
+    pub fn is_in(self, kind: &EffectKind, shape: &toml::Table) -> bool {
+        let channel = shape.get("channel").and_then(toml::Value::as_str);
+        let late = match self {
+            Self::Delay(Late::Torque, _) => "torque",
+            Self::Delay(Late::Tool, _) => "tool",
+            _ => return false,
+        };
+        kind.tolerance == Some(Tolerance::Delay) && (channel == Some(late) || channel == Some("position"))
+    }
+
     /// Changes `parts` by the given number of standard `deviations`. Quantities that are not in an arm file leave `parts` unchanged.
     pub fn change(self, parts: &mut ArmParts, tolerances: &Tolerances, deviations: f64) {
         let by = |tolerance: f64| even() * tolerance * deviations;

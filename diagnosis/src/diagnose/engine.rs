@@ -101,6 +101,13 @@ impl Study<'_> {
         progress: &mut dyn FnMut(&str),
     ) -> Result<Diagnosis, DiagnoseError> {
         data.update_tolerances(&self.settings.tolerances);
+        if found.members.iter().any(|member| member.acts_on_readings) {
+            // A found sensor also reads the contributions of other laws.
+            let read = |one: &mut Candidate| {
+                one.reformed(&data, one.form.clone()).into_iter().for_each(|read| *one = read);
+            };
+            self.lasting.iter_mut().filter(|one| !one.changes_arm).for_each(read);
+        }
         progress("searching for transients, such as pushes");
         let parts = data.parts.clone();
         let mut events = self.events_reserving_rows(&mut data, &found, &parts);

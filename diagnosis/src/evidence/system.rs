@@ -14,7 +14,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use crate::candidates::candidate::Candidate;
 use crate::data::columns::{Column, add, dot};
 use crate::data::stacked::Data;
-use crate::data::tolerance::even;
+use crate::data::tolerance::{Of, even};
 use crate::data::weights::{Rows, Weights};
 use crate::data::whitening::Whitening;
 use crate::evidence::block::{Block, Channel, Products, Weighed, half_log_determinant, own, weighed};
@@ -66,6 +66,8 @@ pub(crate) struct System<'d, 'a> {
     whitening: Option<Whitening>,
     tolerances: Vec<Column>,
     precision: Vec<f64>,
+    /// The uncertain quantity of each tolerance.
+    uncertain: Vec<Of>,
     channels: Vec<Channel>,
     /// The channels before the last change of their weights.
     before: Vec<Option<Channel>>,
@@ -115,7 +117,7 @@ impl<'d, 'a> System<'d, 'a> {
         weights: Weights,
         whitening: Option<Whitening>,
     ) -> Option<Self> {
-        let (mut tolerances, precision) = data.tolerances();
+        let (mut tolerances, precision, uncertain) = data.tolerances();
         if let Some(whitening) = &whitening {
             tolerances.iter_mut().for_each(|column| *column = whitening.column(column));
         }
@@ -135,6 +137,7 @@ impl<'d, 'a> System<'d, 'a> {
             whitening,
             tolerances,
             precision,
+            uncertain,
             channels,
             before,
             versions: 0,
@@ -378,7 +381,7 @@ impl<'d, 'a> System<'d, 'a> {
         Some(moved)
     }
 
-    /// The tolerances that have the same effect as one of `members`, with any coefficients: a named effect replaces its tolerance.
+    /// The tolerances of the same quantity as one of `members`, or with the same effect, with any coefficients: a named effect replaces its tolerance.
     fn replaced_by(&self, members: &[usize]) -> Vec<bool> {
         /// Share of a column's square that another column explains for both to be the same: the rest, a tenth of the standard deviation, can't be
         /// distinguished from noise beside a tolerance.
@@ -394,6 +397,9 @@ impl<'d, 'a> System<'d, 'a> {
             .collect();
         let mut named = vec![false; self.precision.len()];
         for &member in members {
+            for (named, of) in named.iter_mut().zip(&self.uncertain) {
+                *named |= of.is_in(self.candidate(member).kind, &self.candidate(member).form.shape);
+            }
             let products = self.products(member);
             let precision = &self.blocks[member].precision;
             let own = &products.normal - precision + products.whitened.tr_mul(&products.whitened);
@@ -413,15 +419,37 @@ impl<'d, 'a> System<'d, 'a> {
         self.eliminate()
     }
 
-    /// The normal matrix of the coefficients of `members` with every tolerance as wide as in the data sheet, including those that a member replaces:
-    /// the data determine only the sum of both.
-    pub fn normal_beside_all(&mut self, members: &[usize]) -> Option<DMatrix<f64>> {
+    /// The covariance of the coefficients of `members` that the tolerances hide: those that are held at a limit as wide as in the data sheet, and those that a
+    /// member replaces. The data determine only the sum of a member and the tolerance that it replaces, so that one standard deviation of the tolerance changes the
+    /// coefficients by what the member's columns explain of it.
+    pub fn hidden_by_tolerances(&mut self, members: &[usize]) -> Option<DMatrix<f64>> {
+        let named = self.replaced_by(members);
         let held_at = self.held_at.clone();
-        self.release_tolerances()?;
-        let normal = self.fit(members).map(|fit| fit.normal);
+        let held = Cholesky::new(self.fit(members)?.normal)?.inverse();
+        for (edge, named) in self.held_at.iter_mut().zip(&named) {
+            *edge = named.then_some(0.0);
+        }
+        self.eliminate()?;
+        let posterior = Cholesky::new(self.fit(members)?.normal)?.inverse();
+        let mut hidden = &posterior - held;
+        for index in (0..named.len()).filter(|&index| named[index]) {
+            // NᵀWn of this tolerance n, and ZᵀWn without the part through the tolerances.
+            let mut gram = self.free.0.column(index).into_owned();
+            gram[index] -= self.precision[index];
+            let through = self.factor.l().solve_lower_triangular(&gram)?;
+            let products = members.iter().map(|&member| self.products(member));
+            let explained: Vec<f64> = products
+                .flat_map(|products| {
+                    let own = products.through.row(index).transpose() - products.whitened.tr_mul(&through);
+                    own.iter().copied().collect::<Vec<f64>>()
+                })
+                .collect();
+            let shift = &posterior * DVector::from_vec(explained);
+            hidden += &shift * shift.transpose();
+        }
         self.held_at = held_at;
         self.eliminate()?;
-        normal
+        Some(hidden)
     }
 
     /// The gain from each of `candidates` beside the members of `fit`.

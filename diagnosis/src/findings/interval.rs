@@ -147,8 +147,7 @@ fn covariance(system: &mut System, fit: &Fit) -> DMatrix<f64> {
     let sandwich = &posterior * scores * &posterior;
     // Each coefficient takes the larger of the two deviations; the correlation stays.
     let wider = DVector::from_fn(n, |k, _| (sandwich[(k, k)] / posterior[(k, k)]).max(1.0).sqrt());
-    let beside_all = system.normal_beside_all(&tangents).and_then(Cholesky::new);
-    let hidden = beside_all.map_or_else(|| DMatrix::zeros(n, n), |factor| factor.inverse() - &posterior);
+    let hidden = system.hidden_by_tolerances(&tangents).unwrap_or_else(|| DMatrix::zeros(n, n));
     let coherent = coherent(system, fit);
     DMatrix::from_fn(n, n, |i, j| posterior[(i, j)] * wider[i] * wider[j] + hidden[(i, j)] + coherent[(i, j)])
 }

@@ -30,6 +30,16 @@ impl Kind {
         }
     }
 
+    /// Its column of `prediction`, to be written.
+    pub(crate) fn of_mut(self, prediction: &mut Prediction) -> &mut [f64] {
+        match self {
+            Kind::Torque(joint) => &mut prediction.torque[joint],
+            Kind::Tool(axis) => &mut prediction.tool[axis],
+            Kind::Link(joint) => &mut prediction.link[joint],
+            Kind::Position(_) => &mut [],
+        }
+    }
+
     /// Its column of `recording`, if it was recorded.
     pub(super) fn measured(self, recording: &Recording) -> Option<&[f64]> {
         Some(match self {
