@@ -100,6 +100,7 @@ impl Study<'_> {
         found: Found,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Diagnosis, DiagnoseError> {
+        found.set_on(&data);
         data.update_tolerances(&self.settings.tolerances);
         if found.members.iter().any(|member| member.acts_on_readings) {
             // A found sensor also reads the contributions of other laws.
@@ -287,6 +288,7 @@ impl Study<'_> {
         if found.members.iter().any(|candidate| candidate.kind.shakes) {
             return Vec::new();
         }
+        found.set_on(data);
         // The residuals include the events, because the search did not see them.
         let mut residual = found.residual.clone();
         add_all(&mut residual, events.iter().flat_map(Event::columns));

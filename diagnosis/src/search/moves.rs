@@ -6,6 +6,7 @@ use freeplay_arm::Arm;
 use freeplay_laws::{Occurrence, changed};
 
 use crate::candidates::candidate::{Candidate, Form};
+use crate::data::stacked::Data;
 use crate::evidence::parabola::Parabola;
 use crate::evidence::system::{Fit, Gain, System, all_but};
 use crate::sorting::sort_falling;
@@ -87,6 +88,8 @@ impl Tried {
 pub(crate) struct Found {
     /// The effects.
     pub members: Vec<Candidate>,
+    /// The coefficients of each.
+    pub coefficients: Vec<Vec<f64>>,
     /// Standard deviation of the error of each row for a model with these effects: see [`Data::row_error_with`](crate::data::stacked::Data::row_error_with) and
     /// [`Weights::most_probable_row_error`](crate::data::weights::Weights::most_probable_row_error).
     pub row_error: Vec<Vec<f64>>,
@@ -94,6 +97,19 @@ pub(crate) struct Found {
     pub residual: Vec<Vec<f64>>,
     /// The part of their log evidence that comes from the priors, not from the rows.
     pub log_prior: f64,
+}
+
+impl Found {
+    /// Sets the lasting effects on each recording of `data`: all other laws then act on the machine with them.
+    pub fn set_on(&self, data: &Data) {
+        let members = || self.members.iter().zip(&self.coefficients);
+        data.set_found(|arm| {
+            members()
+                .filter(|(member, _)| !member.kind.happens())
+                .filter_map(|(member, coefficients)| member.placed(arm, coefficients))
+                .collect()
+        });
+    }
 }
 
 impl<'d, 'a> Search<'d, 'a> {
@@ -365,8 +381,10 @@ impl<'d, 'a> Search<'d, 'a> {
             &data.solution_spread_with(&placed),
             &residual,
         );
+        let coefficients = (0..fit.members.len()).map(|place| self.system.coefficients(&fit, place).to_vec());
         Some(Found {
             members: self.candidates(&answer.members),
+            coefficients: coefficients.collect(),
             row_error,
             residual,
             log_prior: fit.log_prior,
