@@ -259,12 +259,13 @@ impl<'a> LinearisedRecording<'a> {
 
     /// The model on the grid on which effects of `kind` are evaluated.
     pub fn baseline(&self, kind: &EffectKind) -> &Baseline<'a> {
-        self.on(self.points(kind))
+        self.on(self.points(kind, false))
     }
 
-    /// The points at which the columns of a `kind` are evaluated. An event begins and ends between two points: on all points its times are most accurate.
-    fn points(&self, kind: &EffectKind) -> Points {
-        match (kind.rough, kind.happens()) {
+    /// The points at which the columns of a `kind` are evaluated. An event begins and ends between two points, and a sensor that `measures` shifts jumps by less than
+    /// a point of the grid of laws: on all points both are most accurate.
+    fn points(&self, kind: &EffectKind, measures: bool) -> Points {
+        match (kind.rough, kind.happens() || measures) {
             (false, _) => Points::Kept,
             (true, false) if self.coarse.is_some() => Points::Laws,
             (true, _) => Points::All,
@@ -373,17 +374,18 @@ impl<'a> LinearisedRecording<'a> {
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let place = Place { scene: self.baseline(kind).scene(), joint };
         let first = kind.terms_at(&place, shape).into_iter().next();
-        let placed = match first {
-            Some(term) if !self.found.borrow().is_empty() => Some(kind.place(&place, term.plus)?),
-            _ => None,
+        let placed = first.map(|term| kind.place(&place, term.plus)).transpose()?;
+        let points = self.points(kind, placed.as_ref().is_some_and(|placed| placed.effect.measures()));
+        let level = match &placed {
+            Some(placed) if !self.found.borrow().is_empty() => self.level(placed),
+            _ => Level::Arm,
         };
-        let level = placed.as_ref().map_or(Level::Arm, |placed| self.level(placed));
-        let columns = match self.beneath(level, self.points(kind))? {
+        let columns = match self.beneath(level, points)? {
             Some(beneath) => kind.columns(&beneath, joint, shape)?,
-            None => kind.columns(self.baseline(kind), joint, shape)?,
+            None => kind.columns(self.on(points), joint, shape)?,
         };
         let mut terms: Vec<(Term, Answer)> =
-            columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect();
+            columns.into_iter().map(|(term, column)| (term, self.answer_of(points, &column))).collect();
         let found = self.found.borrow();
         let own = placed.and_then(|placed| {
             let is_own = |known: &&Placed| known.kind.name == placed.kind.name && known.joint == placed.joint;
@@ -473,7 +475,8 @@ impl<'a> LinearisedRecording<'a> {
     /// # Errors
     /// [`LawError::Changed`] if it leaves no possible arm.
     pub fn answer(&self, placed: &Placed) -> Result<Answer, LawError> {
-        Ok(self.answer_of(placed.kind, &self.baseline(placed.kind).change(placed)?))
+        let points = self.points(placed.kind, placed.effect.measures());
+        Ok(self.answer_of(points, &self.on(points).change(placed)?))
     }
 
     /// Measured minus the model with `more` effects, channel by channel. All effects act together, as in an arm file.
@@ -571,7 +574,8 @@ impl<'a> LinearisedRecording<'a> {
         self.by_channel(|kind| change(kind.of(&with), kind.of(&without)))
     }
 
-    fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {
+    /// The rows of a `change` on these points.
+    fn answer_of(&self, points: Points, change: &Change) -> Answer {
         self.by_channel(|channel| {
             let column = match channel {
                 Kind::Torque(joint) => change.torque.written(joint),
@@ -580,7 +584,7 @@ impl<'a> LinearisedRecording<'a> {
                 Kind::Position(_) => None,
             };
             let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
-            Some(match (self.points(kind), &self.prepared.coarse) {
+            Some(match (points, &self.prepared.coarse) {
                 (Points::Kept, _) => column.to_vec(),
                 (Points::Laws, Some(coarse)) => coarse.grid.keep(column),
                 (Points::Laws | Points::All, _) => self.prepared.treatment.keep(column),
@@ -665,4 +669,70 @@ fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
 fn change(a: &[f64], b: &[f64]) -> Option<Vec<f64>> {
     let difference = difference(a, b);
     difference.iter().any(|&x| x != 0.0).then_some(difference)
+}
+
+#[cfg(test)]
+mod tests {
+    use freeplay_arm::{JointFriction, JointKind};
+    use freeplay_laws::Placed;
+    use freeplay_model::EffectTable;
+    use toml::Table;
+
+    use super::{LinearisedRecording, PreparedRecording};
+    use crate::made::{arm, columns_along, even, link, recording, sines};
+    use crate::signals::channel::Kind;
+    use crate::signals::motion::Settings;
+
+    /// What a found sensor reads of a contribution: the torque of the model as a contribution becomes, beside a delay, the torque of the model with the delay.
+    #[test]
+    fn a_found_delay_acts_on_the_contributions_of_other_laws() {
+        let friction = JointFriction { viscous: 2.0, coulomb: 3.0 };
+        let arm = arm(vec![link("first", JointKind::Revolute, friction)]);
+        let made = recording(columns_along(sines, &arm, &even(12.0, 250.0), |_, _| 0.0));
+        let prepared = PreparedRecording::new(&arm, &made, &Settings::default()).expect("a ground");
+        let recording = LinearisedRecording::new(&arm, &[], &prepared).expect("a stage");
+        let delay = || {
+            let parameters: Table = "channel = \"torque\"\ndelay = 0.019".parse().expect("a table");
+            let table = EffectTable { kind: "time_delay".to_owned(), joint: None, parameters, line: 0 };
+            Placed::new(&table, &arm).expect("a delay")
+        };
+        let change = recording.answer(&delay()).expect("an arm");
+        recording.set_found(vec![delay()]);
+        let model = recording.by_channel(|kind| {
+            let channel = recording.number_of(kind)?;
+            matches!(kind, Kind::Torque(_)).then(|| recording.channels[channel].model.clone())
+        });
+        let read = recording.as_recorded(model.clone(), &vec![None; model.len()]);
+        let channel = recording.number_of(Kind::Torque(0)).expect("a torque");
+        let off = recording.residual_with(&[&delay()]).expect("an arm");
+        let exact: Vec<f64> =
+            recording.channels[channel].measured.iter().zip(&off[channel]).map(|(a, b)| a - b).collect();
+        let [model, read, change] =
+            [model, read, change].map(|answer| answer[channel].clone().expect("rows"));
+        let size = model.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let off: Vec<f64> = read
+            .iter()
+            .zip(&model)
+            .zip(&change)
+            .map(|((read, model), change)| read - model - change)
+            .collect();
+        let off = off.iter().map(|x| x * x).sum::<f64>().sqrt() / size;
+        let changed = change.iter().map(|x| x * x).sum::<f64>().sqrt() / size;
+        let dist =
+            |a: &dyn Fn(usize) -> f64| (0..model.len()).map(|k| a(k).powi(2)).sum::<f64>().sqrt() / size;
+        println!(
+            "law {:.1e} kept {:.1e} n {}",
+            dist(&|k| model[k] + change[k] - exact[k]),
+            dist(&|k| read[k] - exact[k]),
+            model.len()
+        );
+        println!(
+            "law {:?} kept {:?} n {}",
+            (0..20).map(|k| model[k] + change[k] - exact[k]).collect::<Vec<_>>(),
+            (0..20).map(|k| read[k] - exact[k]).collect::<Vec<_>>(),
+            model.len()
+        );
+        println!("off by {off:.1e}, of a change of {changed:.1e}");
+        assert!(off < 0.02 * changed);
+    }
 }
