@@ -14,6 +14,7 @@ use crate::evidence::parabola::Parabola;
 use crate::evidence::system::{Fit, System};
 use crate::random::normal;
 use crate::report::diagnosis::Parameter;
+use crate::search::moves::FINEST_STEP;
 use crate::sorting::sort;
 use crate::statistics::DRAWS;
 
@@ -99,8 +100,6 @@ fn of_member(
 /// Uncertainty of the nonlinear parameters of member number `place`, from the curvature of the profile of the evidence (Venzon & Moolgavkar 1988, Appl. Stat.
 /// 37:87); without the parameters that the motion does not determine.
 fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
-    /// First distance from the estimate.
-    const FIRST_STEP: f64 = 0.1;
     /// Turns until the distance is the standard deviation itself: a parabola needs one, a cusp, as at the end of an event, some more.
     const TURNS: usize = 4;
     let member = fit.members[place];
@@ -110,7 +109,7 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     let Some(best) = system.gains(&without, &[member]).pop().flatten() else { return Vec::new() };
     let mut all = Vec::new();
     for name in system.candidate(member).numbers() {
-        let mut step = FIRST_STEP;
+        let mut step = FINEST_STEP;
         let mut found = None;
         for _ in 0..TURNS {
             let mut gain = |step: f64| {
