@@ -34,6 +34,21 @@ impl Trajectory {
         (self.t[stretch.end - 1] - self.t[stretch.start]) / points as f64
     }
 
+    /// For each point, the share of the time up to halfway to its neighbours in which something acts that acts from `start` to `end`, s. A low-pass sees no
+    /// difference between a part of a sample and an instant between two samples.
+    #[must_use]
+    pub fn acting(&self, start: f64, end: f64) -> Vec<f64> {
+        let mut shares = vec![0.0; self.len()];
+        for stretch in &self.stretches {
+            let step = self.step(stretch).max(f64::MIN_POSITIVE);
+            for point in stretch.clone() {
+                let within = end.min(self.t[point] + 0.5 * step) - start.max(self.t[point] - 0.5 * step);
+                shares[point] = (within / step).clamp(0.0, 1.0);
+            }
+        }
+        shares
+    }
+
     /// The same motion with `shift`, `[joint][point]`, added to the positions; velocities and accelerations by central differences within
     /// each stretch.
     #[must_use]

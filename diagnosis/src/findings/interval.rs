@@ -122,7 +122,7 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
             let (Some(under), Some(over)) = (gain(-step), gain(step)) else { break };
             let parabola = Parabola::new([under.value, best.value, over.value], step);
             let deviation = parabola.map(|parabola| parabola.deviation().min(VAGUE));
-            found = deviation.map(|deviation| (deviation, (over.beta - under.beta) / (2.0 * step)));
+            found = deviation.map(|deviation| (deviation, (over.beta - under.beta) / (2.0 * step))).or(found);
             step = deviation.unwrap_or(VAGUE);
         }
         all.extend(found.map(|(deviation, pull)| Loose { name, deviation, pull }));

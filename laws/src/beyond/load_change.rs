@@ -100,9 +100,12 @@ impl LoadChange {
 impl Effect for LoadChange {
     fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let Ok(carrying) = scene.carrying() else { return };
+        let (start, end) =
+            if self.is_after { (self.time, f64::INFINITY) } else { (f64::NEG_INFINITY, self.time) };
+        let shares = scene.motion.acting(start, end);
         for (joint, carrying) in carrying.iter().enumerate() {
-            for ((torque, carrying), t) in torque[joint].iter_mut().zip(carrying).zip(&scene.motion.t) {
-                *torque += if self.acts(*t) { self.mass * carrying } else { 0.0 };
+            for ((torque, carrying), share) in torque[joint].iter_mut().zip(carrying).zip(&shares) {
+                *torque += self.mass * carrying * share;
             }
         }
     }

@@ -83,13 +83,13 @@ struct ExternalForce(ToolForce);
 impl Effect for ExternalForce {
     fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let ToolForce { force, start, end } = self.0;
-        let acts = |t: f64| t >= start && t < end;
+        let shares = scene.motion.acting(start, end);
         for (joint, sensitivity) in scene.tool_sensitivity().iter().enumerate() {
             let [x, y, z] = sensitivity;
-            for (point, torque) in torque[joint].iter_mut().enumerate() {
-                if acts(scene.motion.t[point]) {
-                    *torque -= Vector3::new(x[point], y[point], z[point]).dot(&force);
-                }
+            for (point, torque) in
+                torque[joint].iter_mut().enumerate().filter(|(point, _)| shares[*point] > 0.0)
+            {
+                *torque -= shares[point] * Vector3::new(x[point], y[point], z[point]).dot(&force);
             }
         }
     }

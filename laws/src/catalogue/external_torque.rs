@@ -4,11 +4,15 @@
 //! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces), with the force on one coordinate.
 
 use super::external_force::windows;
-use crate::joint_law::{AtJoint, Instant, JointLaw};
+use crate::archive::Archive;
+use crate::columns::Columns;
+use crate::effect::Effect;
+use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, Occurrence, Seen, Terms};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::place::Site;
+use crate::scene::Scene;
 
 /// The catalogue entry.
 pub static KIND: Kind = Kind {
@@ -41,19 +45,35 @@ pub static KIND: Kind = Kind {
     shapes: windows,
     build: |values| {
         let (torque, start, end) = (values.number("torque")?, values.number("start")?, values.number("end")?);
-        Ok(Box::new(AtJoint { joint: values.joint()?, law: ExternalTorque { torque, start, end } }))
+        Ok(Box::new(ExternalTorque { joint: values.joint()?, torque, start, end }))
     },
 };
 
 #[derive(Clone, Copy, Debug)]
 struct ExternalTorque {
+    joint: usize,
     torque: f64,
     start: f64,
     end: f64,
 }
 
-impl JointLaw for ExternalTorque {
-    fn resisting(&self, at: &Instant) -> f64 {
-        if at.t >= self.start && at.t < self.end { -self.torque } else { 0.0 }
+impl Effect for ExternalTorque {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
+        let shares = scene.motion.acting(self.start, self.end);
+        torque[self.joint].iter_mut().zip(shares).for_each(|(torque, share)| *torque -= share * self.torque);
     }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.drives.push(Box::new(*self));
+    }
+}
+
+impl DriveLaw for ExternalTorque {
+    fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
+        if now.t >= self.start && now.t < self.end {
+            torque[self.joint] += self.torque;
+        }
+    }
+
+    fn transfer_state(&mut self, _: &mut Archive) {}
 }
