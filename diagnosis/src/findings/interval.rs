@@ -14,7 +14,7 @@ use crate::evidence::parabola::Parabola;
 use crate::evidence::system::{Fit, System};
 use crate::random::normal;
 use crate::report::diagnosis::Parameter;
-use crate::search::moves::FINEST_STEP;
+use crate::search::moves::STEPS;
 use crate::sorting::sort;
 use crate::statistics::DRAWS;
 
@@ -109,7 +109,7 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     let Some(best) = system.gains(&without, &[member]).pop().flatten() else { return Vec::new() };
     let mut all = Vec::new();
     for name in system.candidate(member).numbers() {
-        let mut step = FINEST_STEP;
+        let mut step = STEPS[STEPS.len() - 1];
         let mut found = None;
         for _ in 0..TURNS {
             let mut gain = |step: f64| {

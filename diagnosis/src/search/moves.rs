@@ -14,10 +14,8 @@ use crate::statistics::BACKTRACKING;
 
 /// Largest number of candidates that the search tries in the place of several members: others are far less probable, and each trial takes a fit.
 const TRIED: usize = 12;
-/// Steps of the logarithm of a shape's parameter, from the distance between two candidate shapes.
-const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, FINEST_STEP];
-/// The last of these steps: there begin the parabolas, whose steps follow from the rows.
-pub const FINEST_STEP: f64 = 0.004;
+/// Steps of the logarithm of a shape's parameter: from the distance between two candidate shapes down to one at which a parabola describes the evidence.
+pub const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
 /// Smallest increase of the log evidence that justifies another step: less is far below the resolution of any odds, and partly a rounding error.
 pub const WORTH: f64 = 0.01;
 
@@ -711,7 +709,7 @@ impl<'d, 'a> Search<'d, 'a> {
     fn moved_to_vertex(&mut self, fit: &Fit, index: usize, now: f64, lines: &[Line]) -> (usize, f64) {
         let (mut best, mut now) = (index, now);
         for line in lines {
-            let mut step = FINEST_STEP;
+            let mut step = STEPS[STEPS.len() - 1];
             while let Some(parabola) = self.parabola(fit, best, now, &along(line), step) {
                 if parabola.rise() <= WORTH {
                     break;
