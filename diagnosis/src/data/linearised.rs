@@ -392,6 +392,7 @@ impl<'a> LinearisedRecording<'a> {
             found.iter().map(|(_, known)| &**known).find(is_own)
         });
         match (level, own) {
+            // The times of an event are those of the recording: sensors do not shift it.
             (Level::Drive, _) if !kind.happens() => {
                 let sensors = self.sensors()?;
                 for (_, answer) in &mut terms {
@@ -683,7 +684,7 @@ mod tests {
     use crate::signals::channel::Kind;
     use crate::signals::motion::Settings;
 
-    /// What a found sensor reads of a contribution: the torque of the model as a contribution becomes, beside a delay, the torque of the model with the delay.
+    /// A found delay shifts the torque of the model by [`LinearisedRecording::as_recorded`] just as the law of the delay does.
     #[test]
     fn a_found_delay_acts_on_the_contributions_of_other_laws() {
         let friction = JointFriction { viscous: 2.0, coulomb: 3.0 };
