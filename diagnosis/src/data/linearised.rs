@@ -392,11 +392,16 @@ impl<'a> LinearisedRecording<'a> {
             found.iter().map(|(_, known)| &**known).find(is_own)
         });
         match (level, own) {
-            // The times of an event are those of the recording: sensors do not shift it.
-            (Level::Drive, _) if !kind.happens() => {
-                let sensors = self.sensors()?;
+            (Level::Drive, _) => {
+                let through = &self.sensors()?.through;
                 for (_, answer) in &mut terms {
-                    *answer = self.as_recorded(std::mem::take(answer), &sensors.through);
+                    let column = std::mem::take(answer);
+                    // The times of an event are those of the recording: sensors do not shift it.
+                    *answer = if kind.happens() {
+                        scaled(column, through)
+                    } else {
+                        self.as_recorded(column, through)
+                    };
                 }
             }
             (Level::Sensor, Some(own)) => self.with_kept(&mut terms, own)?,
@@ -713,5 +718,41 @@ mod tests {
         println!("{share:.3} of the change of {:.3} of the torque", size(&change) / size(&model));
         // The first rows have no value from before, and a curve between kept points rounds a jump.
         assert!(share < 0.05);
+    }
+
+    /// While a drive is at its limit, its torque is the limit, with a push on its joint or without.
+    #[test]
+    fn a_drive_at_its_limit_does_not_show_a_push() {
+        let friction = JointFriction { viscous: 2.0, coulomb: 3.0 };
+        let arm = arm(vec![link("first", JointKind::Revolute, friction)]);
+        let made = recording(columns_along(sines, &arm, &even(12.0, 250.0), |_, _| 0.0));
+        let prepared = PreparedRecording::new(&arm, &made, &Settings::default()).expect("a ground");
+        let recording = LinearisedRecording::new(&arm, &[], &prepared).expect("a stage");
+        let channel = recording.number_of(Kind::Torque(0)).expect("a torque");
+        let needed = recording.channels[channel].model.clone();
+        let limit = 0.6 * needed.iter().fold(0.0_f64, |most, torque| most.max(torque.abs()));
+        let parameters: Table = format!("limit = {limit}").parse().expect("a table");
+        let table = EffectTable {
+            kind: "actuator_saturation".to_owned(),
+            joint: Some("first".to_owned()),
+            parameters,
+            line: 0,
+        };
+        recording.set_found(vec![Placed::new(&table, &arm).expect("a limit")]);
+        let push = freeplay_laws::kind("external_torque").expect("in the catalogue");
+        let window: Table = "start = 0.0\nend = 1e3".parse().expect("a table");
+        let terms = recording.terms((push, Some(0)), &window, &[], &mut None).expect("an arm");
+        let column = terms[0].1[channel].as_ref().expect("rows");
+        let through = |is_at_limit: bool| {
+            let rows = (0..needed.len()).filter(|&row| (needed[row].abs() > limit) == is_at_limit);
+            let shares: Vec<f64> = rows.map(|row| -column[row]).collect();
+            println!("{} rows, at the limit: {is_at_limit}", shares.len());
+            shares.iter().sum::<f64>() / shares.len() as f64
+        };
+        let (at_limit, free) = (through(true), through(false));
+        println!("the torque shows {at_limit:.3} of the push at the limit, {free:.3} elsewhere");
+        // Rows beside a corner hold both sides of it.
+        assert!(at_limit < 0.1);
+        assert!((free - 1.0).abs() < 0.1);
     }
 }

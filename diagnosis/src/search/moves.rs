@@ -735,12 +735,8 @@ impl<'d, 'a> Search<'d, 'a> {
         step: f64,
     ) -> Option<Parabola> {
         let mut value = |step: f64| {
-            let candidate = self.system.candidate(index);
-            let form = candidate.moved(self.system.data, along, step);
-            let data = self.system.data;
-            let other = self.tried.get(candidate, form, |one, form| one.reformed(data, form))?;
-            let at = self.system.take(other)?;
-            let gain = self.system.gains(fit, &[at]).pop().flatten();
+            let form = self.system.candidate(index).moved(self.system.data, along, step);
+            let (at, gain) = self.reformed_gain(fit, index, form)?;
             self.system.forget(at);
             Some(gain?.value)
         };
@@ -749,18 +745,23 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// The number of `index` in another `form` and its value beside `fit`, if that is more than `now`.
     fn try_form(&mut self, fit: &Fit, index: usize, form: Form, now: f64) -> Option<(usize, f64)> {
-        let data = self.system.data;
-        let candidate = self.system.candidate(index);
-        let other = self.tried.get(candidate, form, |one, form| one.reformed(data, form))?;
-        let at = self.system.take(other)?;
-        let gain = self.system.gains(fit, &[at]).pop().flatten().filter(|gain| gain.is_inside);
-        match gain.filter(|gain| gain.value > now + WORTH) {
+        let (at, gain) = self.reformed_gain(fit, index, form)?;
+        match gain.filter(|gain| gain.is_inside && gain.value > now + WORTH) {
             Some(gain) => Some((at, gain.value)),
             None => {
                 self.system.forget(at);
                 None
             }
         }
+    }
+
+    /// The number that the system gives `index` in another `form`, and its gain beside `fit`.
+    fn reformed_gain(&mut self, fit: &Fit, index: usize, form: Form) -> Option<(usize, Option<Gain>)> {
+        let data = self.system.data;
+        let candidate = self.system.candidate(index);
+        let other = self.tried.get(candidate, form, |one, form| one.reformed(data, form))?;
+        let at = self.system.take(other)?;
+        Some((at, self.system.gains(fit, &[at]).pop().flatten()))
     }
 }
 

@@ -46,10 +46,20 @@ impl Chain {
     }
 }
 
+/// Distance of a link's centre of mass from its end, as a share of the length, below which it bends as if the centre were there: its own weight W then deflects
+/// the end by less than 0.015 W/k, and the hinges of the short part would be so stiff that the simulation would need thousands of steps for them.
+const NEAR_END: f64 = 0.1;
+
 /// Positions of the hinges of a bending link whose centre of mass is at the share `centre` of its length, and their shares of the beam's L/EI: the points and
 /// weights of Gauss–Radau quadrature from the centre of mass to each end. Deflections are integrals over the two parts of products of two linear functions, so
-/// that a force and a moment at the end and the link's own weight deflect these hinges like a uniform beam (Abramowitz & Stegun 1964, 25.4.31).
+/// that a force and a moment at the end and the link's own weight deflect these hinges like a uniform beam (Abramowitz & Stegun 1964, 25.4.31). A centre near
+/// an end is at that end.
 fn hinges_of(centre: f64) -> [(f64, f64); 3] {
+    let centre = match centre {
+        near if near < NEAR_END => 0.0,
+        far if far > 1.0 - NEAR_END => 1.0,
+        between => between,
+    };
     let beyond = 1.0 - centre;
     [(centre / 3.0, 0.75 * centre), (centre, 0.25), (1.0 - beyond / 3.0, 0.75 * beyond)]
 }

@@ -266,3 +266,24 @@ fn a_gap_is_taken_up_by_the_load() {
     println!("motor leads by {lead:.6} rad under {load:.2} N·m ({ideal:?})");
     assert!(lead.abs() > 0.5 * gap && lead.abs() < 0.5 * gap + 40.0 / stiffness);
 }
+
+/// A bending link can be simulated in a reasonable time, wherever its centre of mass is.
+#[test]
+fn no_bending_link_is_too_stiff_to_simulate() {
+    let mut links = 0;
+    for machine in Machine::ALL {
+        let (arm, load) = machine.loaded(1.0).expect("an arm");
+        let deviations = DataSheetDeviations::none(arm.dof());
+        for joint in 0..arm.dof() {
+            let effect = Effect { joint: Some(joint), physics: Physics::LinkFlexure { stiffness: 4e4 } };
+            // A link without length does not bend.
+            let Ok(plan) = Plan::new(&arm, &load, &deviations, &[effect], &[machine.home().to_vec()]) else {
+                continue;
+            };
+            println!("{machine:?} joint {joint}: {} short steps in a long one", plan.substeps);
+            assert!(plan.substeps < 100);
+            links += 1;
+        }
+    }
+    assert!(links > 20);
+}
