@@ -464,7 +464,14 @@ fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, torques: Option<&
         (kind.shapes)(&Place { scene: recording.baseline(kind).scene(), joint })
     };
     if !kind.happens() {
-        return shapes_of(fastest(data, joint)).into_iter().map(Form::of).collect();
+        // Each recording may reach speeds and loads that the others do not.
+        let mut shapes: Vec<Table> = Vec::new();
+        for shape in data.recordings.iter().flat_map(shapes_of) {
+            if !shapes.contains(&shape) {
+                shapes.push(shape);
+            }
+        }
+        return shapes.into_iter().map(Form::of).collect();
     }
     // Each recording has its own clock, and an event happens in one recording alone.
     let mut forms = Vec::new();
@@ -474,19 +481,6 @@ fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, torques: Option<&
         forms.extend(shapes.map(|shape| in_one_recording(data, shape, index)));
     }
     forms
-}
-
-/// The recording in which `joint` moves fastest, which covers the speeds and loads of the shapes; for the whole arm the first recording.
-fn fastest<'c, 'a>(data: &'c Data<'a>, joint: Option<usize>) -> &'c LinearisedRecording<'a> {
-    let greatest = |recording: &LinearisedRecording| {
-        let joint = joint.map(|joint| recording.motion().v[joint].iter());
-        joint.into_iter().flatten().fold(0.0_f64, |most, v| most.max(v.abs()))
-    };
-    let first = &data.recordings[0];
-    data.recordings
-        .iter()
-        .skip(1)
-        .fold(first, |most, recording| if greatest(recording) > greatest(most) { recording } else { most })
 }
 
 /// Smallest share of a column's square that is independent of the columns before it in the same law, for the motion to show its term: above the

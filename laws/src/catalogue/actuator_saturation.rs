@@ -25,7 +25,9 @@ pub static KIND: Kind = Kind {
     words: "a drive that is limited to {limit}",
     site: Site::Joint,
     parameters: &[
-        Parameter::number("limit", "greatest torque of the drive", "N*m", [1e-9, 1e9]).prismatic("N").shape(),
+        Parameter::number("limit", "greatest torque of the drive", "N*m", [LEAST_LIMIT, 1e9])
+            .prismatic("N")
+            .shape(),
         Parameter::number("share", "share of the torque beyond the limit that is lost", "1", [0.0, 1.0])
             .or(1.0),
     ],
@@ -61,6 +63,9 @@ pub static KIND: Kind = Kind {
     },
 };
 
+/// Least limit, N·m or N: a drive without any torque is not a limited drive.
+const LEAST_LIMIT: f64 = 1e-9;
+
 /// Least share of the torque beyond the limit that a drive's limit removes: a softer reduction is another law.
 const SOFTEST: f64 = 0.5;
 
@@ -68,16 +73,25 @@ const SOFTEST: f64 = 0.5;
 /// everything beyond it.
 const OVER: f64 = 1.5;
 
-/// The limits of the search: shares of the greatest torque of the motion.
+/// Shares of the time for which the drive needs more than the limits with which the search starts: a motion needs its greatest torque for moments or for
+/// half of its time. Between neighbours, a fit of `share` stays between [`SOFTEST`] and [`OVER`], also for a sine.
+const TIMES_BEYOND: [f64; 9] = [0.75, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125, 0.00390625];
+
+/// The limits of the search: what the motion needs for more than each of [`TIMES_BEYOND`].
 fn limits(place: &Place) -> Vec<Table> {
     let (Some(index), Some(joint)) = (place.joint, place.joint()) else { return Vec::new() };
     let (motion, friction) = (&place.scene.motion, DriveFriction::nominal(joint.friction));
     let asked = place.scene.load[index].iter().zip(&motion.v[index]).zip(&motion.a[index]);
-    let greatest = asked.fold(0.0_f64, |most, ((load, v), a)| {
-        most.max((load + friction.resisting(*v) + joint.rotor_inertia * a).abs())
-    });
-    let shares = if greatest > 1e-6 { [0.5, 0.6, 0.7, 0.8, 0.87, 0.93].as_slice() } else { &[] };
-    shares.iter().map(|share| with(&Table::new(), [("limit", share * greatest)])).collect()
+    let mut needed: Vec<f64> =
+        asked.map(|((load, v), a)| (load + friction.resisting(*v) + joint.rotor_inertia * a).abs()).collect();
+    needed.sort_unstable_by(|a, b| b.total_cmp(a));
+    let mut levels: Vec<f64> = TIMES_BEYOND
+        .iter()
+        .filter_map(|share| needed.get((share * needed.len() as f64) as usize).copied())
+        .filter(|level| *level > LEAST_LIMIT)
+        .collect();
+    levels.dedup();
+    levels.iter().map(|level| with(&Table::new(), [("limit", *level)])).collect()
 }
 
 #[derive(Clone, Copy, Debug)]
