@@ -4,8 +4,8 @@ use std::rc::Rc;
 
 use freeplay_arm::Arm;
 use freeplay_laws::{
-    ArmParts, Injection, Kind as EffectKind, LawError, OPERATING_POINT, Place, Placed, Site, Start, Term,
-    kinds,
+    ArmParts, Injection, Kind as EffectKind, LawError, Need, OPERATING_POINT, Place, Placed, Site, Start,
+    Term, kinds,
 };
 use freeplay_model::EffectTable;
 use freeplay_recording::Group;
@@ -464,14 +464,7 @@ fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, torques: Option<&
         (kind.shapes)(&Place { scene: recording.baseline(kind).scene(), joint })
     };
     if !kind.happens() {
-        // Each recording may reach speeds and loads that the others do not.
-        let mut shapes: Vec<Table> = Vec::new();
-        for shape in data.recordings.iter().flat_map(shapes_of) {
-            if !shapes.contains(&shape) {
-                shapes.push(shape);
-            }
-        }
-        return shapes.into_iter().map(Form::of).collect();
+        return shapes_of(widest(data, kind, joint)).into_iter().map(Form::of).collect();
     }
     // Each recording has its own clock, and an event happens in one recording alone.
     let mut forms = Vec::new();
@@ -481,6 +474,29 @@ fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, torques: Option<&
         forms.extend(shapes.map(|shape| in_one_recording(data, shape, index)));
     }
     forms
+}
+
+/// The recording that covers most of what the shapes of `kind` at `joint` depend on: torques for a law of the load, else speeds. For the whole arm the first
+/// recording.
+fn widest<'c, 'a>(
+    data: &'c Data<'a>,
+    kind: &EffectKind,
+    joint: Option<usize>,
+) -> &'c LinearisedRecording<'a> {
+    let is_of_load = kind.needs.iter().any(|need| matches!(need, Need::LoadRange(_)));
+    let reach = |recording: &LinearisedRecording| {
+        let greatest = |column: &[f64]| column.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let Some(joint) = joint else { return 0.0 };
+        match recording.number_of(Kind::Torque(joint)).filter(|_| is_of_load) {
+            Some(torque) => greatest(&recording.channels[torque].measured),
+            None => greatest(&recording.motion().v[joint]),
+        }
+    };
+    let first = &data.recordings[0];
+    data.recordings
+        .iter()
+        .skip(1)
+        .fold(first, |most, recording| if reach(recording) > reach(most) { recording } else { most })
 }
 
 /// Smallest share of a column's square that is independent of the columns before it in the same law, for the motion to show its term: above the

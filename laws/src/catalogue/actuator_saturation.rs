@@ -75,7 +75,7 @@ const OVER: f64 = 1.5;
 
 /// Shares of the time for which the drive needs more than the limits with which the search starts: a motion needs its greatest torque for moments or for
 /// half of its time. Between neighbours, a fit of `share` stays between [`SOFTEST`] and [`OVER`], also for a sine.
-const TIMES_BEYOND: [f64; 9] = [0.75, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125, 0.00390625];
+const TIMES_BEYOND: [f64; 7] = [0.75, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625];
 
 /// The limits of the search: what the motion needs for more than each of [`TIMES_BEYOND`].
 fn limits(place: &Place) -> Vec<Table> {
