@@ -7,7 +7,7 @@ COLUMNS = {
     "false alarm on negative controls": "false alarms",
     "verdict `named`: effect and joint right": "named, right",
     "effect and joint right among detected": "of detected, right",
-    "unknown physics not given a name": "unknown, not named",
+    "unknown physics not given a catalogue name": "unknown, not named",
     "two effects: both right": "two effects, both right",
     "parameter error, median": "parameter error, median",
     "95 % intervals that hold the truth": "intervals hold",
@@ -15,8 +15,11 @@ COLUMNS = {
     "better fit but wrong name": "fits better, wrong name",
 }
 
+# Names of figures in older lines.
+RENAMED = {"unknown physics not given a name": "unknown physics not given a catalogue name"}
+
 lines = [json.loads(line) for line in (pathlib.Path(__file__).parent / "sets.jsonl").read_text().splitlines()]
-scored = {line["chain"]: line["goals"] for line in lines if "scored" in line}
+scored = {line["chain"]: {RENAMED.get(name, name): goal for name, goal in line["goals"].items()} for line in lines if "scored" in line}
 
 
 def cell(goal):

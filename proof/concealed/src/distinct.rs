@@ -181,6 +181,13 @@ pub(crate) fn equivalents(effect: &Effect, arm: &Arm) -> Vec<Equivalent> {
         (Physics::LinkMass { .. }, Some(joint)) if joint + 1 == arm.dof() => {
             same(&["payload"], None, "a payload at the link's centre of mass is a heavier link")
         }
+        // Laws beyond the catalogue have a name of their own.
+        (Physics::LoadDrop { .. }, _) => {
+            same(&["load_change"], None, "a load that drops is a load that changes")
+        }
+        (Physics::MountResonance { .. }, _) => {
+            same(&["mount_compliance"], None, "what resonates is the compliance of the mount")
+        }
         _ => Vec::new(),
     }
 }

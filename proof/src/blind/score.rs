@@ -10,7 +10,7 @@ use super::truth::{Concealed, Sort, Truth};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// All concealed effects and no others, or one of a set of equivalents; for physics outside the catalogue: unknown.
+    /// All concealed effects and no others, or one of a set of equivalents; for physics outside the catalogue: unknown, or its own name.
     Right,
     /// At least one of several effects, and no false one.
     Partly,
@@ -54,6 +54,8 @@ pub fn outcome(truth: &Truth, answer: &Answer) -> Outcome {
         ("unknown" | "one_of" | "named", Sort::Negative) => Outcome::Wrong,
         ("unknown", Sort::Outside) => Outcome::Right,
         ("unknown", _) => Outcome::Refused,
+        // Laws beyond the catalogue have names, too: only such a law can be the effect itself.
+        ("named", Sort::Outside) if named(truth, answer) == Outcome::Right => Outcome::Right,
         ("one_of" | "named", Sort::Outside) => Outcome::Wrong,
         ("one_of", _) => one_of(truth, answer),
         ("named", _) => named(truth, answer),
@@ -192,6 +194,14 @@ mod tests {
         let nothing = truth(json!([]));
         let one = truth(json!([{ "kind": "backlash", "joint": "elbow" }]));
         let outside = truth(json!([{ "kind": "sloshing_load", "joint": null, "catalogued": false }]));
+        let dropped = truth(json!([{
+            "kind": "load_drop", "joint": null, "catalogued": false,
+            "equivalents": [{ "kinds": ["load_change"], "joint": null }]
+        }]));
+        let mut lost = named("named", &[]);
+        lost.effects.push(Named { kind: "load_change".into(), ..Named::default() });
+        let mut more = named("named", &[("joint_spring", "elbow")]);
+        more.effects.extend(lost.effects.clone());
         let backlash = ("backlash", "elbow");
         let spring = ("joint_spring", "elbow");
         for (truth, answer, expected) in [
@@ -209,6 +219,10 @@ mod tests {
             (&outside, named("unknown", &[]), Outcome::Right),
             (&outside, named("named", &[spring]), Outcome::Wrong),
             (&outside, named("nothing_missing", &[]), Outcome::Missed),
+            (&outside, lost.clone(), Outcome::Wrong),
+            (&dropped, named("unknown", &[]), Outcome::Right),
+            (&dropped, lost, Outcome::Right),
+            (&dropped, more, Outcome::Wrong),
         ] {
             assert_eq!(outcome(truth, &answer), expected, "{truth:?} {answer:?}");
         }

@@ -221,7 +221,7 @@ fn goals(cases: &[Judged]) -> Vec<Goal> {
             |x| x >= 95.0,
         ),
         Goal::share(
-            "unknown physics not given a name",
+            "unknown physics not given a catalogue name",
             "≥ 90 %",
             Share::among(sort(Sort::Outside), unnamed),
             |x| x >= 90.0,
