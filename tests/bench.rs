@@ -23,7 +23,9 @@ fn every_tick_is_accounted_for_and_every_miss_has_a_line() {
     for (of, ticks, caught_up) in
         [(of, 598, "caught_up"), (&bench["latency_us"]["bare clock loop"], 600, "bare_caught_up")]
     {
-        let waited = of["wake_up_uncorrected"]["count"].as_u64().expect("a count");
+        // On a busy machine, a loop may catch up all the time.
+        let waits = &of["wake_up_uncorrected"];
+        let waited = if waits.is_null() { 0 } else { waits["count"].as_u64().expect("a count") };
         println!("{caught_up}: {} of {ticks}", contest[caught_up]);
         assert_eq!(Some(ticks - waited), contest[caught_up].as_u64(), "{of:#}");
     }
