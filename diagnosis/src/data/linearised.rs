@@ -679,9 +679,10 @@ fn change(a: &[f64], b: &[f64]) -> Option<Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use freeplay_arm::{JointFriction, JointKind};
+    use freeplay_arm::{Arm, JointFriction, JointKind};
     use freeplay_laws::Placed;
     use freeplay_model::EffectTable;
+    use freeplay_recording::Recording;
     use toml::Table;
 
     use super::{LinearisedRecording, PreparedRecording};
@@ -689,12 +690,18 @@ mod tests {
     use crate::signals::channel::Kind;
     use crate::signals::motion::Settings;
 
-    /// A found delay shifts the torque of the model by [`LinearisedRecording::as_recorded`] just as the law of the delay does.
-    #[test]
-    fn a_found_delay_acts_on_the_contributions_of_other_laws() {
+    /// One joint with friction, and its motion on sines.
+    fn swinging() -> (Arm, Recording) {
         let friction = JointFriction { viscous: 2.0, coulomb: 3.0 };
         let arm = arm(vec![link("first", JointKind::Revolute, friction)]);
         let made = recording(columns_along(sines, &arm, &even(12.0, 250.0), |_, _| 0.0));
+        (arm, made)
+    }
+
+    /// A found delay shifts the torque of the model by [`LinearisedRecording::as_recorded`] just as the law of the delay does.
+    #[test]
+    fn a_found_delay_acts_on_the_contributions_of_other_laws() {
+        let (arm, made) = swinging();
         let prepared = PreparedRecording::new(&arm, &made, &Settings::default()).expect("a ground");
         let recording = LinearisedRecording::new(&arm, &[], &prepared).expect("a stage");
         let delay = || {
@@ -723,9 +730,7 @@ mod tests {
     /// While a drive is at its limit, its torque is the limit, with a push on its joint or without.
     #[test]
     fn a_drive_at_its_limit_does_not_show_a_push() {
-        let friction = JointFriction { viscous: 2.0, coulomb: 3.0 };
-        let arm = arm(vec![link("first", JointKind::Revolute, friction)]);
-        let made = recording(columns_along(sines, &arm, &even(12.0, 250.0), |_, _| 0.0));
+        let (arm, made) = swinging();
         let prepared = PreparedRecording::new(&arm, &made, &Settings::default()).expect("a ground");
         let recording = LinearisedRecording::new(&arm, &[], &prepared).expect("a stage");
         let channel = recording.number_of(Kind::Torque(0)).expect("a torque");
