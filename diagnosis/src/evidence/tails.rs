@@ -14,11 +14,15 @@ pub(crate) fn log_likelihood(rows: &[f64], least: f64) -> f64 {
     if mean <= 0.0 {
         return 0.0;
     }
+    let mut square = mean;
     let of = |freedom: f64| {
-        let mut square = mean;
         for _ in 0..MOST_ROUNDS {
             let weighed = rows.iter().map(|x| (freedom + 1.0) / (freedom + x * x / square) * x * x);
+            let before = square;
             square = (weighed.sum::<f64>() / count).max(least * least);
+            if (square - before).abs() <= before * f64::EPSILON.sqrt() {
+                break;
+            }
         }
         let far: f64 = rows.iter().map(|x| (x * x / square / freedom).ln_1p()).sum();
         let constant = libm::lgamma(0.5 * (freedom + 1.0))
@@ -26,7 +30,7 @@ pub(crate) fn log_likelihood(rows: &[f64], least: f64) -> f64 {
             - 0.5 * (freedom * std::f64::consts::PI * square).ln();
         count * constant - 0.5 * (freedom + 1.0) * far
     };
-    FREEDOMS.into_iter().map(of).fold(f64::NEG_INFINITY, f64::max)
+    FREEDOMS.into_iter().rev().map(of).fold(f64::NEG_INFINITY, f64::max)
 }
 
 #[cfg(test)]

@@ -83,7 +83,7 @@ fn found_among<'d, 'a>(
     let system = System::white(data, residual, Weights::white(data, whitening), whitening.clone())?;
     let mut search = Search::new(system, Vec::new());
     let known = known.into_iter().filter_map(|one| search.system.take(one)).collect();
-    let members = one_by_one(data, &mut search, known, residual, &mut torques)?;
+    let members = one_by_one(data, &mut search, known, residual, &mut torques, &whitening.least())?;
     let members = certain(data, &search, members, &whitening.least())?;
     let members = unexplained_by_shapes(data, &search, members, residual)?;
     Some((search, members))
@@ -131,8 +131,10 @@ fn one_by_one(
     members: Vec<usize>,
     residual: &[Vec<f64>],
     torques: &mut WhiteTorques,
+    least: &[f64],
 ) -> Option<Vec<usize>> {
     let mut now = search.with_best_shares(members)?;
+    let mut probable = probability(data, search, &now.members, least)?;
     while now.members.len() < MOST * data.recordings.len() {
         torques.set(&less(residual, &contribution(search, &now.members, residual)?));
         search.available.clear();
@@ -145,7 +147,11 @@ fn one_by_one(
             }
         }
         let Some(better) = search.added(&now)? else { break };
-        now = better;
+        let more_probable = probability(data, search, &better.members, least)?;
+        if more_probable <= probable {
+            break;
+        }
+        (now, probable) = (better, more_probable);
     }
     let mut members = now.members;
     for place in 0..members.len() {
@@ -162,7 +168,7 @@ fn one_by_one(
         let best = if best == better { best } else { search.refined(&members, best)? };
         members.insert(place, best);
     }
-    Some(search.improve(members, &mut |_| {})?.members)
+    Some(members)
 }
 
 /// The candidates with the same start and end as `member`.
