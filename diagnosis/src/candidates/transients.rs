@@ -98,7 +98,7 @@ fn edges_of(recording: &LinearisedRecording) -> Vec<usize> {
 }
 
 /// The shape of an event that begins and ends at these times.
-fn between(begin: f64, end: f64) -> Table {
+pub(crate) fn between(begin: f64, end: f64) -> Table {
     [(BEGIN, begin), (END, end)]
         .map(|(name, time)| (name.to_owned(), Value::from(time)))
         .into_iter()

@@ -61,38 +61,95 @@ pub(crate) fn diagnose(
         .iter()
         .map(|one| LinearisedRecording::new(&file.arm, &known, one))
         .collect::<Result<_, _>>()?;
-    let data = Data::new(recordings, &settings.tolerances, fitted_zeros);
+    let mut data = Data::new(recordings, &settings.tolerances, fitted_zeros);
     if let Some(lack) = recording_quality::lack(&data) {
         return Ok(insufficient(file, settings, notes, lack));
     }
     notes.extend(recording_quality::notes(&data));
     let target = data.target();
-    let (candidates, untestable) = candidates(&data, progress);
-    let (lasting, found) = {
-        // Pieces of any law resemble pushes, so that the search for lasting laws comes first.
-        let lasting = candidates.into_iter().filter(|candidate| !candidate.kind.happens()).collect();
-        let weights = Weights::new(&data, &target, None, &data.row_error, settings.seed);
-        let system = System::new(&data, target.clone(), weights).ok_or(DiagnoseError::Singular)?;
-        let mut search = Search::new(system, lasting);
-        searched(&mut search, settings.seed, progress).ok_or(DiagnoseError::Singular)?
-    };
-    let study = Study { file, settings, target: &target, lasting, notes, untestable };
+    let (mut lasting, untestable) = candidates(&data, progress);
+    lasting.retain(|candidate| !candidate.kind.happens());
+    let mut study = Study { file, settings, target: &target, lasting, notes, untestable };
+    let found = study.first_found(&mut data, progress)?;
     study.concluded(data, found, progress)
 }
 
-/// The input of a diagnosis after the search for lasting laws.
+/// The input of a diagnosis.
 struct Study<'s> {
     file: &'s ArmFile,
     settings: &'s DiagnoseSettings,
     /// The residuals of the given model.
     target: &'s [Vec<f64>],
-    /// All lasting laws, linearised on the machine with the found laws.
+    /// All lasting laws; after the first search linearised on the machine with the found laws.
     lasting: Vec<Candidate>,
     notes: Vec<String>,
     untestable: Vec<Untestable>,
 }
 
 impl Study<'_> {
+    /// The lasting laws that the search finds first. Pieces of any law resemble events, so that it searches for laws alone. But several laws together
+    /// can also imitate one event. Therefore it then starts a second time, beside the events that the given model leaves, and the more probable answer remains.
+    fn first_found(
+        &mut self,
+        data: &mut Data,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Found, DiagnoseError> {
+        let (lasting, alone) = self.searched(data, &[], progress)?;
+        let events = if alone.members.len() > 1 {
+            progress("searching for transients, such as pushes");
+            let nothing = self.nothing(data)?;
+            self.events_beside(data, &nothing, &[])
+        } else {
+            Vec::new()
+        };
+        if !events.is_empty() {
+            let (lasting, mut beside) = self.searched(data, &events, progress)?;
+            let weights = self.weights(data, &events, &beside.residual, &beside.row_error);
+            let without = self.evidence(data, &[], weights.clone(), &alone.members)?;
+            if self.evidence(data, &events, weights, &beside.members)? > without {
+                // The next search for events starts without them.
+                add_all(&mut beside.residual, events.iter().flat_map(Event::columns));
+                self.lasting = lasting;
+                return Ok(beside);
+            }
+        }
+        self.lasting = lasting;
+        Ok(alone)
+    }
+
+    /// The most probable laws beside `events`, from the fit and the choice part; and all lasting laws, linearised on the machine with them.
+    fn searched(
+        &self,
+        data: &Data,
+        events: &[Event],
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<(Vec<Candidate>, Found), DiagnoseError> {
+        progress("searching");
+        let (mut search, _) = self.search(data, events, self.weights_at_first(data, events), &[])?;
+        let mut answer = || {
+            search.run(&[], progress)?;
+            progress("choosing among the best sets of effects");
+            let answer = choose(&mut search)?;
+            let answer = search.made_consistent(&answer)?;
+            Some((search.candidates(&search.available), search.found(&answer, self.settings.seed)?))
+        };
+        answer().ok_or(DiagnoseError::Singular)
+    }
+
+    /// The given model without any effect.
+    fn nothing(&self, data: &Data) -> Result<Found, DiagnoseError> {
+        let (mut search, none) = self.search(data, &[], self.weights_at_first(data, &[]), &[])?;
+        let answer = search.with_best_shares(none);
+        let nothing = answer.and_then(|answer| search.found(&answer, self.settings.seed));
+        nothing.ok_or(DiagnoseError::Singular)
+    }
+
+    /// The weights of the active rows before any law is known, beside `events`.
+    fn weights_at_first(&self, data: &Data, events: &[Event]) -> Weights {
+        let target = less(self.target, &contribution_of(events, self.target));
+        Weights::new(data, &target, None, &data.row_error, self.settings.seed)
+    }
+
     /// The diagnosis from the laws that the search `found` in `data`, and from the events beside them.
     fn concluded(
         mut self,
@@ -393,21 +450,6 @@ fn columns_of(events: &[Event]) -> impl Iterator<Item = &Column> {
 /// Returns true if `one` and `other` are the same effects, in any forms.
 fn are_the_same(one: &[Candidate], other: &[Candidate]) -> bool {
     one.len() == other.len() && one.iter().all(|one| other.iter().any(|other| one.same_effect(other)))
-}
-
-/// The most probable answer of `search` from the fit and the choice part, and all candidates linearised on its machine; `None` if the system is
-/// singular.
-fn searched(
-    search: &mut Search,
-    seed: u64,
-    progress: &mut dyn FnMut(&str),
-) -> Option<(Vec<Candidate>, Found)> {
-    progress("searching");
-    search.run(&[], progress)?;
-    progress("choosing among the best sets of effects");
-    let answer = choose(search)?;
-    let answer = search.made_consistent(&answer)?;
-    Some((search.candidates(&search.available), search.found(&answer, seed)?))
 }
 
 /// Checks that there are recordings, that they fit this arm, and that they have the same columns.

@@ -2,8 +2,8 @@
 
 use freeplay_laws::kinds;
 
-use crate::candidates::candidate::{Candidate, at_place, places};
-use crate::candidates::transients::{END, MOST, WhiteTorques, window};
+use crate::candidates::candidate::{Candidate, Form, at_place, places};
+use crate::candidates::transients::{END, MOST, WhiteTorques, between, window};
 use crate::data::columns::{add_all, less, sum_of};
 use crate::data::stacked::Data;
 use crate::data::weights::Weights;
@@ -168,7 +168,27 @@ fn one_by_one(
         let best = if best == better { best } else { search.refined(&members, best)? };
         members.insert(place, best);
     }
-    Some(members)
+    search.available = between_edges(data, search, &members);
+    Some(search.improve(members, &mut |_| {})?.members)
+}
+
+/// The candidates of the kinds and places of `members` between any two of their edges: one event may have been found as two, the second of which takes back
+/// what the first has too much.
+fn between_edges(data: &Data, search: &mut Search, members: &[usize]) -> Vec<usize> {
+    let mut all = Vec::new();
+    for &member in members {
+        let own = search.system.candidate(member).clone();
+        let Some([begin, _]) = window(&own.form.shape) else { continue };
+        let is_like = |other: &Candidate| other.same_effect(&own) && other.form.only == own.form.only;
+        let like = members.iter().map(|&other| search.system.candidate(other)).filter(|other| is_like(other));
+        let edges: Vec<f64> = like.filter_map(|other| window(&other.form.shape)).flatten().collect();
+        for end in edges.into_iter().filter(|end| *end > begin) {
+            let form = Form { shape: between(begin, end), ..own.form.clone() };
+            let other = own.reformed(data, form).map(|other| other.with_form_count(own.forms));
+            all.extend(other.and_then(|other| search.system.take(other)));
+        }
+    }
+    all
 }
 
 /// The candidates with the same start and end as `member`.
