@@ -172,8 +172,8 @@ fn one_by_one(
     Some(search.improve(members, &mut |_| {})?.members)
 }
 
-/// The candidates of the kinds and places of `members` between any two of their edges: one event may have been found as two, the second of which takes back
-/// what the first has too much.
+/// For each of `members`, the same event up to each edge of those events of its kind and place that overlap it: one event may have been found as two, the
+/// second of which takes back what the first has too much.
 fn between_edges(data: &Data, search: &mut Search, members: &[usize]) -> Vec<usize> {
     let mut all = Vec::new();
     for &member in members {
