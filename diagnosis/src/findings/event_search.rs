@@ -83,8 +83,9 @@ fn found_among<'d, 'a>(
     let system = System::white(data, residual, Weights::white(data, whitening), whitening.clone())?;
     let mut search = Search::new(system, Vec::new());
     let known = known.into_iter().filter_map(|one| search.system.take(one)).collect();
-    let members = one_by_one(data, &mut search, known, residual, &mut torques, &whitening.least())?;
-    let members = certain(data, &search, members, &whitening.least())?;
+    let least = whitening.least();
+    let members = one_by_one(data, &mut search, known, residual, &mut torques, &least)?;
+    let members = certain(data, &search, members, &least)?;
     let members = unexplained_by_shapes(data, &search, members, residual)?;
     Some((search, members))
 }

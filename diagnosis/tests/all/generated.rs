@@ -10,12 +10,12 @@ use crate::common::of_samples;
 
 /// The diagnosis of a machine of three axes whose joint number `joint`, from 0, has a random effect of this `kind`, drawn with `seed`.
 pub fn of_three_axes(kind: &str, joint: usize, seed: u64) -> Diagnosis {
-    of_machine(kind, Some(joint), Severity::Clear, seed)
+    of_machine(kind, Some(joint), seed)
 }
 
-/// The diagnosis of a machine of three axes with a random effect of this `kind` at `joint`, from 0.
-fn of_machine(kind: &str, joint: Option<usize>, severity: Severity, seed: u64) -> Diagnosis {
-    let effects = vec![Demand { kind: kind.to_owned(), joint, severity }];
+/// The same for an effect that may belong to no joint.
+fn of_machine(kind: &str, joint: Option<usize>, seed: u64) -> Diagnosis {
+    let effects = vec![Demand { kind: kind.to_owned(), joint, severity: Severity::Clear }];
     let case =
         Case { machine: Machine::Three, effects, family: None, noise: Noise::Low, hollow: false, seed };
     let made = generate(&case).expect("a machine");
@@ -27,7 +27,7 @@ fn of_machine(kind: &str, joint: Option<usize>, severity: Severity, seed: u64) -
 /// A force that lasts for seconds is not explained by several laws that each resemble a part of it.
 #[test]
 fn a_long_force_is_named_and_no_laws_in_its_place() {
-    let diagnosis = of_machine("external_force", None, Severity::Clear, 1);
+    let diagnosis = of_machine("external_force", None, 1);
     let names: Vec<&str> = diagnosis.effects.iter().map(|effect| effect.kind).collect();
     println!("{}", diagnosis.statement);
     assert_eq!(names, ["external_force"]);
