@@ -141,11 +141,8 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             // A rejected law may have imitated another law, so the search runs once more without it. On a machine that many laws describe in part, repeating
             // the search until no law fails takes minutes.
             if std::mem::take(&mut is_first) {
-                self.search.leave_out(&empty);
-                let better = self.search.improve(members, &mut |_| {});
-                let better = better.and_then(|better| self.search.made_consistent(&better));
-                let Some(better) = better else { return Ok(None) };
-                members = better.members;
+                let Some(better) = self.searched_without(&empty, members)? else { return Ok(None) };
+                members = better;
             }
         };
         let Some(fit) = self.search.system.fit_within_tolerances(&members) else { return Ok(None) };
@@ -153,6 +150,52 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         let Some(fit) = self.certain(fit) else { return Ok(None) };
         findings.retain(|finding| finding.of.member().is_none_or(|member| fit.members.contains(&member)));
         Ok(Some((fit, findings)))
+    }
+
+    /// `kept`, or what the test part leaves of the laws that the search finds from there without the `rejected` laws: those under which all parts are more probable.
+    /// `None` if the system is singular.
+    fn searched_without(
+        &mut self,
+        rejected: &[usize],
+        kept: Vec<usize>,
+    ) -> Result<Option<Vec<usize>>, LawError> {
+        self.search.leave_out(rejected);
+        let better = self.search.improve(kept.clone(), &mut |_| {});
+        let Some(better) = better.and_then(|better| self.search.made_consistent(&better)) else {
+            return Ok(None);
+        };
+        if self.search.same_effects(&better.members, &kept) {
+            return Ok(Some(better.members));
+        }
+        let fit = self.search.system.fit_within_tolerances(&better.members);
+        let Some(fit) = fit.and_then(|fit| self.certain(fit)) else { return Ok(None) };
+        let Some(borne_out) = self.borne_out(fit)? else { return Ok(None) };
+        let mut best: Option<(f64, EffectSet)> = None;
+        for members in [kept, borne_out.fit.members] {
+            let Some((score, answer)) = self.with_test(members)? else { return Ok(None) };
+            if best.as_ref().is_none_or(|(known, _)| score > *known) {
+                best = Some((score, answer));
+            }
+        }
+        let consistent = best.and_then(|(_, best)| self.search.made_consistent(&best));
+        Ok(consistent.map(|answer| answer.members))
+    }
+
+    /// The log of the evidence of `members` and of the likelihood of the test part, all rows with the same weights, and the members with their discrepancies. `None`
+    /// if the system is singular.
+    fn with_test(&mut self, members: Vec<usize>) -> Result<Option<(f64, EffectSet)>, LawError> {
+        let known = self.search.system.reset_robust_weights();
+        let Some(answer) = known.and_then(|()| self.search.with_best_shares(members)) else {
+            return Ok(None);
+        };
+        let Some(fit) = self.search.system.fit_within_tolerances(&answer.members) else { return Ok(None) };
+        let Some(residual) = self.residual_if_possible(&fit)? else {
+            return Ok(Some((f64::NEG_INFINITY, answer)));
+        };
+        let test = self.search.system.weights.on(self.data(), &[Part::Test]);
+        let likelihood: f64 =
+            test.rows.iter().zip(&residual).map(|(rows, residual)| rows.score(residual)).sum();
+        Ok(Some((answer.evidence + likelihood, answer)))
     }
 
     /// Removes from `fit` the members that are no findings: those with odds below 20 to 1 given the other members, and differences within the tolerances.
@@ -194,11 +237,9 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             let mut without = BTreeMap::new();
             for (place, others) in order {
                 // Without this law another one may make an arm that can't exist. The residual then comes from the linear columns.
-                let (residual_without, exists) = match self.residual(&others) {
-                    Ok(residual) => (residual, true),
-                    Err(LawError::Changed { .. }) => (system.residual(&others), false),
-                    Err(error) => return Err(error),
-                };
+                let exact = self.residual_if_possible(&others)?;
+                let exists = exact.is_some();
+                let residual_without = exact.unwrap_or_else(|| system.residual(&others));
                 let tested = self.tested(&fit, place, &on_test, [&residual, &residual_without]);
                 let odds = fit.value - others.value + 0.5 * tested.squares;
                 if exists && (!is_strong_evidence(odds) || tested.gain().is_some_and(|gain| gain <= 0.0)) {
@@ -262,6 +303,15 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             self.residual_beside(|recording| self.search.system.placed_in(fit, self.arm(), recording))?;
         self.tune(&mut residual, fit);
         Ok(residual)
+    }
+
+    /// As [`Self::residual`]; `None` if no arm file could describe the machine with the members of `fit`.
+    fn residual_if_possible(&self, fit: &Fit) -> Result<Option<Vec<Vec<f64>>>, LawError> {
+        match self.residual(fit) {
+            Ok(residual) => Ok(Some(residual)),
+            Err(LawError::Changed { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
     }
 
     /// The residuals with the model as given, as a comparison with the file computes them.
