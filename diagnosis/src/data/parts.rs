@@ -31,7 +31,7 @@ pub(crate) fn parts_of(recordings: &[LinearisedRecording], counts: &[Vec<f64>]) 
     };
     let of = if recordings.len() > 1 { "each" } else { "the" };
     let how = format!(
-        "the last 30 % of {of} recording (no law was fitted to it; it only excluded laws that it contradicts)"
+        "the last 30 % of {of} recording (no law was fitted to it; it only decided which laws remain)"
     );
     ((0..recordings.len()).map(cut_at).collect(), how)
 }
