@@ -1,5 +1,5 @@
 //! Diagnoses of set-up faults that the example inserts into recordings of concealed and of real machines:
-//! `cargo run --release -p freeplay-diagnosis --example setup_faults -- single|two|clean|real|physics ROUNDS SEED [KIND]`.
+//! `cargo run --release -p freeplay-proof --example setup_faults -- single|two|clean|real|physics ROUNDS SEED [KIND]`.
 //! `real` reads the folder in `FREEPLAY_RECORDINGS`. `physics` diagnoses the same machine, effect and noise without a fault and with one, ROUNDS pairs for each
 //! kind of fault, and compares the named effects with those of the pair without a fault and with the truth.
 //!

@@ -1,7 +1,7 @@
 //! Counts the pushes in recordings that a diagnosis finds. The example adds pulses on joints and on the tool to the torques of recordings without a
 //! fault, at full bandwidth.
 //!
-//! `cargo run --release -p freeplay-diagnosis --example pushes -- FOLDER COUNT [SEED]`, with a FOLDER of cases of which some have no effect, in the
+//! `cargo run --release -p freeplay-proof --example pushes -- FOLDER COUNT [SEED]`, with a FOLDER of cases of which some have no effect, in the
 //! format of the crate `concealed` (`NNNN/model.toml`, `recording.csv`, `truth/NNNN.json`).
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 

@@ -1,6 +1,6 @@
 //! Diagnoses recordings of commanded and measured positions and prints the findings.
 //!
-//! `cargo run --release -p freeplay-diagnosis --example servos -- ARM RECORDING...`
+//! `cargo run --release -p freeplay-proof --example servos -- ARM RECORDING...`
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 
 use std::path::{Path, PathBuf};

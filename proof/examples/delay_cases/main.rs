@@ -1,6 +1,6 @@
 //! Success rate of a diagnosis in separating delayed commands from delayed encoders, with torques recorded next to commanded and measured positions.
 //!
-//! `cargo run --release -p freeplay-diagnosis --example delay_cases -- COUNT [SEED]`. A case is right if the diagnosis names the delayed part, and no other
+//! `cargo run --release -p freeplay-proof --example delay_cases -- COUNT [SEED]`. A case is right if the diagnosis names the delayed part, and no other
 //! delay.
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 

@@ -1,6 +1,6 @@
 //! Success rate of a diagnosis of commanded and measured positions alone: machines with random servos, hidden from the diagnosis.
 //!
-//! `cargo run --release -p freeplay-diagnosis --example servo_cases -- COUNT [SEED]`. Each case has two diagnoses: with the bare arm, and with the machine's
+//! `cargo run --release -p freeplay-proof --example servo_cases -- COUNT [SEED]`. Each case has two diagnoses: with the bare arm, and with the machine's
 //! own model, which lacks nothing. The machine moves in steps of 1 ms; the law is that of the crate `servo`.
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 
