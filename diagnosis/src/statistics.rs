@@ -39,6 +39,10 @@ pub(crate) const WIDE: f64 = 1e6;
 /// Largest number of rounds of an iteration: most converge in a few, and rounding errors can keep one of them oscillating.
 pub(crate) const MOST_ROUNDS: usize = 30;
 
+/// Turns of an iteration whose quantities follow each other, such as weights and residuals: each turn takes most of the change that remains, so that four settle
+/// them.
+pub(crate) const TURNS: usize = 4;
+
 /// Shares of a step that a descent tries, because the whole step may lead too far in a nonlinear problem: each share is half the one before.
 pub(crate) const BACKTRACKING: [f64; 3] = [1.0, 0.5, 0.25];
 

@@ -9,7 +9,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::along::{Along, dot, weighed};
 use super::bodies::PARAMETERS;
-use super::normal::{Channel, Cleared, ROUNDS};
+use super::normal::{Channel, Cleared};
+use crate::statistics::TURNS;
 
 /// A torque channel.
 pub(super) struct Target<'t> {
@@ -66,7 +67,7 @@ pub(super) fn fitted(
     let count = prior.len();
     let mut beta = vec![0.0; count];
     let mut price = 0.0;
-    for _ in 0..ROUNDS {
+    for _ in 0..TURNS {
         let (mut normal, mut right) = (DMatrix::<f64>::identity(count, count), DVector::zeros(count));
         for ((cleared, channel), target) in cleared.iter().zip(&channels).zip(targets) {
             let weight = target.independent / (cleared.residual_square(&beta) + channel.floor);

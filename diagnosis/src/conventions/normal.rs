@@ -2,11 +2,11 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
+use crate::statistics::TURNS;
+
 /// Ridge on the diagonal, as a share of it: a zero column, or a linear combination of others, gets no coefficient. The ridge is well above the rounding errors of
 /// sums over 240 rows, 3·10⁻¹⁴.
 const RIDGE: f64 = 1e-9;
-/// Rounds of weighting the channels by their residuals: the weights of a noiseless channel converge in three.
-pub(super) const ROUNDS: usize = 4;
 
 /// One channel: inner products of its columns (own ones, then shared ones) and of its target with them.
 pub(super) struct Channel {
@@ -38,7 +38,7 @@ pub(super) fn fit(channels: &[Channel], count: usize) -> Fit {
     let mut shared = vec![0.0; count];
     if count > 0 {
         let cleared: Vec<Cleared> = channels.iter().map(Cleared::of).collect();
-        for _ in 0..ROUNDS {
+        for _ in 0..TURNS {
             let (mut normal, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
             for (cleared, channel) in cleared.iter().zip(channels) {
                 let weight = 1.0 / (cleared.residual_square(&shared) + channel.floor);

@@ -16,7 +16,7 @@ use crate::random::normal;
 use crate::report::diagnosis::Parameter;
 use crate::search::moves::STEPS;
 use crate::sorting::sort;
-use crate::statistics::DRAWS;
+use crate::statistics::{DRAWS, TURNS};
 
 /// Greatest standard deviation, as [`Candidate::moved`] counts: beyond it, the motion does not determine the parameter.
 const VAGUE: f64 = 1.0;
@@ -100,8 +100,6 @@ fn of_member(
 /// Uncertainty of the nonlinear parameters of member number `place`, from the curvature of the profile of the evidence (Venzon & Moolgavkar 1988, Appl. Stat.
 /// 37:87); without the parameters that the motion does not determine.
 fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
-    /// Turns until the distance is the standard deviation itself: a parabola needs one, a cusp, as at the end of an event, some more.
-    const TURNS: usize = 4;
     let member = fit.members[place];
     let mut others = fit.members.clone();
     others.remove(place);
@@ -111,6 +109,7 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     for name in system.candidate(member).numbers() {
         let mut step = STEPS[STEPS.len() - 1];
         let mut found = None;
+        // The distance becomes the standard deviation itself: a parabola needs one turn, a cusp, as at the end of an event, some more.
         for _ in 0..TURNS {
             let mut gain = |step: f64| {
                 let form = system.candidate(member).moved(system.data, &[(&name, 1.0)], step);

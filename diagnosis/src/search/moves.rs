@@ -10,7 +10,7 @@ use crate::data::stacked::Data;
 use crate::evidence::parabola::Parabola;
 use crate::evidence::system::{Fit, Gain, System, all_but};
 use crate::sorting::sort_falling;
-use crate::statistics::BACKTRACKING;
+use crate::statistics::{BACKTRACKING, TURNS};
 
 /// Largest number of candidates that the search tries in the place of several members: others are far less probable, and each trial takes a fit.
 const TRIED: usize = 12;
@@ -130,7 +130,7 @@ impl<'d, 'a> Search<'d, 'a> {
     /// singular.
     pub fn run(&mut self, known: &[usize], progress: &mut dyn FnMut(&str)) -> Option<EffectSet> {
         /// Turns until both settle: the columns of a sensor change with the found effects, and the found effects change with the sensor.
-        const TURNS: usize = 2;
+        const SEARCHES: usize = 2;
         let first = self.system.shares();
         let from_nothing = self.improve(known.to_vec(), progress)?;
         self.system.set_shares(&first)?;
@@ -141,7 +141,7 @@ impl<'d, 'a> Search<'d, 'a> {
         let from_common = self.improve(common, progress)?;
         let mut best =
             if from_common.evidence > from_nothing.evidence + WORTH { from_common } else { from_nothing };
-        for _ in 0..TURNS {
+        for _ in 0..SEARCHES {
             if best.members.is_empty() {
                 break;
             }
@@ -243,11 +243,9 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(now)
     }
 
-    /// Makes the coefficients of `answer` consistent with the machine on which each law acts, and gives outliers less weight. `None` if the system is
-    /// singular.
+    /// Makes the coefficients of `answer` consistent with the machine on which each law acts, and gives outliers less weight: one law changes the machine of
+    /// another, and that changes the machine of the first. `None` if the system is singular.
     pub fn made_consistent(&mut self, answer: &EffectSet) -> Option<EffectSet> {
-        /// Turns until the coefficients settle: one law changes the machine of another, and that changes the machine of the first.
-        const TURNS: usize = 4;
         let mut now = answer.clone();
         for _ in 0..TURNS {
             let members = self.relinearised_members(&now)?;
@@ -268,8 +266,6 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `members` with the most probable shares of discrepancy.
     pub fn with_best_shares(&mut self, members: Vec<usize>) -> Option<EffectSet> {
-        /// Largest number of turns: a share changes less in each turn, and the grid of shares ends the loop.
-        const TURNS: usize = 4;
         for _ in 0..TURNS {
             let fit = self.system.fit(&members)?;
             let moved = self.system.update_shares(&fit)?;
@@ -321,9 +317,9 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `members`, each in the best form beside the others on the machine with them.
     pub fn polished(&mut self, mut members: Vec<usize>) -> Option<EffectSet> {
         /// Turns until the forms settle: a law that acts on others changes with them, and they change with it.
-        const TURNS: usize = 3;
+        const POLISHES: usize = 3;
         let mut now = self.with_best_shares(members.clone())?;
-        for _ in 0..TURNS {
+        for _ in 0..POLISHES {
             // A tolerance that reached its limit beside an earlier form need not reach it beside a better one.
             self.system.release_tolerances()?;
             let refined = self.each_refined(members.clone(), |_| true)?;
