@@ -456,3 +456,70 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         [&system.weights, &test].into_iter().any(|weights| is_unexplained(system, fit, weights))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use freeplay_arm::{Arm, JointFriction, JointKind};
+    use freeplay_model::ArmFile;
+
+    use super::Standing;
+    use crate::candidates::candidate::candidates;
+    use crate::data::linearised::{LinearisedRecording, PreparedRecording};
+    use crate::data::stacked::Data;
+    use crate::data::tolerance::Tolerances;
+    use crate::data::weights::Weights;
+    use crate::evidence::system::System;
+    use crate::made::{arm, columns_along, even, link, recording, without};
+    use crate::report::settings::DiagnoseSettings;
+    use crate::search::moves::{EffectSet, Search};
+    use crate::signals::motion::Settings;
+    use crate::statistics::STRONG;
+
+    /// Length of the recording, s.
+    const SECONDS: f64 = 20.0;
+
+    /// To and fro at one speed; in the last 30 % of the recording at half of it.
+    fn to_and_fro(_: &Arm, t: f64) -> [Vec<f64>; 3] {
+        let w = if t < 0.7 * SECONDS { 3.0 } else { 1.5 };
+        let (sharp, (sin, cos)) = (0.95_f64, (w * (t - 0.7 * SECONDS) + FRAC_PI_2).sin_cos());
+        let rest = 1.0 - (sharp * sin).powi(2);
+        let velocity = 0.4 * sharp * w * cos / rest.sqrt();
+        let acceleration = -0.4 * sharp * w * w * sin * (1.0 - sharp * sharp) / rest.powf(1.5);
+        [vec![0.4 * (sharp * sin).asin()], vec![velocity], vec![acceleration]]
+    }
+
+    #[test]
+    fn the_test_part_takes_part_in_the_choice_between_whole_sets() {
+        let arm = arm(vec![link("joint", JointKind::Revolute, JointFriction::default())]);
+        let columns = columns_along(to_and_fro, &arm, &even(SECONDS, 250.0), |_, v| 1.5 * v);
+        let made = recording(without(columns, "x"));
+        let prepared = PreparedRecording::new(&arm, &made, &Settings::default()).expect("a ground");
+        let recording = LinearisedRecording::new(&arm, &[], &prepared).expect("a stage");
+        let data = Data::new(vec![recording], &Tolerances::default(), &[]);
+        let target = data.target();
+        let (candidates, _) = candidates(&data, &mut |_| {});
+        let weights = Weights::new(&data, &target, None, &data.row_error, 1);
+        let system = System::new(&data, target.clone(), weights).expect("a system");
+        let mut search = Search::new(system, candidates);
+        let file = ArmFile { arm: arm.clone(), effects: Vec::new(), ignored: Vec::new() };
+        let of_test = ["viscous_friction", "quadratic_drag"].map(|kind| {
+            let is_kind = |&index: &usize| search.system.candidate(index).kind.name == kind;
+            let member = search.available.iter().copied().find(is_kind).expect("a candidate");
+            let answer = EffectSet { members: Vec::new(), shares: Vec::new(), evidence: 0.0 };
+            let settings = DiagnoseSettings::default();
+            let (search, answer) = (&mut search, &answer);
+            let mut standing =
+                Standing { file: &file, settings: &settings, search, answer, events: &[], target: &target };
+            let (score, set) = standing.with_test(vec![member]).expect("an arm").expect("a fit");
+            println!(
+                "{kind}: log of the evidence {}, of the test part {}",
+                set.evidence,
+                score - set.evidence
+            );
+            score - set.evidence
+        });
+        assert!(of_test[0] > of_test[1] + STRONG);
+    }
+}
