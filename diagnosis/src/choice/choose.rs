@@ -1,16 +1,17 @@
-//! The choice between the answers of the search: the likelihood of the choice part decides.
+//! The choice between the best few answers by evidence: the likelihood of the choice part decides.
 
 use crate::data::parts::Part;
 use crate::search::moves::{EffectSet, Search};
+use crate::statistics::STRONG;
 
-/// Among the visited answers and the answers with fewer effects than the best one, the one under which fit and choice part are most probable; the function
-/// leaves the system with that answer's discrepancies. `None` if the system is singular.
+/// Among the answers whose log evidence is within [`STRONG`] of the best, the one under which the choice part is most probable; the function leaves the system
+/// with that answer's discrepancies. `None` if the system is singular.
 pub(crate) fn choose(search: &mut Search) -> Option<EffectSet> {
-    let best = search.visited.first()?.clone();
-    let mut answers = search.visited.clone();
-    answers.extend(search.nested_in(&best)?);
+    let best = search.visited.first()?.evidence;
+    let as_good: Vec<EffectSet> =
+        search.visited.iter().filter(|answer| answer.evidence > best - STRONG).cloned().collect();
     let mut chosen: Option<(f64, EffectSet)> = None;
-    for answer in answers {
+    for answer in as_good {
         search.restore(&answer)?;
         let score = score(search, &answer)?;
         if chosen.as_ref().is_none_or(|(known, _)| score > *known) {

@@ -147,7 +147,7 @@ pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
             [Cell::from(channel.as_str()), (100.0 * discrepancy.share).into(), discrepancy.noise.into()];
         followed = followed.row(cells);
     }
-    let text = "The data were cut into three parts. The fit part shows which effects are missing. The choice part decides between sets of effects, and helps to estimate their parameters. No law was fitted to the test part: it only decided which laws remain, and gave the errors and gains of this report. The search for transients, such as pushes, used all parts; their rows are not in the test.";
+    let text = "The data were cut into three parts. The fit part shows which effects are missing. The choice part decides between sets of effects that fit equally well, and helps to estimate their parameters. No law was fitted to the test part: it only decided which laws remain, and gave the errors and gains of this report. The search for transients, such as pushes, used all parts; their rows are not in the test.";
     let blocks = vec![followed.into(), evidence.into(), tuned.into()];
     Some(
         Section::new("Method")

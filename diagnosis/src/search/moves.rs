@@ -456,22 +456,6 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(None)
     }
 
-    /// The answers from `answer` to no effect at all: each leaves out the effect whose loss costs least.
-    pub fn nested_in(&mut self, answer: &EffectSet) -> Option<Vec<EffectSet>> {
-        let mut nested: Vec<EffectSet> = Vec::new();
-        let mut now = answer.clone();
-        while !now.members.is_empty() {
-            self.restore(&now)?;
-            let fewer = (0..now.members.len()).map(|place| all_but(&now.members, place));
-            let valued = fewer.map(|members| Some((self.approximate_evidence(&members)?, members)));
-            let valued = valued.collect::<Option<Vec<_>>>()?;
-            let (_, members) = valued.into_iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-            now = self.with_best_shares(members)?;
-            nested.push(now.clone());
-        }
-        Some(nested)
-    }
-
     /// `now` without the member whose removal gives the highest evidence.
     fn dropped(&mut self, now: &EffectSet) -> Option<Option<EffectSet>> {
         let mut without: Vec<(f64, Vec<usize>)> = (0..now.members.len())
