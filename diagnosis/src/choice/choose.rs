@@ -28,7 +28,5 @@ fn score(search: &Search, answer: &EffectSet) -> Option<f64> {
     let fit = search.system.fit(&answer.members)?;
     let residual = search.system.residual(&fit);
     let choice = search.system.weights.on(search.system.data, &[Part::Choice]);
-    let likelihood: f64 =
-        choice.rows.iter().zip(&residual).map(|(rows, residual)| rows.score(residual)).sum();
-    Some(likelihood + answer.evidence)
+    Some(choice.score(&residual) + answer.evidence)
 }

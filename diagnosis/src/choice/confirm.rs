@@ -134,12 +134,9 @@ mod tests {
     use freeplay_arm::{Arm, JointFriction, JointKind};
 
     use super::with_several;
-    use crate::candidates::candidate::candidates;
     use crate::data::linearised::{LinearisedRecording, PreparedRecording};
     use crate::data::stacked::Data;
     use crate::data::tolerance::Tolerances;
-    use crate::data::weights::Weights;
-    use crate::evidence::system::System;
     use crate::made::{arm, columns_along, even, link, recording, sines, without};
     use crate::search::moves::Search;
     use crate::signals::motion::Settings;
@@ -164,11 +161,7 @@ mod tests {
         let prepared = PreparedRecording::new(&arm, &made, &Settings::default()).expect("a ground");
         let recording = LinearisedRecording::new(&arm, &[], &prepared).expect("a stage");
         let data = Data::new(vec![recording], &Tolerances::default(), &[]);
-        let target = data.target();
-        let (candidates, _) = candidates(&data, &mut |_| {});
-        let weights = Weights::new(&data, &target, None, &data.row_error, 1);
-        let system = System::new(&data, target, weights).expect("a system");
-        let mut search = Search::new(system, candidates);
+        let mut search = Search::over(&data).expect("a system");
         let is_coupling = |&index: &usize| search.system.candidate(index).kind.name == "joint_coupling";
         let coupling = search.available.iter().copied().find(is_coupling).expect("a coupling");
         let coupled = search.with_best_shares(vec![coupling]).expect("an answer");

@@ -352,6 +352,11 @@ impl Weights {
         Self { rows: (0..data.channels()).map(of_channel).collect(), noise }
     }
 
+    /// The log-likelihood of the `residual` of all channels.
+    pub fn score(&self, residual: &[Vec<f64>]) -> f64 {
+        self.rows.iter().zip(residual).map(|(rows, residual)| rows.score(residual)).sum()
+    }
+
     /// The weights of the rows in other `parts`, with the same noise and shares.
     pub fn on(&self, data: &Data, parts: &[Part]) -> Self {
         let channels_per_recording = data.channels_per_recording();

@@ -193,9 +193,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             return Ok(Some((f64::NEG_INFINITY, answer)));
         };
         let test = self.search.system.weights.on(self.data(), &[Part::Test]);
-        let likelihood: f64 =
-            test.rows.iter().zip(&residual).map(|(rows, residual)| rows.score(residual)).sum();
-        Ok(Some((answer.evidence + likelihood, answer)))
+        Ok(Some((answer.evidence + test.score(&residual), answer)))
     }
 
     /// Removes from `fit` the members that are no findings: those with odds below 20 to 1 given the other members, and differences within the tolerances.
@@ -465,12 +463,9 @@ mod tests {
     use freeplay_model::ArmFile;
 
     use super::Standing;
-    use crate::candidates::candidate::candidates;
     use crate::data::linearised::{LinearisedRecording, PreparedRecording};
     use crate::data::stacked::Data;
     use crate::data::tolerance::Tolerances;
-    use crate::data::weights::Weights;
-    use crate::evidence::system::System;
     use crate::made::{arm, columns_along, even, link, recording, without};
     use crate::report::settings::DiagnoseSettings;
     use crate::search::moves::{EffectSet, Search};
@@ -499,10 +494,7 @@ mod tests {
         let recording = LinearisedRecording::new(&arm, &[], &prepared).expect("a stage");
         let data = Data::new(vec![recording], &Tolerances::default(), &[]);
         let target = data.target();
-        let (candidates, _) = candidates(&data, &mut |_| {});
-        let weights = Weights::new(&data, &target, None, &data.row_error, 1);
-        let system = System::new(&data, target.clone(), weights).expect("a system");
-        let mut search = Search::new(system, candidates);
+        let mut search = Search::over(&data).expect("a system");
         let file = ArmFile { arm: arm.clone(), effects: Vec::new(), ignored: Vec::new() };
         let of_test = ["viscous_friction", "quadratic_drag"].map(|kind| {
             let is_kind = |&index: &usize| search.system.candidate(index).kind.name == kind;

@@ -5,8 +5,12 @@ use std::collections::{BTreeMap, VecDeque};
 use freeplay_arm::Arm;
 use freeplay_laws::{Occurrence, changed};
 
+#[cfg(test)]
+use crate::candidates::candidate::candidates;
 use crate::candidates::candidate::{Candidate, Form};
 use crate::data::stacked::Data;
+#[cfg(test)]
+use crate::data::weights::Weights;
 use crate::evidence::parabola::Parabola;
 use crate::evidence::system::{Fit, Gain, System, all_but};
 use crate::sorting::sort_falling;
@@ -124,6 +128,15 @@ impl<'d, 'a> Search<'d, 'a> {
             visited: Vec::new(),
             tried: Tried { numbers: [0, most], ..Tried::default() },
         }
+    }
+
+    /// The search in all rows of `data` with all candidates.
+    #[cfg(test)]
+    pub fn over(data: &'d Data<'a>) -> Option<Self> {
+        let target = data.target();
+        let weights = Weights::new(data, &target, None, &data.row_error, 1);
+        let (candidates, _) = candidates(data, &mut |_| {});
+        Some(Self::new(System::new(data, target, weights)?, candidates))
     }
 
     /// Searches once from `known` alone and once from `known` with the common effects, and restores the better answer; `None` if the system is
