@@ -57,6 +57,8 @@ pub(crate) enum Change {
     Relative { joint: usize, other: usize, factor: f64 },
     /// A joint's torque has the other sign.
     TorqueSign(usize),
+    /// All torques have the other sign.
+    CommonSign,
     /// A joint's torque is the model's times a factor that is fitted.
     Scale(usize),
     /// A joint's torque is the model's times a fixed factor from another joint's fit.
@@ -91,7 +93,7 @@ impl Change {
             Change::Direction { .. } => 2,
             Change::Zero { .. } => 3,
             Change::Relative { .. } => 4,
-            Change::TorqueSign(_) => 5,
+            Change::TorqueSign(_) | Change::CommonSign => 5,
             Change::Scale(_) | Change::SameScale(..) | Change::CommonScale => 6,
             Change::Gravity(_) | Change::AnyGravity | Change::Compensated => 7,
             Change::Delay(..) => 8,
@@ -156,7 +158,9 @@ impl Change {
             // An inverted joint includes the sign of its torque.
             (Change::Direction { joint: a, .. }, Change::TorqueSign(b))
             | (Change::TorqueSign(b), Change::Direction { joint: a, .. }) => a == b,
-            (Change::CommonScale, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale)
+            // The common sign takes the place of single ones; a single one beside it is an exception.
+            (Change::TorqueSign(_), Change::CommonSign)
+            | (Change::CommonScale, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale)
             | (Change::Scale(_) | Change::SameScale(..), Change::CommonScale)
             | (Change::Delay(..), Change::Delay(..)) => true,
             _ => self.sort() == 7 && other.sort() == 7 || self == other,
@@ -200,6 +204,7 @@ pub(crate) fn reading(arm: &Arm, changes: &[Change]) -> Reading {
                 reading.positions[joint].relative = Some((other, factor));
             }
             Change::TorqueSign(joint) => reading.torques[joint].factor *= -1.0,
+            Change::CommonSign => reading.torques.iter_mut().for_each(|torque| torque.factor *= -1.0),
             Change::Gravity(gravity) => reading.gravity = Some(gravity),
             Change::Delay(late, delay) => {
                 if late != Late::Tool {

@@ -199,6 +199,9 @@ impl Examination<'_> {
     /// The changes of `best` without torque units that carry no evidence: those of channels whose torque is as probable without the rigid arm. Such a unit
     /// hides the evidence of other readings in its channel. `None` if there is no such unit.
     fn speaking(&self, search: &Search, best: &Outcome) -> Option<Vec<Change>> {
+        if !best.is_possible() {
+            return None;
+        }
         let problem = &search.whole;
         // A torque unrelated to the arm is as rare as one in another unit: only the parameter of the unit has a price.
         let massless = problem.without_arm(&best.changes);

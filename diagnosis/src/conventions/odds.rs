@@ -39,8 +39,10 @@ impl<'p, 'a> ChangeOdds<'p, 'a> {
     pub fn by_channels(&self, change: &Change, other: &Outcome, same: &Outcome) -> f64 {
         let Self { problem, best, massless: with, .. } = self;
         let joints = if problem.samples.has_torques() { problem.arm.dof() } else { 0 };
-        let is_silent =
-            matches!(change, Change::Compensated | Change::TorqueSign(_) | Change::Direction { .. });
+        let is_silent = matches!(
+            change,
+            Change::Compensated | Change::TorqueSign(_) | Change::CommonSign | Change::Direction { .. }
+        );
         let silent = |c: usize| {
             let silent = with.get(c).filter(|_| !is_silent);
             silent.map_or(f64::INFINITY, |silent| silent.max(best.square(c)))

@@ -1,12 +1,12 @@
 //! The evidence of a set of changes: the prediction of the model along the motion as the changes read it, against the recording.
 //!
 //! *Score.* Of m rows a torque channel c keeps the mean square r_c after dry and viscous friction (neither below zero) and an offset are
-//! fitted, and a tracked coordinate of the tool keeps r_c as it is. With σ_c integrated out under Jeffreys' prior (Jeffreys 1961, §3.1)
+//! fitted, and a tracked coordinate of the tool keeps r_c as it is. With σ_c integrated out (Bernardo & Smith 1994, §5.2)
 //!
-//! ln p(S) = Σ_c −½ m ln(r_c + f_c) − ½ p ln(m C) + Σ_S ln odds,
+//! ln p(S) = Σ_c −(½ m + a) ln(r_c + f_c) − ½ p ln(m C) + Σ_S ln odds,
 //!
-//! p numbers fitted by the changes S on C channels (Schwarz 1978). The floor f_c is a share of the channel's own variance: no question
-//! about the reading is decided by the last per cent.
+//! a the shape of an inverse gamma prior of σ_c², p numbers fitted by the changes S on C channels (Schwarz 1978). The floor f_c is a share of
+//! the channel's own variance: no question about the reading is decided by the last per cent.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -26,6 +26,11 @@ use crate::statistics::variance;
 
 /// Typical relative error of a model of a real arm: 5 % of a torque's standard deviation leaves 0.25 % of its variance.
 pub(crate) const FLOOR: f64 = 0.05;
+
+/// Shape of the inverse gamma prior of the variance that a model leaves of a channel: the probability that it leaves more than R falls as 1/R. Jeffreys' prior,
+/// of shape 0, expects a model that leaves thirty times the variance of a torque as often as one that leaves a thirtieth of it, which decides where a recording
+/// has few independent rows.
+const SHAPE: f64 = 1.0;
 
 /// The same for a tracked tool, as a share of the torques' floor: no friction blurs geometry, and 1 % of a motion is more than play and elasticity cause.
 pub(crate) const GEOMETRY: f64 = 0.2;
@@ -308,7 +313,7 @@ impl<'a> Problem<'a> {
 
     /// Log-likelihood of the recorded channel `source` with the mean square residual `left` and the noise `floor`.
     pub fn log_likelihood(&self, source: usize, left: f64, floor: f64) -> f64 {
-        -0.5 * self.independent(source) * (left + floor).ln()
+        -(0.5 * self.independent(source) + SHAPE) * (left + floor).ln()
     }
 
     /// Residuals of the tool's coordinates, and the mean of the coordinates' variances.

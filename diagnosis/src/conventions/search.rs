@@ -77,11 +77,16 @@ impl<'a> Search<'a> {
     fn of_all_starts(&self, plain: Outcome) -> Outcome {
         let arm = self.whole.arm;
         let scales: Vec<Change> = (0..arm.dof()).map(Change::Scale).collect();
-        let signs: Vec<Change> = (0..arm.dof()).map(Change::TorqueSign).collect();
         let mut starts = vec![vec![Change::AngleUnit]];
         if self.whole.samples.has_torques() {
             let turned = [scales.as_slice(), &[Change::AnyGravity]].concat();
-            starts.extend([scales, vec![Change::AnyGravity], turned, signs, vec![Change::Compensated]]);
+            starts.extend([
+                scales,
+                vec![Change::AnyGravity],
+                turned,
+                vec![Change::CommonSign],
+                vec![Change::Compensated],
+            ]);
         }
         // All starts take a few steps; the best two continue.
         let ahead = ranked(starts.iter().map(|start| steps(&self.few, start, Scope::All, FIRST)));

@@ -10,7 +10,7 @@ use super::free_arm::Target;
 use super::normal::{Channel, Fit, fit};
 use super::problem::{Measured, Problem};
 use super::reading::Reading;
-use crate::statistics::variance;
+use crate::statistics::{TURNS, variance};
 
 /// Greatest inertia of a rotor, in multiples of the inertia that its joint moves: behind a gear of 160, a rotor weighs about as much as a light arm.
 const MOST_ROTOR: f64 = 4.0;
@@ -26,8 +26,6 @@ const FARTHEST: f64 = 0.25;
 const MOST_LOSS: f64 = 0.5;
 /// Greatest factor of a unit, up or down: counts of 16 bits and micronewton metres of a wrist are below.
 const MOST_SCALE: f64 = 1e6;
-/// Rounds of fitting gravity and scales in turn: the torques show only their product, and a search makes too many such fits for each to converge.
-const TURNS: usize = 5;
 
 /// The scale of a joint's torque.
 #[derive(Clone, Copy, PartialEq)]

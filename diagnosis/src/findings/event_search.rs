@@ -14,7 +14,7 @@ use crate::evidence::system::{System, all_but};
 use crate::evidence::tails;
 use crate::findings::alternatives::instead;
 use crate::findings::event::Event;
-use crate::findings::interval::{holds_nothing, parameters};
+use crate::findings::interval::{Estimate, estimates};
 use crate::report::diagnosis::Alternative;
 use crate::search::moves::Search;
 use crate::search::tried::LISTED;
@@ -45,11 +45,15 @@ pub(crate) fn find_events(
     let odds = odds(data, &mut search, &members, &whitening.least())?;
     let rest = less(residual, &contribution(&search, &members, residual)?);
     let fit = search.system.fit(&members)?;
-    let parameters = parameters(&mut search.system, &fit, seed);
+    let estimates = estimates(&mut search.system, &fit, seed);
     let weights = sizes.by_row();
     let log_priors = log_priors(&search, &members)?;
     let mut events = Vec::new();
-    for (place, (parameters, (log_odds, alternatives))) in parameters.into_iter().zip(odds).enumerate() {
+    for (place, (estimate, (log_odds, alternatives))) in estimates.into_iter().zip(odds).enumerate() {
+        let Estimate { parameters, includes_zero } = estimate;
+        if includes_zero {
+            continue;
+        }
         let candidate = search.system.candidate(members[place]);
         let candidate = candidate.reformed(data, candidate.form.clone())?;
         let beta = search.system.coefficients(&fit, place).to_vec();
@@ -67,7 +71,6 @@ pub(crate) fn find_events(
             parameters,
         });
     }
-    events.retain(|event| !holds_nothing(&event.candidate, &event.parameters));
     Some(events)
 }
 

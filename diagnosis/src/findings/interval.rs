@@ -2,13 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_laws::{Range, Role};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use toml::{Table, Value};
 
-use crate::candidates::candidate::Candidate;
 use crate::data::columns::sum_of;
 use crate::evidence::parabola::Parabola;
 use crate::evidence::system::{Fit, System};
@@ -16,7 +14,7 @@ use crate::random::normal;
 use crate::report::diagnosis::Parameter;
 use crate::search::moves::STEPS;
 use crate::sorting::sort;
-use crate::statistics::{DRAWS, TURNS};
+use crate::statistics::{DRAWS, SIGNIFICANT, TURNS};
 
 /// Greatest standard deviation, as [`Candidate::moved`] counts: beyond it, the motion does not determine the parameter.
 const VAGUE: f64 = 1.0;
@@ -31,8 +29,17 @@ struct Loose {
     pull: DVector<f64>,
 }
 
-/// The parameters of each member of `fit`, with intervals of 95 %.
-pub(crate) fn parameters(system: &mut System, fit: &Fit, seed: u64) -> Vec<BTreeMap<String, Parameter>> {
+/// What the data say of the parameters of a law.
+pub(crate) struct Estimate {
+    /// The parameters by name, with intervals of 95 %.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// True if the region that holds all coefficients with a probability of 95 % includes zero, which means that the law has no effect. The tolerance of
+    /// a link's mass can hide a payload's mass whose first moments are certain, so one coefficient alone tells nothing.
+    pub includes_zero: bool,
+}
+
+/// The estimate of each member of `fit`.
+pub(crate) fn estimates(system: &mut System, fit: &Fit, seed: u64) -> Vec<Estimate> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let factor = Cholesky::new(covariance(system, fit)).map(|factor| factor.l());
     let draws: Vec<DVector<f64>> = (0..DRAWS)
@@ -46,33 +53,41 @@ pub(crate) fn parameters(system: &mut System, fit: &Fit, seed: u64) -> Vec<BTree
     for place in 0..fit.members.len() {
         let size = system.candidate(fit.members[place]).size();
         let own: Vec<DVector<f64>> = draws.iter().map(|draw| draw.rows(at, size).into_owned()).collect();
-        all.push(of_member(system, fit, place, own, &mut rng));
+        all.push(estimate(system, fit, place, own, &mut rng));
         at += size;
     }
     all
 }
 
-/// The parameters of member number `place` of `fit`; `draws` holds samples of its coefficients.
-fn of_member(
+/// The estimate of member number `place` of `fit`; `draws` holds samples of its coefficients for given nonlinear parameters.
+fn estimate(
     system: &mut System,
     fit: &Fit,
     place: usize,
-    draws: Vec<DVector<f64>>,
+    mut draws: Vec<DVector<f64>>,
     rng: &mut ChaCha8Rng,
-) -> BTreeMap<String, Parameter> {
+) -> Estimate {
     let loose = loose(system, fit, place);
     let candidate = system.candidate(fit.members[place]);
     let limits = candidate.limits();
-    let drawn: Vec<Table> = draws
-        .into_iter()
-        .map(|mut beta| {
+    let moves: Vec<Vec<(&str, f64)>> = draws
+        .iter_mut()
+        .map(|beta| {
             let mut along = Vec::new();
             for number in &loose {
                 let by = number.deviation * normal(rng);
                 along.push((number.name.as_str(), by));
                 beta.axpy(by, &number.pull, 1.0);
             }
-            let form = candidate.moved(system.data, &along, 1.0);
+            along
+        })
+        .collect();
+    let includes_zero = includes_zero(system.coefficients(fit, place), &draws);
+    let drawn: Vec<Table> = draws
+        .into_iter()
+        .zip(&moves)
+        .map(|(mut beta, along)| {
+            let form = candidate.moved(system.data, along, 1.0);
             beta.iter_mut().zip(&limits).for_each(|(x, [least, most])| *x = x.clamp(*least, *most));
             candidate.kind.compose(&form.shape, &candidate.all_coefficients(beta.as_slice()))
         })
@@ -94,7 +109,22 @@ fn of_member(
         };
         (name.clone(), parameter)
     };
-    table.iter().map(parameter).collect()
+    Estimate { parameters: table.iter().map(parameter).collect(), includes_zero }
+}
+
+/// Returns true if at least 5 % of `draws` around `mean` are farther from it than zero is, measured in their own covariance (Mahalanobis 1936).
+fn includes_zero(mean: &[f64], draws: &[DVector<f64>]) -> bool {
+    let mean = DVector::from_column_slice(mean);
+    let mut covariance = DMatrix::zeros(mean.len(), mean.len());
+    for draw in draws {
+        let off = draw - &mean;
+        covariance.ger(1.0 / draws.len() as f64, &off, &off, 1.0);
+    }
+    let Some(factor) = Cholesky::new(covariance) else { return false };
+    let distance = |off: &DVector<f64>| off.dot(&factor.solve(off));
+    let to_zero = distance(&mean);
+    let farther = draws.iter().filter(|draw| distance(&(*draw - &mean)) > to_zero).count();
+    farther as f64 >= SIGNIFICANT * draws.len() as f64
 }
 
 /// Uncertainty of the nonlinear parameters of member number `place`, from the curvature of the profile of the evidence (Venzon & Moolgavkar 1988, Appl. Stat.
@@ -202,16 +232,23 @@ fn coherent(system: &System, fit: &Fit) -> DMatrix<f64> {
     all
 }
 
-/// Returns true if the interval of every parameter of `candidate` includes its null value.
-pub(crate) fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String, Parameter>) -> bool {
-    let nothing = candidate.parameters(&vec![0.0; candidate.size()]);
-    let told = parameters.iter().filter_map(|(name, parameter)| {
-        let is_linear =
-            matches!(candidate.kind.parameter(name)?.range, Range::Number { role: Role::Linear, .. });
-        let neutral = nothing.get(name)?.as_float()?;
-        let [low, high] = parameter.ci95.filter(|_| is_linear)?;
-        Some(low <= neutral && neutral <= high)
-    });
-    let told: Vec<bool> = told.collect();
-    !told.is_empty() && told.into_iter().all(|holds| holds)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sum known to a tenth and a difference known to ten: neither coefficient alone is certain, but both are not zero.
+    #[test]
+    fn coefficients_are_judged_together() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut draws = |mean: [f64; 2]| -> Vec<DVector<f64>> {
+            let draw = |_| {
+                let (sum, difference) = (0.1 * normal(&mut rng), 10.0 * normal(&mut rng));
+                DVector::from_vec(vec![mean[0] + sum + difference, mean[1] + sum - difference])
+            };
+            (0..DRAWS).map(draw).collect()
+        };
+        // The distance of 1 from zero is ten standard deviations of the sum, that of 0.1 one.
+        assert!(!includes_zero(&[1.0, 1.0], &draws([1.0, 1.0])));
+        assert!(includes_zero(&[0.1, 0.1], &draws([0.1, 0.1])));
+    }
 }

@@ -17,7 +17,7 @@ use crate::evidence::nameless::is_unexplained;
 use crate::evidence::system::{Fit, all_but};
 use crate::findings::event::{Event, contribution_of};
 use crate::findings::held::held_joints;
-use crate::findings::interval::{holds_nothing, parameters};
+use crate::findings::interval::{Estimate, estimates};
 use crate::findings::joined::joined;
 use crate::report::diagnosis::{Effect, Evidence};
 use crate::report::settings::DiagnoseSettings;
@@ -349,13 +349,14 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
     /// The findings with their evidence, the largest gain first; without those whose interval includes zero.
     fn findings(&mut self, borne_out: &BorneOut) -> Result<Option<Vec<Finding>>, LawError> {
         let BorneOut { fit, residual: with, without, on_test } = borne_out;
-        let all = parameters(&mut self.search.system, fit, self.settings.seed);
+        let all = estimates(&mut self.search.system, fit, self.settings.seed);
         let system = &self.search.system;
         let on_fit = system.weights.by_row();
         let mut found = Vec::new();
-        for ((place, parameters), Without { fit: fit_without, residual: without, shown }) in
+        for ((place, estimate), Without { fit: fit_without, residual: without, shown }) in
             all.into_iter().enumerate().zip(without)
         {
+            let Estimate { parameters, includes_zero } = estimate;
             let member = fit.members[place];
             let candidate = system.candidate(member);
             let held_out = !shown.is_empty();
@@ -366,7 +367,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
                 return Ok(None);
             };
             let (removed, names) = compared.removed(system.data, &channels);
-            if holds_nothing(candidate, &parameters) {
+            if includes_zero {
                 continue;
             }
             let log_odds = fit.value - fit_without.value;

@@ -91,6 +91,20 @@ const FAULTS: [Fault; 8] = [
     }),
 ];
 
+/// One sign convention is more probable than one wrong sign for each joint, even if the torque of a wrist tells nothing of its own sign.
+#[test]
+fn the_sign_of_all_torques_is_one_fault() {
+    let arm = paper_arm().arm;
+    let mut recording = made(&arm);
+    recording.tau.iter_mut().flatten().flatten().for_each(|tau| *tau = -*tau);
+    let wrist = arm.dof() - 1;
+    let unrelated: Vec<f64> = (0..recording.t.len()).map(|k| (0.37 * (k * k) as f64).sin()).collect();
+    *torque(&mut recording, wrist) = unrelated;
+    let found = sure(&examine(&arm, &recording));
+    println!("{found:?}");
+    assert_eq!(found, [("torque_sign", None)]);
+}
+
 fn sure(setup: &Setup) -> Vec<(&'static str, Option<String>)> {
     let sure = setup.findings.iter().filter(|finding| finding.certainty == Certainty::Sure);
     sure.map(|finding| (finding.kind, finding.joint.clone())).collect()

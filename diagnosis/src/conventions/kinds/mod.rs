@@ -126,6 +126,7 @@ pub(crate) fn briefly(arm: &Arm, change: &Change) -> String {
         Change::Zero { joint, offset, .. } => {
             format!("the zero of {} is {:.0} degrees off", name(joint), offset.to_degrees())
         }
+        Change::CommonSign => "all torques have the opposite sign".to_owned(),
         Change::TorqueSign(joint) => format!("the torque of {} has the opposite sign", name(joint)),
         Change::Relative { joint, other, .. } => {
             format!("{} is recorded relative to {}", name(joint), name(other))

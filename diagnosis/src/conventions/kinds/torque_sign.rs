@@ -1,22 +1,25 @@
 //! `torque_sign`: a torque with an inverted sign.
 //!
-//! Tested for every joint. The hypothesis inverts the sign of the torque.
+//! Tested for every joint, and for all joints together. The hypothesis inverts the sign of the torque.
 
-use super::super::change::Change;
+use super::super::change::{Change, reading};
 use super::super::finding::{Certainty, SetupFinding};
 use super::{Ask, Results, listed};
 
 /// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let joints = if ask.has_torques { ask.arm.dof() } else { 0 };
-    (0..joints).map(Change::TorqueSign).collect()
+    // The sign of a single joint is the common one.
+    let common = (joints > 1).then_some(Change::CommonSign);
+    (0..joints).map(Change::TorqueSign).chain(common).collect()
 }
 
 /// Words and remedy: one finding for all joints, or one each.
 pub(crate) fn findings(results: &Results) -> Vec<SetupFinding> {
-    let found = results.of(|change| matches!(change, Change::TorqueSign(_)));
+    let found = results.of(|change| matches!(change, Change::TorqueSign(_) | Change::CommonSign));
     let Some(&first) = found.first() else { return Vec::new() };
-    let joints: Vec<usize> = found.iter().filter_map(Change::joint).collect();
+    let torques = reading(results.arm, &found).torques;
+    let joints: Vec<usize> = (0..torques.len()).filter(|&joint| torques[joint].factor < 0.0).collect();
     let is_all = joints.len() == results.arm.dof();
     let names: Vec<String> = joints.iter().map(|&joint| results.name(joint)).collect();
     let whose = if is_all {
