@@ -29,7 +29,7 @@ struct Loose {
     pull: DVector<f64>,
 }
 
-/// What the data say of the parameters of a law.
+/// The estimated parameters of a law, and whether the law may have no effect.
 pub(crate) struct Estimate {
     /// The parameters by name, with intervals of 95 %.
     pub parameters: BTreeMap<String, Parameter>,

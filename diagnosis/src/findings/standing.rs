@@ -1,4 +1,4 @@
-//! The findings of a search: the laws that are certain, that the test part confirms and whose intervals exclude zero.
+//! The findings of a search: the laws that are certain, that the test part confirms and whose coefficients cannot all be zero.
 
 use std::collections::BTreeMap;
 
@@ -121,7 +121,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         Ok(Some((fit.members, leaves_more)))
     }
 
-    /// The laws that are certain, that the test part confirms and whose intervals exclude zero, with their evidence.
+    /// The laws that are certain, that the test part confirms and whose coefficients cannot all be zero, with their evidence.
     pub(super) fn standing(&mut self) -> Result<Option<(Fit, Vec<Finding>)>, LawError> {
         let mut members = self.answer.members.clone();
         let mut is_first = true;
@@ -146,7 +146,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
             }
         };
         let Some(fit) = self.search.system.fit_within_tolerances(&members) else { return Ok(None) };
-        // Without the members whose intervals include zero, the others may make an arm that can't exist.
+        // Without the members whose coefficients may all be zero, the others may make an arm that can't exist.
         let Some(fit) = self.certain(fit) else { return Ok(None) };
         findings.retain(|finding| finding.of.member().is_none_or(|member| fit.members.contains(&member)));
         Ok(Some((fit, findings)))
@@ -346,7 +346,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         placed.is_none_or(|placed| placed.effect.arm(&mut parts).is_err() || !parts.are_of(self.arm()))
     }
 
-    /// The findings with their evidence, the largest gain first; without those whose interval includes zero.
+    /// The findings with their evidence, the largest gain first; without those whose coefficients may all be zero.
     fn findings(&mut self, borne_out: &BorneOut) -> Result<Option<Vec<Finding>>, LawError> {
         let BorneOut { fit, residual: with, without, on_test } = borne_out;
         let all = estimates(&mut self.search.system, fit, self.settings.seed);
