@@ -101,3 +101,32 @@ fn operator_requests_are_heard_and_snapshots_sent() {
         snapshots.iter().map(|snapshot| snapshot["trace"].as_array().map_or(0, Vec::len)).sum();
     assert_eq!(traced, 30, "a point every ten ticks, each told once");
 }
+
+/// The value of `field` in kB from the status of the process `pid`; `None` if the process has ended.
+fn kilobytes(pid: u32, field: &str) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
+    let value = status.lines().find_map(|line| line.strip_prefix(field)?.strip_prefix(':'))?;
+    value.trim().strip_suffix(" kB")?.parse().ok()
+}
+
+/// The allocator takes 1 GiB of address space at a time. A process that locks its memory does not fill all of it with pages.
+#[test]
+fn a_process_that_locks_its_memory_stays_small() {
+    let settings =
+        ["--set", "realtime.lock_memory=true", "--set", "realtime.priority=0", "--set", "duration=1"];
+    let command = ["run", "--pace", "realtime", "--controller", "computed-torque", "--quiet", "--out", "out"];
+    let started = Call::new(fresh_folder(), &[&command[..], &settings[..]].concat()).start();
+    let plant = started.child_with("plant");
+    let (mut locked, mut peak) = (0, 0);
+    while let Some(now) = kilobytes(plant, "VmHWM") {
+        peak = peak.max(now);
+        locked = locked.max(kilobytes(plant, "VmLck").unwrap_or(0));
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    println!("locked {locked} kB, resident at most {peak} kB");
+    if locked == 0 {
+        freeplay_skip::skip(freeplay_skip::Need::Root, "locking memory takes root");
+        return;
+    }
+    assert!(peak < 512 << 10, "{peak} kB are resident");
+}

@@ -11,6 +11,7 @@ use freeplay_fmi::guest::FmuController;
 use freeplay_shm::{Address, LinkError, RUN_ENV, RunFolder};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::guard::Group;
+use freeplay_terminal::process::command_with_locked_memory;
 use freeplay_terminal::running::Running;
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -72,7 +73,7 @@ fn plant_command(
     files: &Files,
     address: &Address,
 ) -> Result<Command, Failure> {
-    let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
+    let mut command = command_with_locked_memory()?;
     command
         .arg("plant")
         .args(["--run", &address.to_string(), "--name", contestant.name()])
@@ -137,7 +138,7 @@ fn controller_command(
     contestant: &ControllerSelection,
     slot: usize,
 ) -> Result<Command, Failure> {
-    let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
+    let mut command = command_with_locked_memory()?;
     let built_in = Path::new(contestant.asked());
     command.arg("controller").arg(contestant.executable.as_deref().unwrap_or(built_in));
     command.args(["--with-parent", &std::process::id().to_string()]);

@@ -1,5 +1,6 @@
 //! Processes: signals, and the parent.
 
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -93,4 +94,17 @@ fn end_with_parent(parent: u32, signal: Signal) -> Result<(), Failure> {
 /// True if the process `parent`, which started this one, still lives: an orphan has another parent.
 pub fn is_parent_alive(parent: u32) -> bool {
     getppid().is_some_and(|pid| pid.as_raw_nonzero().get().cast_unsigned() == parent)
+}
+
+/// A command of this program for a process that may lock its memory.
+///
+/// The allocator, mimalloc, takes 1 GiB of address space at a time. By default it makes all of it writable at once, and `mlockall` then fills all of it with
+/// pages, which can take longer than a run waits for its controllers. In this process it makes writable what it hands out.
+///
+/// # Errors
+/// The path of this program is unknown.
+pub fn command_with_locked_memory() -> Result<Command, Failure> {
+    let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
+    command.env("MIMALLOC_ARENA_EAGER_COMMIT", "0");
+    Ok(command)
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command as Process, Stdio};
+use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use freeplay_harness::controller_selection::ControllerSelection;
@@ -16,6 +16,7 @@ use freeplay_harness::summary::RunSummary;
 use freeplay_shm::Address;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::make_folder;
+use freeplay_terminal::process::command_with_locked_memory;
 use freeplay_terminal::running::Running;
 use hdrhistogram::Histogram;
 
@@ -152,7 +153,7 @@ impl Stand<'_> {
         let realtime = &self.scenario.realtime;
         let period = (1e9 / self.scenario.rate).round() as u64;
         let ticks = (self.scenario.duration.unwrap_or(1.0) * self.scenario.rate).round() as u64;
-        let mut process = Process::new(std::env::current_exe().map_err(Failure::internal)?);
+        let mut process = command_with_locked_memory()?;
         process.args(["yardstick", role, "--run", &address.to_string()]);
         process.args(["--ticks", &ticks.to_string(), "--period", &period.to_string()]);
         process.args(["--with-parent", &std::process::id().to_string()]);
