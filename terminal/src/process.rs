@@ -1,4 +1,4 @@
-//! Processes: signals, and the parent.
+//! Processes: signals, the parent, and commands of this program.
 
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -99,7 +99,7 @@ pub fn is_parent_alive(parent: u32) -> bool {
 /// A command of this program for a process that may lock its memory.
 ///
 /// The allocator, mimalloc, takes 1 GiB of address space at a time. By default it makes all of it writable at once, and `mlockall` then fills all of it with
-/// pages, which can take longer than a run waits for its controllers. In this process it makes writable what it hands out.
+/// pages, which can take longer than a run waits for its controllers. In a process of this command it makes writable what it hands out.
 ///
 /// # Errors
 /// The path of this program is unknown.
