@@ -55,28 +55,9 @@ pub(crate) fn blocks(stretch: Range<usize>, step: f64) -> impl Iterator<Item = R
     stretch.step_by(long).map(move |from| from..(from + long).min(end))
 }
 
-/// A quantile of |x|.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Quantile {
-    /// Half of all |x| is below it.
-    Median,
-    /// A quarter of all |x| is below it.
-    LowerQuartile,
-}
-
-impl Quantile {
-    /// The share of all |x| below the quantile.
-    pub fn below(self) -> f64 {
-        match self {
-            Self::Median => 0.5,
-            Self::LowerQuartile => 0.25,
-        }
-    }
-
-    /// The quantile divided by the standard deviation of a normal x.
-    pub fn of_normal(self) -> f64 {
-        normal_quantile(0.5 * (1.0 + self.below()))
-    }
+/// The median of |x| divided by the standard deviation of a normal x.
+pub(crate) fn median_of_normal() -> f64 {
+    normal_quantile(0.75)
 }
 
 /// The quantile of the standard normal distribution at the probability `below`, at least one half. Newton's steps approach it from below, because the
@@ -152,7 +133,7 @@ pub(crate) fn roughness(samples: &[f64]) -> f64 {
 /// Standard deviation of the white noise in `samples` of a smooth motion, from their [`roughness`].
 pub(crate) fn white_noise(samples: &[f64]) -> f64 {
     let square: f64 = [1.0_f64, -4.0, 6.0, -4.0, 1.0].iter().map(|weight| weight * weight).sum();
-    roughness(samples) / Quantile::Median.of_normal() / square.sqrt()
+    roughness(samples) / median_of_normal() / square.sqrt()
 }
 
 /// Maximum minus minimum of `samples`; 0 for no samples.
@@ -194,7 +175,7 @@ pub(crate) fn variance(column: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Quantile, bootstrap, half_width, normal_quantile};
+    use super::{bootstrap, half_width, median_of_normal, normal_quantile};
 
     /// Published quantiles (Abramowitz & Stegun 1964, table 26.5), and that of the median.
     #[test]
@@ -210,7 +191,7 @@ mod tests {
             assert!((found - published).abs() < 1e-14 * (1.0 + 10.0 * published));
         }
         assert!((half_width() - 1.959_963_984_540_054).abs() < 1e-14);
-        assert!((Quantile::Median.of_normal() - 0.674_489_750_196_081_7).abs() < 1e-15);
+        assert!((median_of_normal() - 0.674_489_750_196_081_7).abs() < 1e-15);
     }
 
     /// The mean of 400 blocks with the values 0 and 1: its standard deviation is 1/√1600.

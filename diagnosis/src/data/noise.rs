@@ -7,7 +7,7 @@ use crate::signals::channel::{Channel, Kind};
 use crate::signals::missing::only;
 use crate::signals::motion::Treatment;
 use crate::sorting::sort;
-use crate::statistics::{FINEST, Quantile, difference, span, white_noise};
+use crate::statistics::{FINEST, difference, span, white_noise};
 
 /// Least noise of a torque, as a share of what the torque spans: a current sensor of twelve bits resolves 2.4·10⁻⁴. No model is more exact, and this noise stands in for
 /// the noise that a simulated recording lacks.
@@ -72,11 +72,11 @@ impl Noises {
             let above = match channel.kind {
                 Kind::Torque(joint) => {
                     let beside: Vec<f64> = difference(&whole, &sharp[joint]);
-                    let above = |column| treatment.deviation_above(column, present, Quantile::LowerQuartile);
+                    let above = |column| treatment.quiet_deviation_above(column, present);
                     above(&whole).min(above(&beside))
                 }
                 Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => {
-                    treatment.deviation_above(&whole, present, Quantile::Median)
+                    treatment.deviation_above(&whole, present)
                 }
             };
             let finest = match channel.kind {

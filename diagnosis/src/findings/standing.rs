@@ -37,6 +37,24 @@ struct BorneOut {
     on_test: Vec<Vec<f64>>,
 }
 
+impl BorneOut {
+    /// The number of the member to remove where all members together predict a channel of the test part worse than the `tuned` model without laws: of those that
+    /// show there, the one without which the least error is left. Members that the test part confirms one by one may do so, if each takes away an error that another
+    /// one makes.
+    fn harmful(&self, tuned: &[Vec<f64>]) -> Option<usize> {
+        let squares = |residual: &[Vec<f64>], c: usize| -> f64 {
+            residual[c].iter().zip(&self.on_test[c]).map(|(x, weight)| weight * x * x).sum()
+        };
+        let worse: Vec<usize> = (0..self.on_test.len())
+            .filter(|&c| is_strong_evidence(0.5 * (squares(&self.residual, c) - squares(tuned, c))))
+            .collect();
+        let left = |one: &Without| worse.iter().map(|&c| squares(&one.residual, c)).sum::<f64>();
+        let shows_there = |one: &Without| one.exists && one.shown.iter().any(|c| worse.contains(c));
+        let places = (0..self.without.len()).filter(|&place| shows_there(&self.without[place]));
+        places.min_by(|&a, &b| left(&self.without[a]).total_cmp(&left(&self.without[b])))
+    }
+}
+
 /// The fit without one of its members.
 struct Without {
     fit: Fit,
@@ -44,6 +62,8 @@ struct Without {
     residual: Vec<Vec<f64>>,
     /// The channels of the test part in which the member shows: see [`Tested::shown`].
     shown: Vec<usize>,
+    /// True if the other members make an arm that can exist.
+    exists: bool,
 }
 
 /// Change of the errors in the test part between the model without and with a law.
@@ -223,13 +243,29 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         }
     }
 
-    /// Removes from `fit` the members that the test part contradicts: the arm file predicts these rows worse with the member, or the odds for it, these rows
-    /// included, fall below 20 to 1. `None` if a fit is singular.
-    fn borne_out(&self, mut fit: Fit) -> Result<Option<BorneOut>, LawError> {
+    /// Removes from `fit` the members that the test part contradicts, one by one and all together. `None` if a fit is singular.
+    fn borne_out(&self, fit: Fit) -> Result<Option<BorneOut>, LawError> {
         let system = &self.search.system;
-        let test = system.weights.on(system.data, &[Part::Test]);
-        let on_test = test.by_row();
-        let mut residual = self.residual(&fit)?;
+        let Some(none) = system.fit_within_tolerances(&[]) else { return Ok(None) };
+        let (tuned, mut residual) = (self.residual(&none)?, self.residual(&fit)?);
+        let mut on_test = system.weights.on(system.data, &[Part::Test]).by_row();
+        let mut fit = fit;
+        loop {
+            let Some(mut each) = self.each_borne_out(fit, residual, on_test)? else { return Ok(None) };
+            let Some(place) = each.harmful(&tuned) else { return Ok(Some(each)) };
+            Without { fit, residual, .. } = each.without.swap_remove(place);
+            on_test = each.on_test;
+        }
+    }
+
+    /// Removes from `fit`, with its `residual`, each member that the test part contradicts: the arm file predicts these rows worse with the member, or the odds for it,
+    /// these rows included, fall below 20 to 1. `None` if a fit is singular.
+    fn each_borne_out(
+        &self,
+        mut fit: Fit,
+        mut residual: Vec<Vec<f64>>,
+        on_test: Vec<Vec<f64>>,
+    ) -> Result<Option<BorneOut>, LawError> {
         'fits: loop {
             let Some(order) = self.least_first(&fit, &on_test) else { return Ok(None) };
             let mut without = BTreeMap::new();
@@ -237,15 +273,15 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
                 // Without this law another one may make an arm that can't exist. The residual then comes from the linear columns.
                 let exact = self.residual_if_possible(&others)?;
                 let exists = exact.is_some();
-                let residual_without = exact.unwrap_or_else(|| system.residual(&others));
+                let residual_without = exact.unwrap_or_else(|| self.search.system.residual(&others));
                 let tested = self.tested(&fit, place, &on_test, [&residual, &residual_without]);
                 let odds = fit.value - others.value + 0.5 * tested.squares;
                 if exists && (!is_strong_evidence(odds) || tested.gain().is_some_and(|gain| gain <= 0.0)) {
                     (fit, residual) = (others, residual_without);
                     continue 'fits;
                 }
-                without
-                    .insert(place, Without { fit: others, residual: residual_without, shown: tested.shown });
+                let one = Without { fit: others, residual: residual_without, shown: tested.shown, exists };
+                without.insert(place, one);
             }
             return Ok(Some(BorneOut { fit, residual, without: without.into_values().collect(), on_test }));
         }
@@ -353,7 +389,7 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
         let system = &self.search.system;
         let on_fit = system.weights.by_row();
         let mut found = Vec::new();
-        for ((place, estimate), Without { fit: fit_without, residual: without, shown }) in
+        for ((place, estimate), Without { fit: fit_without, residual: without, shown, .. }) in
             all.into_iter().enumerate().zip(without)
         {
             let Estimate { parameters, includes_zero } = estimate;

@@ -19,7 +19,7 @@ use crate::signals::filter::{LowPass, derivatives};
 use crate::signals::missing::only;
 use crate::signals::motion::{LEAST_CUTOFF, Treatment};
 use crate::sorting::sort;
-use crate::statistics::{Moments, Quantile, difference};
+use crate::statistics::{Moments, difference};
 
 /// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
 const BANDS: u8 = 6;
@@ -67,7 +67,7 @@ fn white_noise(recording: &Recording, treatment: &Treatment) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let of_joint = |q: &Vec<f64>| {
         let whole = treatment.whole_column(recording, q);
-        let deviation = treatment.deviation_above(&whole, None, Quantile::Median);
+        let deviation = treatment.deviation_above(&whole, None);
         normals(&mut rng, whole.len(), deviation)
     };
     recording.q.iter().map(of_joint).collect()

@@ -7,11 +7,14 @@ use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
 
 use crate::error::ResidualError;
+use crate::random::normals;
 use crate::signals::cutoff::cutoff_for;
 use crate::signals::filter::{LowPass, derivatives, mean_over_band};
 use crate::signals::grid::{Grid, Stretch};
 use crate::signals::missing::only;
-use crate::statistics::Quantile;
+use crate::statistics::{difference, median_of_normal};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 
 /// The default cutoff as a share of the sampling rate: a period of it then has thirty samples, over which the noise of two derivatives averages out.
 const CUTOFF_SHARE: f64 = 0.03;
@@ -27,6 +30,9 @@ const MAX_CUTOFF_SHARE: f64 = 0.4;
 /// Smallest number of points kept per period of the cutoff: twice the number of Shannon (1949), as the low-pass still transmits half of the signal at
 /// the cutoff.
 pub(crate) const POINTS_PER_PERIOD: f64 = 4.0;
+/// Share of all periods that count as quiet. A motion with trapezoidal speeds has a jerk most of the time, and the least of all periods would depend on chance: in a
+/// recording of 10 s a tenth is some thirty periods.
+const QUIET: f64 = 0.1;
 /// Largest share of a stretch that the treatment trims at either end: three quarters of a short stretch remain, even if the low-pass would require
 /// more.
 pub(crate) const GREATEST_TRIM: f64 = 0.125;
@@ -304,35 +310,45 @@ impl Treatment {
 
     /// Standard deviation of the white noise with the same amplitude as `column`, on all grid points, in the octave above the cutoff.
     ///
-    /// The function takes a `quantile` of the amplitude where the column is `present`, because occasional jumps are no noise (Hampel 1974).
-    pub(crate) fn deviation_above(
-        &self,
-        column: &[f64],
-        present: Option<&[bool]>,
-        quantile: Quantile,
-    ) -> f64 {
+    /// The function takes the median of the amplitude where the column is `present`, because occasional jumps are no noise (Hampel 1974).
+    pub(crate) fn deviation_above(&self, column: &[f64], present: Option<&[bool]>) -> f64 {
+        let Some((band, wider)) = self.octave_above(column) else { return 0.0 };
+        let amplitudes: Vec<f64> = band.iter().map(|x| x.abs()).collect();
+        let share = share_between(&self.filter, &wider, self.rate_hz());
+        below(&amplitudes, present, 0.5) / median_of_normal() / share.sqrt()
+    }
+
+    /// As [`Self::deviation_above`], from the quiet periods of `column` alone.
+    ///
+    /// Each jerk of a motion reaches into the octave above the cutoff, and some motions have one most of the time. The power in the quietest periods is
+    /// compared with that of white noise on the same grid.
+    pub(crate) fn quiet_deviation_above(&self, column: &[f64], present: Option<&[bool]>) -> f64 {
+        let white = normals(&mut ChaCha8Rng::seed_from_u64(0), column.len(), 1.0);
+        let [of_column, of_white] = [column, &white].map(|column| self.quiet_power_above(column, present));
+        if of_white > 0.0 { (of_column / of_white).sqrt() } else { 0.0 }
+    }
+
+    /// Mean power of `column` over a period of the cutoff, in the octave above it, where that is the least.
+    fn quiet_power_above(&self, column: &[f64], present: Option<&[bool]>) -> f64 {
+        let Some((band, _)) = self.octave_above(column) else { return 0.0 };
+        let half = (0.5 * self.rate_hz() / self.filter.cutoff_hz()) as usize;
+        let mut power = Vec::with_capacity(band.len());
+        for stretch in laid(self.grid.stretches.iter().map(|stretch| stretch.len)) {
+            let band = &band[stretch];
+            power.extend((0..band.len()).map(|k| {
+                let period = &band[k.saturating_sub(half)..(k + half + 1).min(band.len())];
+                period.iter().map(|x| x * x).sum::<f64>() / period.len() as f64
+            }));
+        }
+        below(&power, present, QUIET)
+    }
+
+    /// The part of `column`, on all grid points, in the octave above the cutoff, and the low-pass at its upper end; `None` if the sampling rate is too low.
+    fn octave_above(&self, column: &[f64]) -> Option<(Vec<f64>, LowPass)> {
         let (rate_hz, cutoff_hz) = (self.rate_hz(), self.filter.cutoff_hz());
-        let Ok(wider) = LowPass::new(rate_hz, (2.0 * cutoff_hz).min(MAX_CUTOFF_SHARE * rate_hz)) else {
-            return 0.0;
-        };
-        let mut band = Vec::with_capacity(column.len());
-        for stretch in &self.grid.stretches {
-            let part = &column[band.len()..band.len() + stretch.len];
-            band.extend(
-                wider
-                    .apply(part)
-                    .iter()
-                    .zip(self.filter.apply(part))
-                    .map(|(wide, narrow)| (wide - narrow).abs()),
-            );
-        }
-        let mut band = only(&band, present).into_owned();
-        let place = (quantile.below() * band.len() as f64) as usize;
-        if band.is_empty() {
-            return 0.0;
-        }
-        let size = *band.select_nth_unstable_by(place, f64::total_cmp).1;
-        size / quantile.of_normal() / share_between(&self.filter, &wider, rate_hz).sqrt()
+        let wider = LowPass::new(rate_hz, (2.0 * cutoff_hz).min(MAX_CUTOFF_SHARE * rate_hz)).ok()?;
+        let band = difference(&self.through(&wider, column), &self.low_pass(column));
+        Some((band, wider))
     }
 
     /// The kept points of one column of the points of [`Treatment::whole_motion`].
@@ -362,6 +378,16 @@ impl Treatment {
     }
 }
 
+/// The value below which the `share` of the `values` that are `present` lies; 0 without any.
+fn below(values: &[f64], present: Option<&[bool]>, share: f64) -> f64 {
+    let mut values = only(values, present).into_owned();
+    if values.is_empty() {
+        return 0.0;
+    }
+    let place = (share * values.len() as f64) as usize;
+    *values.select_nth_unstable_by(place, f64::total_cmp).1
+}
+
 /// The ranges of stretches of these `lengths`, one after the other.
 pub(crate) fn laid(lengths: impl Iterator<Item = usize>) -> Vec<Range<usize>> {
     let mut begin = 0;
@@ -375,4 +401,38 @@ pub(crate) fn laid(lengths: impl Iterator<Item = usize>) -> Vec<Range<usize>> {
 /// Share of the power of white noise that `wide` transmits and `narrow` does not, by the closed form of their gains.
 fn share_between(narrow: &LowPass, wide: &LowPass, rate_hz: f64) -> f64 {
     mean_over_band(rate_hz, |f| (wide.gain(f) - narrow.gain(f)).powi(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use freeplay_arm::{JointFriction, JointKind};
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::{Settings, Treatment};
+    use crate::made::{arm, columns, even, link, nothing, recording};
+    use crate::random::normals;
+
+    /// White noise, alone and below a torque that steps by 1 N·m each 50 ms during four fifths of the time. The quiet periods show its deviation in both, at most twice
+    /// as large: the quietest tenth of all periods is then half of the quiet ones.
+    #[test]
+    fn jerks_do_not_count_as_noise() {
+        let (t, deviation) = (even(60.0, 1000.0), 0.05);
+        let arm = arm(vec![link("elbow", JointKind::Revolute, JointFriction::default())]);
+        let recording = recording(columns(&arm, &t, nothing));
+        let treatment = Treatment::new(&arm, &recording, &Settings::default()).expect("a treatment");
+        let white = normals(&mut ChaCha8Rng::seed_from_u64(3), t.len(), deviation);
+        let steps = |t: f64| if t < 48.0 { (20.0 * t).floor() % 2.0 } else { 0.0 };
+        let jerky: Vec<f64> = t.iter().zip(&white).map(|(t, noise)| steps(*t) + noise).collect();
+        for column in [&white, &jerky] {
+            let quiet = treatment.quiet_deviation_above(column, None) / deviation;
+            let middle = treatment.deviation_above(column, None) / deviation;
+            println!("of the deviation: {quiet:.3} in quiet periods, {middle:.3} by the median");
+            assert!((0.9..2.0).contains(&quiet));
+        }
+        assert!(
+            treatment.deviation_above(&jerky, None) > 10.0 * deviation,
+            "the steps fill most of the time"
+        );
+    }
 }
