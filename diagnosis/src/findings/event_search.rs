@@ -172,7 +172,12 @@ fn one_by_one(
         let best = if best == better { best } else { search.refined(&members, best)? };
         members.insert(place, best);
     }
+    // Several torques at the same time may be one force on the tool, and pieces of an event one event.
     search.available = between_edges(data, search, &members);
+    for &member in &members {
+        let others = at_the_same_time(data, search, member);
+        search.available.extend(others);
+    }
     Some(search.improve(members, &mut |_| {})?.members)
 }
 
