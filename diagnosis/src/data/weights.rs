@@ -16,7 +16,7 @@ use crate::data::shapes::{Knots, Shapes};
 use crate::data::stacked::Data;
 use crate::data::whitening::Whitening;
 use crate::signals::channel::Kind;
-use crate::statistics::WIDE;
+use crate::statistics::{TURNS, WIDE};
 
 /// Standard deviation of the half-normal prior of s: published laws of rigid bodies and of friction are correct to a few per cent.
 pub(crate) const USUAL_SHARE: f64 = 0.02;
@@ -79,15 +79,37 @@ impl Rows {
 
     /// Maximum over all shares of the log-likelihood of rows with the `residual`, under Student's t. The prior of the share is included.
     pub fn robust_log_likelihood(&self, residual: &[f64]) -> f64 {
-        let with = |share: f64| {
-            let rows =
-                self.phi.iter().zip(residual).zip(self.variances(share)).filter(|((phi, _), _)| **phi > 0.0);
-            let of_row = |((phi, x), v): ((&f64, &f64), f64)| {
-                0.5 * phi * (v.ln() + (DEGREES_OF_FREEDOM + 1.0) * (x * x / v / DEGREES_OF_FREEDOM).ln_1p())
-            };
-            -0.5 * (share / USUAL_SHARE).powi(2) - rows.map(of_row).sum::<f64>()
+        shares().map(|share| self.robust_with(share, residual)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Log-likelihood of rows with the `residual` and the share `share`, under Student's t. The prior of the share is included.
+    fn robust_with(&self, share: f64, residual: &[f64]) -> f64 {
+        let rows =
+            self.phi.iter().zip(residual).zip(self.variances(share)).filter(|((phi, _), _)| **phi > 0.0);
+        let of_row = |((phi, x), v): ((&f64, &f64), f64)| {
+            0.5 * phi * (v.ln() + (DEGREES_OF_FREEDOM + 1.0) * (x * x / v / DEGREES_OF_FREEDOM).ln_1p())
         };
-        shares().map(with).fold(f64::NEG_INFINITY, f64::max)
+        -0.5 * (share / USUAL_SHARE).powi(2) - rows.map(of_row).sum::<f64>()
+    }
+
+    /// The same rows with the share s that makes the `residual` most probable, and with the most probable part of the errors e. These are upper bounds: each row has
+    /// the largest error of the rows around it. The instrument noise has the standard deviation `noise`.
+    fn as_realised(&self, noise: f64, residual: &[f64]) -> Self {
+        let errors: Vec<f64> = self.row_error_squares(noise).collect();
+        let mut rows = self.clone();
+        let most_probable = |of: &dyn Fn(f64) -> f64| {
+            let tried = shares().filter(|share| *share <= 1.0).map(|share| (of(share), share));
+            tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(1.0, |best| best.1)
+        };
+        for _ in 0..TURNS {
+            let with = |part: f64| Self {
+                instrument: errors.iter().map(|error| noise * noise + part * part * error).collect(),
+                ..rows.clone()
+            };
+            rows = with(most_probable(&|part| with(part).robust_with(rows.share, residual)));
+            rows.share = most_probable(&|share| rows.robust_with(share, residual));
+        }
+        rows
     }
 
     /// Sets the robust weight of each row from its residual in `residual`, as under Student's t with four degrees of freedom (Lange, Little & Taylor
@@ -323,9 +345,11 @@ impl Weights {
         Self { rows: (0..data.channels()).map(of_channel).collect(), noise: deviation.to_vec() }
     }
 
-    /// Fits the drift models to the `residual` of the active rows of `data`.
+    /// Fits the drift models to the `residual` of the active rows of `data`, and the part of the errors of a perfect model that these rows have.
     pub fn whitening(&self, data: &Data, residual: &[Vec<f64>]) -> Whitening {
-        let sizes: Vec<Vec<f64>> = self.rows.iter().map(Rows::sizes).collect();
+        let noise = |c: usize| self.noise[c % data.channels_per_recording()];
+        let of_channel = |(c, rows): (usize, &Rows)| rows.as_realised(noise(c), &residual[c]).sizes();
+        let sizes: Vec<Vec<f64>> = self.rows.iter().enumerate().map(of_channel).collect();
         Whitening::of(data, residual, &sizes, &self.noise)
     }
 
