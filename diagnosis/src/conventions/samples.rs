@@ -2,7 +2,6 @@
 
 use freeplay_recording::Recording;
 
-use super::kinds::clock_offset::longest;
 use crate::error::ResidualError;
 use crate::signals::filter::{LowPass, derivatives};
 use crate::signals::grid::{Grid, Stretch};
@@ -13,6 +12,9 @@ use crate::signals::stuck::Stuck;
 pub(super) const SPACING: f64 = 0.15;
 /// Most rows: a fault of the reading is so large that more rows don't change the decision.
 const MOST_ROWS: usize = 240;
+
+/// Trimmed time at each end, s, an eighth of a stretch at most: columns shifted by the longest tested delay, half a second, stay inside.
+const ENDS: f64 = 0.55;
 
 /// The rows of a recording, in recorded units.
 pub(crate) struct Samples {
@@ -48,7 +50,7 @@ impl Samples {
             begin += stretch.len;
         }
         let there = |columns: &[Vec<f64>]| -> Vec<bool> {
-            let around = longest().max(filter.settling_time());
+            let around = ENDS.max(filter.settling_time());
             let of = |stretch: &Stretch| {
                 let mut all = vec![true; stretch.len];
                 for column in columns {
@@ -156,10 +158,10 @@ impl Samples {
     }
 }
 
-/// The grid points of the rows. At each end of a stretch the function trims the longest delay, so that a shifted column stays inside, and an eighth at most.
+/// The grid points of the rows.
 fn places(spans: &[(usize, usize)], step: f64) -> Vec<usize> {
     let inner = |&(start, end): &(usize, usize)| {
-        let trim = ((longest() / step) as usize).min((GREATEST_TRIM * (end - start) as f64) as usize);
+        let trim = ((ENDS / step) as usize).min((GREATEST_TRIM * (end - start) as f64) as usize);
         start + trim..end - trim
     };
     let inside: usize = spans.iter().map(|span| inner(span).len()).sum();

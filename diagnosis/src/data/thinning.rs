@@ -15,8 +15,6 @@ const REST: f64 = 0.01;
 const LOOK_S: f64 = 0.1;
 /// Length of rest that stays in the recording, s: it costs little time, so that a cut would not be worth a note.
 const SHORT_REST_S: f64 = 2.0;
-/// Rest that stays on either side of the motion, s: the low-pass settles in it, and the cut keeps a slow start whole.
-const GUARD_S: f64 = 0.2;
 
 /// `recordings` without long rest at their ends, within the limits of memory and time; the function adds the omissions to `notes`.
 pub(crate) fn bounded(recordings: &[Recording], notes: &mut Vec<String>) -> Vec<Recording> {
@@ -53,8 +51,9 @@ fn moving(recording: &Recording, notes: &mut Vec<String>) -> Range<usize> {
     if first >= end || rest == [0.0; 2] {
         return whole;
     }
-    let from = t.partition_point(|at| *at < t[0] + rest[0] - GUARD_S);
-    let to = t.partition_point(|at| *at <= t[last] - rest[1] + GUARD_S);
+    // Two looks on either side of the motion keep a slow start whole.
+    let from = t.partition_point(|at| *at < t[0] + rest[0] - 2.0 * LOOK_S);
+    let to = t.partition_point(|at| *at <= t[last] - rest[1] + 2.0 * LOOK_S);
     let ends = [("first", rest[0], t[from] - t[0]), ("last", rest[1], t[last] - t[to - 1])];
     let rests: Vec<String> = ends
         .into_iter()

@@ -21,11 +21,6 @@ pub(crate) fn unsure() -> f64 {
     0.5 * APART
 }
 
-/// Longest delay that the search may find, s.
-pub(crate) fn longest() -> f64 {
-    f64::from(COUNT) * APART + unsure()
-}
-
 /// The tested changes.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let large = || (-COUNT..=COUNT).filter(|k| *k != 0).map(|k| f64::from(k) * APART);
