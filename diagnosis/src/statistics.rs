@@ -124,10 +124,17 @@ impl Moments {
 /// Median of the absolute fourth differences of `samples`: these are near zero for a smooth motion, and a few jumps hardly change the median (Hampel
 /// 1974). White noise with the standard deviation σ gives 0.674 √70 σ; 0 for fewer than five samples.
 pub(crate) fn roughness(samples: &[f64]) -> f64 {
-    let mut fourth: Vec<f64> =
-        samples.windows(5).map(|x| (x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]).abs()).collect();
-    let middle = fourth.len() / 2;
-    if fourth.is_empty() { 0.0 } else { *fourth.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    let fourth = samples.windows(5).map(|x| (x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]).abs());
+    quantile(fourth.collect(), 0.5)
+}
+
+/// The value below which the `share` of `values` lies, at least 0 and below 1; 0 for no values.
+pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let place = (share * values.len() as f64) as usize;
+    *values.select_nth_unstable_by(place, f64::total_cmp).1
 }
 
 /// Standard deviation of the white noise in `samples` of a smooth motion, from their [`roughness`].

@@ -72,8 +72,7 @@ impl Noises {
             let above = match channel.kind {
                 Kind::Torque(joint) => {
                     let beside: Vec<f64> = difference(&whole, &sharp[joint]);
-                    let above = |column| treatment.quiet_deviation_above(column, present);
-                    above(&whole).min(above(&beside))
+                    treatment.quiet_deviation_above([&whole, &beside], present)
                 }
                 Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => {
                     treatment.deviation_above(&whole, present)

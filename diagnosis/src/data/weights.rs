@@ -174,19 +174,17 @@ impl Rows {
     /// the rows around it. The instrument noise has the standard deviation `noise`.
     fn realised(&self, noise: f64, residual: &[f64]) -> Self {
         let errors: Vec<f64> = self.row_error_squares(noise).collect();
-        let squares: Vec<f64> = residual.iter().map(|x| x * x).collect();
-        let most_probable = |log_likelihood: &dyn Fn(f64) -> f64| {
-            let tried = shares().filter(|share| *share <= 1.0).map(|share| (log_likelihood(share), share));
-            tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(1.0, |best| best.1)
-        };
         let mut rows = self.clone();
         for _ in 0..TURNS {
             let with = |part: f64| Self {
                 instrument: errors.iter().map(|error| noise * noise + part * part * error).collect(),
                 ..rows.clone()
             };
-            rows = with(most_probable(&|part| with(part).log_likelihood(&squares, rows.share)));
-            rows.share = most_probable(&|share| rows.log_likelihood(&squares, share));
+            let tried =
+                shares().filter(|part| *part <= 1.0).map(with).map(|rows| (rows.score(residual), rows));
+            let best = tried.max_by(|a, b| a.0.total_cmp(&b.0));
+            rows = best.map_or_else(|| rows.clone(), |(_, rows)| rows);
+            rows.share = rows.best(residual, 0.0).0;
         }
         rows
     }
@@ -467,19 +465,19 @@ mod tests {
     /// A fifth of the errors is found where the rows have a fifth, and the share of the laws with it.
     #[test]
     fn the_realised_part_of_the_errors_is_found() {
-        const COUNT: usize = 4000;
+        let count = 4000;
         let mut rng = ChaCha8Rng::seed_from_u64(9);
-        let white = normals(&mut rng, COUNT, 1.0);
-        let greatest: Vec<f64> = (0..COUNT).map(|k| (k % 50) as f64).collect();
+        let white = normals(&mut rng, count, 1.0);
+        let greatest: Vec<f64> = (0..count).map(|k| (k % 50) as f64).collect();
         let size = |k: usize| 1.0 + (k % 7) as f64;
         let deviation: Vec<f64> =
-            (0..COUNT).map(|k| 0.5_f64.hypot(0.2 * greatest[k]).hypot(0.1 * size(k))).collect();
+            (0..count).map(|k| 0.5_f64.hypot(0.2 * greatest[k]).hypot(0.1 * size(k))).collect();
         let residual: Vec<f64> = white.iter().zip(&deviation).map(|(x, deviation)| x * deviation).collect();
         let rows = Rows {
             instrument: greatest.iter().map(|error| 0.25 + error * error).collect(),
-            size: (0..COUNT).map(|k| size(k).powi(2)).collect(),
-            phi: vec![1.0; COUNT],
-            robust_weight: vec![1.0; COUNT],
+            size: (0..count).map(|k| size(k).powi(2)).collect(),
+            phi: vec![1.0; count],
+            robust_weight: vec![1.0; count],
             share: 0.02,
             scale: 1.0,
         };

@@ -8,7 +8,7 @@
 
 use crate::data::columns::Column;
 use crate::data::stacked::Data;
-use crate::statistics::{Moments, median_of_normal};
+use crate::statistics::{Moments, median_of_normal, quantile};
 
 /// Time constants of the drift that the fit tries, in periods of the low-pass's cutoff: from the next row to the whole of a motion.
 const TIME_CONSTANTS: [f64; 6] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
@@ -252,12 +252,7 @@ impl DriftModel {
 
 /// Standard deviation of the normal distribution that has the median of |x| of `rows`.
 fn size(rows: &[f64]) -> f64 {
-    let mut amounts: Vec<f64> = rows.iter().map(|x| x.abs()).collect();
-    if amounts.is_empty() {
-        return 0.0;
-    }
-    let middle = amounts.len() / 2;
-    *amounts.select_nth_unstable_by(middle, f64::total_cmp).1 / median_of_normal()
+    quantile(rows.iter().map(|x| x.abs()).collect(), 0.5) / median_of_normal()
 }
 
 #[cfg(test)]

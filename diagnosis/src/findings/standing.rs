@@ -244,12 +244,11 @@ impl<'d, 'a> Standing<'_, 'd, 'a> {
     }
 
     /// Removes from `fit` the members that the test part contradicts, one by one and all together. `None` if a fit is singular.
-    fn borne_out(&self, fit: Fit) -> Result<Option<BorneOut>, LawError> {
+    fn borne_out(&self, mut fit: Fit) -> Result<Option<BorneOut>, LawError> {
         let system = &self.search.system;
         let Some(none) = system.fit_within_tolerances(&[]) else { return Ok(None) };
         let (tuned, mut residual) = (self.residual(&none)?, self.residual(&fit)?);
         let mut on_test = system.weights.on(system.data, &[Part::Test]).by_row();
-        let mut fit = fit;
         loop {
             let Some(mut each) = self.each_borne_out(fit, residual, on_test)? else { return Ok(None) };
             let Some(place) = each.harmful(&tuned) else { return Ok(Some(each)) };

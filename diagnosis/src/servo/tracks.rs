@@ -4,6 +4,7 @@ use freeplay_recording::Recording;
 use freeplay_servo::{Commands, Track};
 
 use crate::signals::grid::GAP_STEPS;
+use crate::statistics::quantile;
 
 /// Longest step of a rollout, s: a tenth of the time constants of arm servos (0.05 to 0.2 s), at which the error of the midpoint rule is about a hundredth.
 const LONGEST_STEP: f64 = 0.01;
@@ -46,12 +47,7 @@ pub fn thinned(track: &Track, spacing: f64) -> Track {
 
 /// Median of the steps between the stamps of `track`, s.
 pub fn median_step(track: &Track) -> f64 {
-    let mut steps: Vec<f64> = track.stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let middle = steps.len() / 2;
-    if steps.is_empty() {
-        return 0.0;
-    }
-    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+    quantile(track.stamps.windows(2).map(|pair| pair[1] - pair[0]).collect(), 0.5)
 }
 
 /// Distance between rows for the measurement of lags, s: lags are resolved between rows, as the commands are, and closer rows only cost time.

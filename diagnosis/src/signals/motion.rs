@@ -5,6 +5,8 @@ use std::ops::Range;
 use freeplay_arm::Arm;
 use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 
 use crate::error::ResidualError;
 use crate::random::normals;
@@ -12,9 +14,7 @@ use crate::signals::cutoff::cutoff_for;
 use crate::signals::filter::{LowPass, derivatives, mean_over_band};
 use crate::signals::grid::{Grid, Stretch};
 use crate::signals::missing::only;
-use crate::statistics::{difference, median_of_normal};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use crate::statistics::{difference, median_of_normal, quantile};
 
 /// The default cutoff as a share of the sampling rate: a period of it then has thirty samples, over which the noise of two derivatives averages out.
 const CUTOFF_SHARE: f64 = 0.03;
@@ -315,17 +315,18 @@ impl Treatment {
         let Some((band, wider)) = self.octave_above(column) else { return 0.0 };
         let amplitudes: Vec<f64> = band.iter().map(|x| x.abs()).collect();
         let share = share_between(&self.filter, &wider, self.rate_hz());
-        below(&amplitudes, present, 0.5) / median_of_normal() / share.sqrt()
+        quantile(only(&amplitudes, present).into_owned(), 0.5) / median_of_normal() / share.sqrt()
     }
 
-    /// As [`Self::deviation_above`], from the quiet periods of `column` alone.
+    /// As [`Self::deviation_above`], from the quiet periods alone, of the quieter one of two `columns`.
     ///
     /// Each jerk of a motion reaches into the octave above the cutoff, and some motions have one most of the time. The power in the quietest periods is
     /// compared with that of white noise on the same grid.
-    pub(crate) fn quiet_deviation_above(&self, column: &[f64], present: Option<&[bool]>) -> f64 {
-        let white = normals(&mut ChaCha8Rng::seed_from_u64(0), column.len(), 1.0);
-        let [of_column, of_white] = [column, &white].map(|column| self.quiet_power_above(column, present));
-        if of_white > 0.0 { (of_column / of_white).sqrt() } else { 0.0 }
+    pub(crate) fn quiet_deviation_above(&self, columns: [&[f64]; 2], present: Option<&[bool]>) -> f64 {
+        let white = normals(&mut ChaCha8Rng::seed_from_u64(0), columns[0].len(), 1.0);
+        let power = |column: &[f64]| self.quiet_power_above(column, present);
+        let (of_white, [one, other]) = (power(&white), columns.map(power));
+        if of_white > 0.0 { (one.min(other) / of_white).sqrt() } else { 0.0 }
     }
 
     /// Mean power of `column` over a period of the cutoff, in the octave above it, where that is the least.
@@ -340,7 +341,7 @@ impl Treatment {
                 period.iter().map(|x| x * x).sum::<f64>() / period.len() as f64
             }));
         }
-        below(&power, present, QUIET)
+        quantile(only(&power, present).into_owned(), QUIET)
     }
 
     /// The part of `column`, on all grid points, in the octave above the cutoff, and the low-pass at its upper end; `None` if the sampling rate is too low.
@@ -376,16 +377,6 @@ impl Treatment {
         }
         motion
     }
-}
-
-/// The value below which the `share` of the `values` that are `present` lies; 0 without any.
-fn below(values: &[f64], present: Option<&[bool]>, share: f64) -> f64 {
-    let mut values = only(values, present).into_owned();
-    if values.is_empty() {
-        return 0.0;
-    }
-    let place = (share * values.len() as f64) as usize;
-    *values.select_nth_unstable_by(place, f64::total_cmp).1
 }
 
 /// The ranges of stretches of these `lengths`, one after the other.
@@ -425,7 +416,7 @@ mod tests {
         let steps = |t: f64| if t < 48.0 { (20.0 * t).floor() % 2.0 } else { 0.0 };
         let jerky: Vec<f64> = t.iter().zip(&white).map(|(t, noise)| steps(*t) + noise).collect();
         for column in [&white, &jerky] {
-            let quiet = treatment.quiet_deviation_above(column, None) / deviation;
+            let quiet = treatment.quiet_deviation_above([column, column], None) / deviation;
             let middle = treatment.deviation_above(column, None) / deviation;
             println!("of the deviation: {quiet:.3} in quiet periods, {middle:.3} by the median");
             assert!((0.9..2.0).contains(&quiet));

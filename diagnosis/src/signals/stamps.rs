@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use crate::statistics::quantile;
+
 /// Number of stamps on either side of a row that detect a lost sample: with a jitter of half a step, the median of so many has an error of a tenth of
 /// a step.
 const AROUND: usize = 31;
@@ -68,8 +70,7 @@ fn lateness(counts: &[f64], t: &[f64], start: f64, step: f64) -> Vec<f64> {
 }
 
 fn median(x: &[f64]) -> f64 {
-    let mut sorted = x.to_vec();
-    *sorted.select_nth_unstable_by(x.len() / 2, f64::total_cmp).1
+    quantile(x.to_vec(), 0.5)
 }
 
 #[cfg(test)]
